@@ -1,0 +1,215 @@
+"""The contract between engine formats and the store.
+
+An adapter knows one format: it recognises its files, states what its coordinates are, and streams *raw batches* in
+bounded memory. Everything that is the same for all formats (known cameras, finite numbers, sane clocks, millimetres,
+pseudonyms, quarantine) happens once, in `vsd_analytics.ingest.normalise`.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Protocol
+
+import pyarrow as pa
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.schema import RAW_SCHEMAS, TableName
+
+BATCH_ROWS = 200_000
+EXCERPT_CHARS = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """One record that cannot be used, kept in quarantine.
+
+    Attributes:
+        line: 1-based line or record number in the source.
+        reason: A short, stable slug such as "not-a-number"; counts are given per reason.
+        detail: One sentence for people.
+        text: The record as it stood, shortened to `EXCERPT_CHARS`.
+    """
+
+    line: int
+    reason: str
+    detail: str
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RawBatch:
+    """Records of one source before validation, in the schemas of `vsd_analytics.schema.RAW_SCHEMAS`.
+
+    Attributes:
+        tables: Raw tables by name; a missing name is an empty table.
+        rejected: Records the adapter could not read at all.
+        n_dropped: Counts by reason of records left out on purpose, such as second sightings in one sampling period.
+        notes: Things the user should know about the whole source (warnings), each once.
+        done_bytes: How far into the source the batch reaches, for the progress bar.
+    """
+
+    tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
+    rejected: Sequence[Rejected] = ()
+    n_dropped: Mapping[str, int] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    done_bytes: int = 0
+
+    def table(self, name: TableName) -> pa.Table:
+        """Return the raw table `name`, empty if the batch has none."""
+        found = self.tables.get(name)
+        return RAW_SCHEMAS[name].empty_table() if found is None else found
+
+
+@dataclass(frozen=True, slots=True)
+class IngestOptions:
+    """What the user said about the files; all of it may also stand in `vsd.toml`.
+
+    Attributes:
+        format: Name of an adapter, or None to detect it.
+        camera: Camera id for records that name none.
+        columns: Column names of a headerless table, in order.
+        map: Ours to theirs, for tables with other column names.
+        period_s: Sampling period: times are floored to it, so that records of one period are one frame.
+        fps: Frames per second, for files that have frame numbers.
+        start: Instant of frame 0 (UTC milliseconds), for files that have frame numbers.
+        first_frame: Number of the frame that stands at `start`.
+        frame_zone: IANA zone of times without an offset.
+        coordinates: "floor" or "image", for formats that carry both (MOTChallenge: world columns or boxes).
+        method: smart-social-distancing: "center-points" or "four-corner".
+        resolution_px: smart-social-distancing: width and height at which boxes were logged.
+        threshold_m: smart-social-distancing: distance under which its pairs were counted.
+        engine: Engine name and version to note when the file does not say.
+    """
+
+    format: str | None = None
+    camera: str | None = None
+    columns: tuple[str, ...] | None = None
+    map: Mapping[str, str] = field(default_factory=dict)
+    period_s: float | None = None
+    fps: float | None = None
+    start: int | None = None
+    first_frame: float = 0.0
+    frame_zone: str = "UTC"
+    coordinates: str | None = None
+    method: str = "center-points"
+    resolution_px: tuple[int, int] = (640, 480)
+    threshold_m: float = 1.5
+    engine: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One thing the user named: a file, an archive or a folder.
+
+    Attributes:
+        path: As given.
+    """
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """Return the path as shown in messages."""
+        return str(self.path)
+
+    @property
+    def size_bytes(self) -> int:
+        """Return the size of a file, or the sum over a folder's files."""
+        if self.path.is_dir():
+            return sum(p.stat().st_size for p in self.path.rglob("*") if p.is_file())
+        return self.path.stat().st_size
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        """Return lower-case suffixes without those of compression: `a.csv.gz` gives (".csv",)."""
+        return tuple(s for s in (x.lower() for x in self.path.suffixes) if s not in {".gz", ".zst", ".bz2"})
+
+    def open(self) -> IO[bytes]:
+        """Open a file for reading, decompressing .gz, .bz2 and .zst by its content's magic number.
+
+        Returns:
+            A buffered stream of bytes. Reading it raises `InputError` E205 when the compressed data are damaged.
+        """
+        with self.path.open("rb") as f:
+            magic = f.read(4)
+        codec = "gzip" if magic[:2] == b"\x1f\x8b" else "zstd" if magic == b"\x28\xb5\x2f\xfd" else "bz2" if magic[:3] == b"BZh" else None
+        if codec is None:
+            return self.path.open("rb")
+        return io.BufferedReader(_Decompressed(self.path, codec), buffer_size=1 << 20)
+
+    def head(self, n_bytes: int = 65536) -> bytes:
+        """Return the first decompressed bytes of a file, for recognising its format; b"" for a folder."""
+        if self.path.is_dir():
+            return b""
+        try:
+            with self.open() as f:
+                return f.read(n_bytes)
+        except InputError:
+            return b""
+
+
+class _Decompressed(io.RawIOBase):
+    """A decompressed stream whose damage is an `InputError`, after every good byte has been handed out."""
+
+    def __init__(self, path: Path, codec: str) -> None:
+        self._path = path
+        self._raw: IO[bytes]
+        if codec == "gzip":
+            import gzip
+
+            self._raw = gzip.open(path, "rb")  # type: ignore[assignment]  # noqa: SIM115
+        elif codec == "bz2":
+            import bz2
+
+            self._raw = bz2.open(path, "rb")  # noqa: SIM115
+        else:
+            self._raw = pa.CompressedInputStream(pa.OSFile(str(path)), "zstd")
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer) -> int:  # type: ignore[no-untyped-def]
+        try:
+            data = self._raw.read1(len(buffer)) if hasattr(self._raw, "read1") else self._raw.read(len(buffer))
+        except (EOFError, OSError, ValueError) as error:
+            raise InputError(
+                f"{self._path.name} is damaged: its compressed data end or break off early",
+                code="E205",
+                where=Where(str(self._path)),
+                why=f"the decompressor says: {error}",
+                mend="copy or export the file again; the records before the damage are kept",
+            ) from None
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        if not self.closed:
+            self._raw.close()
+        super().close()
+
+
+class Adapter(Protocol):
+    """One engine format."""
+
+    name: str
+    """Value of `--format`."""
+    coordinates: str
+    """What positions are, in words: for the manual and for `vsd check`."""
+
+    def detects(self, source: Source) -> bool:
+        """Tell whether the source is of this format, from its name and first bytes only."""
+        ...
+
+    def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
+        """Stream the source.
+
+        Yields:
+            Raw batches of at most about `BATCH_ROWS` rows a table.
+
+        Raises:
+            InputError: The source as a whole cannot be used (E2xx). Batches yielded before stay valid.
+        """
+        ...

@@ -1,0 +1,25 @@
+"""Where the shipped SQL and report files are: inside the wheel, or at the top of a checkout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def shipped(folder: str) -> Path:
+    """Return the folder `sql` or `reports`.
+
+    Args:
+        folder: "sql" or "reports".
+
+    Returns:
+        The folder inside the installed wheel when there is one, else the one at the top of the checkout.
+
+    Raises:
+        FileNotFoundError: Neither exists (a broken installation).
+    """
+    for candidate in (_PACKAGE / "_shipped" / folder, _PACKAGE.parent / folder):
+        if candidate.is_dir():
+            return candidate
+    raise FileNotFoundError(f"the shipped folder {folder!r} is missing: reinstall vsd-analytics")

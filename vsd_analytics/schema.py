@@ -1,0 +1,129 @@
+"""The three stored tables: the one place that names their columns, types, units and keys.
+
+`ts` is UTC in milliseconds; floor positions and distances are integers in millimetres, so that binning and thresholds
+are exact on every engine; pixels are float32 rounded to a quarter. Ids are dictionary-encoded strings when stored.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+import pyarrow as pa
+
+TableName = Literal["frames", "observations", "pairs"]
+TABLES: Final[tuple[TableName, ...]] = ("frames", "observations", "pairs")
+
+QUALITIES: Final = ("metric", "body", "relative")
+
+TS: Final = pa.timestamp("ms", tz="UTC")
+
+
+def _columns(*columns: tuple[str, pa.DataType, bool]) -> pa.Schema:
+    return pa.schema([pa.field(name, kind, nullable=nullable) for name, kind, nullable in columns])
+
+
+SCHEMAS: Final[dict[TableName, pa.Schema]] = {
+    # one row per camera and processed frame, also when nobody is in view (the heartbeat);
+    # n_persons and n_pairs are what the engine said: null n_pairs = this engine sends no pairs, they are derived
+    "frames": _columns(
+        ("camera_id", pa.string(), False),
+        ("ts", TS, False),
+        ("n_persons", pa.int32(), True),
+        ("n_pairs", pa.int32(), True),
+    ),
+    # one row per person and frame; person is the index within the frame the engine sent
+    "observations": _columns(
+        ("camera_id", pa.string(), False),
+        ("ts", TS, False),
+        ("person", pa.int32(), False),
+        ("track_id", pa.string(), True),
+        ("x_mm", pa.int32(), True),
+        ("y_mm", pa.int32(), True),
+        ("u_px", pa.float32(), True),
+        ("v_px", pa.float32(), True),
+        ("quality", pa.string(), False),
+    ),
+    # one row per unordered pair and frame that an engine sent; a before b
+    "pairs": _columns(
+        ("camera_id", pa.string(), False),
+        ("ts", TS, False),
+        ("person_a", pa.int32(), False),
+        ("person_b", pa.int32(), False),
+        ("track_a", pa.string(), True),
+        ("track_b", pa.string(), True),
+        ("x_a_mm", pa.int32(), True),
+        ("y_a_mm", pa.int32(), True),
+        ("x_b_mm", pa.int32(), True),
+        ("y_b_mm", pa.int32(), True),
+        ("distance_mm", pa.int32(), True),
+        ("distance_sd_mm", pa.int32(), True),
+        ("quality", pa.string(), False),
+    ),
+}
+
+# A record is counted once however often it is delivered: these expressions identify it. Records with a track id are
+# known by camera, instant and track; records without one by camera, instant and where they stand, so that the same
+# person delivered again in another file, or in another order, is recognised.
+KEYS: Final[dict[TableName, tuple[str, ...]]] = {
+    "frames": ("camera_id", "ts"),
+    "observations": (
+        "camera_id",
+        "ts",
+        "track_id",
+        "case when track_id is null then x_mm end",
+        "case when track_id is null then y_mm end",
+        "case when track_id is null then u_px end",
+        "case when track_id is null then v_px end",
+    ),
+    "pairs": (
+        "camera_id",
+        "ts",
+        "track_a",
+        "track_b",
+        "case when track_a is null or track_b is null then x_a_mm end",
+        "case when track_a is null or track_b is null then y_a_mm end",
+        "case when track_a is null or track_b is null then x_b_mm end",
+        "case when track_a is null or track_b is null then y_b_mm end",
+        "case when track_a is null or track_b is null then person_a end",
+        "case when track_a is null or track_b is null then person_b end",
+    ),
+}
+
+# What adapters hand over, before validation, unit conversion and pseudonyms: engine's own names and metres.
+RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
+    "frames": _columns(
+        ("camera", pa.string(), True),
+        ("ts_ms", pa.int64(), True),
+        ("n_persons", pa.int32(), True),
+        ("n_pairs", pa.int32(), True),
+        ("line", pa.int64(), False),
+    ),
+    "observations": _columns(
+        ("camera", pa.string(), True),
+        ("ts_ms", pa.int64(), True),
+        ("person", pa.int32(), False),
+        ("track", pa.string(), True),
+        ("x_m", pa.float64(), True),
+        ("y_m", pa.float64(), True),
+        ("u_px", pa.float64(), True),
+        ("v_px", pa.float64(), True),
+        ("quality", pa.string(), False),
+        ("line", pa.int64(), False),
+    ),
+    "pairs": _columns(
+        ("camera", pa.string(), True),
+        ("ts_ms", pa.int64(), True),
+        ("person_a", pa.int32(), False),
+        ("person_b", pa.int32(), False),
+        ("track_a", pa.string(), True),
+        ("track_b", pa.string(), True),
+        ("x_a_m", pa.float64(), True),
+        ("y_a_m", pa.float64(), True),
+        ("x_b_m", pa.float64(), True),
+        ("y_b_m", pa.float64(), True),
+        ("distance_m", pa.float64(), True),
+        ("distance_sd_m", pa.float64(), True),
+        ("quality", pa.string(), False),
+        ("line", pa.int64(), False),
+    ),
+}

@@ -1,0 +1,104 @@
+"""Every default of the product in one frozen table: name, value, unit, range, help.
+
+`vsd.toml`, the command line, `docs/settings.md`, the reports' settings id and the SQL relation `params` all read
+this table; no threshold stands anywhere else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One setting.
+
+    Attributes:
+        name: Key in `vsd.toml`; the unit is its suffix.
+        section: Table of `vsd.toml` it stands in.
+        default: Value used when `vsd.toml` does not give one.
+        unit: Unit in words, empty for shares and counts.
+        minimum: Smallest allowed value (inclusive); None for non-numbers.
+        maximum: Largest allowed value (inclusive); None for non-numbers.
+        help: One sentence for the manual.
+        is_fact: True when stored facts depend on it, so that a change makes them stale.
+    """
+
+    name: str
+    section: str
+    default: Any
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    help: str
+    is_fact: bool = False
+
+
+SETTINGS: tuple[Setting, ...] = (
+    Setting("distance_m", "site", 2.0, "metres", 0.1, 10.0, "Two people closer than this are in violation (strictly closer).", True),
+    Setting("pair_max_m", "rule", 2.5, "metres", 0.1, 20.0, "Pairs farther apart than this are not kept.", True),
+    Setting("episode_gap_s", "rule", 3.0, "seconds", 0.0, 600.0, "Violation records of one pair at most this far apart are one episode; never less than 2.5 frame intervals.", True),
+    Setting("episode_min_s", "rule", 3.0, "seconds", 0.0, 600.0, "Episodes at least this long count as a violation."),
+    Setting("coverage_gap_s", "rule", 600.0, "seconds", 1.0, 86400.0, "Without a heartbeat, a silence longer than this counts as not recorded.", True),
+    Setting("cell_m", "rule", 0.25, "metres", 0.25, 0.25, "Side of a floor cell in stored facts.", True),
+    Setting("owner_cell_m", "rule", 0.5, "metres", 0.5, 0.5, "Side of the cells that decide which of several overlapping cameras counts.", True),
+    Setting("full_hour_share", "rule", 0.92, "", 0.5, 1.0, "An hour recorded at least this much is full."),
+    Setting("partial_hour_share", "rule", 0.5, "", 0.0, 1.0, "An hour recorded at least this much is partial and enters rates; below it is low-data."),
+    Setting("min_coverage", "report", 0.6, "", 0.0, 1.0, "Below this share of open hours recorded a week is not compared or ranked."),
+    Setting("min_days", "report", 5, "days", 2, 7, "Intervals need at least this many recorded days."),
+    Setting("min_exposure_h", "report", 20.0, "person-hours", 0.0, 1e6, "Rates per person-hour need at least this much exposure."),
+    Setting("confidence", "report", 0.95, "", 0.5, 0.999, "Confidence level of every interval."),
+    Setting("mask_below", "report", 5, "", 0, 1000, "Counts from 1 to just under this are shown as fewer than it in what leaves the operator's hands."),
+    Setting("heat_steps", "report", (0.5, 1.0, 2.0, 4.0, 8.0), "violations per m2 per open hour", 0.0, 1e6, "Lower ends of the five colour bands of every map."),
+    Setting("hour_steps", "report", (0.0, 50.0, 100.0, 150.0, 200.0), "violations per hour", 0.0, 1e6, "Lower ends of the five colour bands of the timetable."),
+    Setting("smoothing_m", "report", 0.5, "metres", 0.05, 5.0, "Standard deviation of the smoothing of maps: about how well cameras know a position."),
+    Setting("earliest_year", "ingest", 1990, "year", 1970, 2100, "Records before this year are quarantined."),
+    Setting("future_max_s", "ingest", 86400.0, "seconds", 0.0, 366 * 86400.0, "Records of files later than the clock by more than this are quarantined."),
+    Setting("coordinate_max_m", "ingest", 10000.0, "metres", 1.0, 1e6, "Floor positions farther from the origin than this are quarantined."),
+    Setting("line_max_bytes", "ingest", 1_000_000, "bytes", 1000, 1e9, "Lines longer than this are quarantined unread."),
+    Setting("pseudonyms", "privacy", True, "", None, None, "Replace the engine's track ids by keyed hashes; false only for published research recordings."),
+    Setting("retention_days", "privacy", 30, "days", 1, 36500, "Days raw records are meant to be kept; printed on the report."),
+)
+
+BY_NAME: Mapping[str, Setting] = {s.name: s for s in SETTINGS}
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The values in force: the table's defaults with a site's overrides.
+
+    Attributes:
+        values: One value per name of `SETTINGS`.
+    """
+
+    values: Mapping[str, Any] = field(default_factory=lambda: {s.name: s.default for s in SETTINGS})
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def with_values(self, overrides: Mapping[str, Any]) -> Settings:
+        """Return a copy with `overrides` applied; names must be in the table."""
+        unknown = set(overrides) - set(BY_NAME)
+        if unknown:
+            raise KeyError(f"no such setting: {', '.join(sorted(unknown))}")
+        return Settings({**self.values, **overrides})
+
+    def non_default(self) -> dict[str, Any]:
+        """Return the settings that differ from the table."""
+        return {s.name: self.values[s.name] for s in SETTINGS if self.values[s.name] != s.default}
+
+    def fact_values(self) -> dict[str, Any]:
+        """Return the settings stored facts depend on."""
+        return {s.name: self.values[s.name] for s in SETTINGS if s.is_fact}
+
+    def settings_id(self) -> str:
+        """Return a short stable id of all values: 8 hexadecimal digits of their BLAKE2 hash."""
+        text = json.dumps({s.name: self.values[s.name] for s in SETTINGS}, sort_keys=True)
+        return hashlib.blake2b(text.encode(), digest_size=4).hexdigest()

@@ -1,0 +1,142 @@
+"""A site as `vsd.toml` describes it: floors, cameras with their calibrations, areas, opening hours, change log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import date, datetime
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from vsd_analytics.settings import Settings
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A homography from image pixels to floor metres, in force from an instant on.
+
+    Attributes:
+        homography: 3x3, row by row: (x, y, w) = H (u, v, 1), floor position (x/w, y/w) in metres.
+        valid_from: UTC instant from which it holds; None = since ever.
+        calibration_id: 8 hexadecimal digits of the BLAKE2 hash of the nine numbers.
+        error_m: Root mean square error over the points it was made from; None for a given matrix.
+    """
+
+    homography: tuple[tuple[float, float, float], ...]
+    valid_from: datetime | None
+    calibration_id: str
+    error_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A camera, or any sensor that acts as one.
+
+    Attributes:
+        camera_id: Identifier.
+        name: Display name; free text, always escaped.
+        floor_id: Floor it looks at.
+        calibrations: In order of `valid_from`; empty when the engine sends floor metres.
+        picture: Picture of the empty scene.
+        picture_px: Width and height of the picture the homography is for; None = unknown.
+        hz: Processed frames per second; None = median frame interval of the day.
+        clock: IANA zone of times without an offset.
+        engine_ids: What the engine calls this camera.
+        view: Polygon in floor metres of what it sees; None = taken from homography and picture size.
+    """
+
+    camera_id: str
+    name: str
+    floor_id: str
+    calibrations: tuple[Calibration, ...] = ()
+    picture: Path | None = None
+    picture_px: tuple[int, int] | None = None
+    hz: float | None = None
+    clock: str = "UTC"
+    engine_ids: tuple[str, ...] = ()
+    view: tuple[Point, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """A floor and its plan. Floor x runs right, y up, metres.
+
+    Attributes:
+        floor_id: Identifier.
+        name: Display name.
+        plan: SVG, PNG or JPG picture of the plan.
+        plan_m_per_px: Metres per plan pixel.
+        plan_origin_m: Floor metres of the plan's lower left corner.
+    """
+
+    floor_id: str
+    name: str
+    plan: Path | None = None
+    plan_m_per_px: float | None = None
+    plan_origin_m: Point = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A named polygon on a floor, in floor metres."""
+
+    area_id: str
+    name: str
+    floor_id: str
+    polygon: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    """One line of the site's change log: what was moved, when, where.
+
+    Attributes:
+        at: Instant of the change (with offset).
+        text: Free text, always escaped.
+        area_id: Area it concerns, or None for the whole site.
+    """
+
+    at: datetime
+    text: str
+    area_id: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Everything `vsd.toml` and its neighbours say.
+
+    Attributes:
+        site_id: Identifier, a Hive folder name.
+        name: Display name.
+        timezone: IANA zone all local times are in.
+        root: The project folder.
+        opening: For weekday 0 (Monday) to 6: tuple of (start, end) in minutes after local midnight; None = always open.
+        closed: Local dates on which the site is closed.
+        day_starts_min: Minutes after local midnight at which a site day starts.
+        floors, cameras, areas: In the order of the file.
+        settings: Values in force.
+        ingest_map: `[ingest.map]`, ours to theirs.
+    """
+
+    site_id: str
+    name: str
+    timezone: str
+    root: Path
+    opening: tuple[tuple[tuple[int, int], ...], ...] | None = None
+    closed: frozenset[date] = frozenset()
+    day_starts_min: int = 240
+    floors: tuple[Floor, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    areas: tuple[Area, ...] = ()
+    settings: Settings = field(default_factory=Settings)
+    ingest_map: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def zone(self) -> ZoneInfo:
+        """Return the site's time zone."""
+        return ZoneInfo(self.timezone)
+
+    def camera(self, camera_id: str) -> Camera:
+        """Return the camera with this id; KeyError if there is none."""
+        return next(c for c in self.cameras if c.camera_id == camera_id)
