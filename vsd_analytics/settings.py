@@ -43,7 +43,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("pair_max_m", "rule", 2.5, "metres", 0.1, 20.0, "Pairs farther apart than this are not kept.", True),
     Setting("episode_gap_s", "rule", 3.0, "seconds", 0.0, 600.0, "Violation records of one pair at most this far apart are one episode; never less than 2.5 frame intervals.", True),
     Setting("episode_min_s", "rule", 3.0, "seconds", 0.0, 600.0, "Episodes at least this long count as a violation."),
-    Setting("coverage_gap_s", "rule", 600.0, "seconds", 1.0, 86400.0, "Without a heartbeat, a silence longer than this counts as not recorded.", True),
+    Setting("coverage_gap_s", "rule", 600.0, "seconds", 1.0, 3600.0, "Without a heartbeat, a silence longer than this counts as not recorded.", True),
     Setting("cell_m", "rule", 0.25, "metres", 0.25, 0.25, "Side of a floor cell in stored facts.", True),
     Setting("owner_cell_m", "rule", 0.5, "metres", 0.5, 0.5, "Side of the cells that decide which of several overlapping cameras counts.", True),
     Setting("full_hour_share", "rule", 0.92, "", 0.5, 1.0, "An hour recorded at least this much is full."),

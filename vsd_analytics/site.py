@@ -21,12 +21,14 @@ class Calibration:
         valid_from: UTC instant from which it holds; None = since ever.
         calibration_id: 8 hexadecimal digits of the BLAKE2 hash of the nine numbers.
         error_m: Root mean square error over the points it was made from; None for a given matrix.
+        source: File it was read from.
     """
 
     homography: tuple[tuple[float, float, float], ...]
     valid_from: datetime | None
     calibration_id: str
     error_m: float | None = None
+    source: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +119,7 @@ class Site:
         floors, cameras, areas: In the order of the file.
         settings: Values in force.
         ingest_map: `[ingest.map]`, ours to theirs.
+        setting_sources: For each setting that is not the default: "vsd.toml line 7" or the name of an environment variable.
     """
 
     site_id: str
@@ -131,6 +134,7 @@ class Site:
     areas: tuple[Area, ...] = ()
     settings: Settings = field(default_factory=Settings)
     ingest_map: dict[str, str] = field(default_factory=dict)
+    setting_sources: dict[str, str] = field(default_factory=dict)
 
     @property
     def zone(self) -> ZoneInfo:

@@ -1,0 +1,91 @@
+"""The `vsd` command: one file per command group, each command a thin shell over a public function."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from vsd_analytics.cli.shared import CONTEXT_SETTINGS, Project, instant, render_error, run
+from vsd_analytics.version import VERSION
+
+# verbs first; the order is the order of a first week with the product
+COMMANDS: dict[str, str] = {
+    "demo": "first_steps:demo",
+    "init": "site_work:init",
+    "calibrate": "site_work:calibrate",
+    "log": "site_work:log",
+    "check": "data_in:check",
+    "ingest": "data_in:ingest",
+    "build": "data_in:build",
+    "coverage": "figures:coverage",
+    "hours": "figures:hours",
+    "heatmap": "figures:heatmap",
+    "report": "reports:report",
+    "sql": "analyst:sql",
+    "schema": "help_work:schema",
+    "doctor": "help_work:doctor",
+    "explain": "help_work:explain",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose command modules are imported when asked for, so that `vsd --help` stays quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in the order of `COMMANDS`."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one command."""
+        place = COMMANDS.get(cmd_name)
+        if place is None:
+            return None
+        module, attribute = place.split(":")
+        command: click.Command = getattr(importlib.import_module(f"vsd_analytics.cli.{module}"), attribute)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, proposing the nearest name when there is none."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            import difflib
+
+            near = difflib.get_close_matches(args[0], COMMANDS, n=1)
+            hint = f" Did you mean '{near[0]}'?" if near else ""
+            ctx.fail(f"No such command {args[0]!r}.{hint}")
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=LazyGroup, context_settings=CONTEXT_SETTINGS)
+@click.option("-C", "folder", metavar="DIR", default=".", help="Project folder (default: where vsd.toml is found upward).")
+@click.option("--now", metavar="INSTANT", help="Use this instant as the clock, for repeatable runs.")
+@click.option("--quiet", is_flag=True, help="Say nothing but results and errors.")
+@click.option("-v", "--verbose", is_flag=True, help="Show tracebacks of internal errors.")
+@click.version_option(VERSION, prog_name="vsd")
+@click.pass_context
+def cli(ctx: click.Context, folder: str, now: str | None, quiet: bool, verbose: bool) -> None:
+    """Turn the output of any visual social distancing engine into decisions about a space.
+
+    \b
+    Start with:
+      vsd demo                      a made-up shop, from engine output to report
+      vsd init                      describe your own site
+      vsd ingest FILES...           read engine output
+      vsd report --week last        the weekly page
+
+    Exit codes: 0 done, 1 done but something needs you, 2 could not run, 130 interrupted.
+    """
+    ctx.obj = Project(folder=folder, now_text=now, quiet=quiet, verbose=verbose)
+    if now is not None:
+        instant(now, zone="UTC", what="--now")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and leave the process with its exit code."""
+    sys.exit(run(cli, sys.argv[1:] if arguments is None else arguments))
+
+
+__all__ = ["COMMANDS", "cli", "main", "render_error"]

@@ -20,6 +20,7 @@ from vsd_analytics.schema import RAW_SCHEMAS, TableName
 
 BATCH_ROWS = 200_000
 EXCERPT_CHARS = 500
+_HELD_MAX = 4 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,7 @@ class RawBatch:
         n_dropped: Counts by reason of records left out on purpose, such as second sightings in one sampling period.
         notes: Things the user should know about the whole source (warnings), each once.
         done_bytes: How far into the source the batch reaches, for the progress bar.
+        engines: Engine names and versions the records came from.
     """
 
     tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
@@ -56,6 +58,7 @@ class RawBatch:
     n_dropped: Mapping[str, int] = field(default_factory=dict)
     notes: Sequence[str] = ()
     done_bytes: int = 0
+    engines: Sequence[str] = ()
 
     def table(self, name: TableName) -> pa.Table:
         """Return the raw table `name`, empty if the batch has none."""
@@ -151,43 +154,76 @@ class Source:
             return b""
 
 
+def bytes_read(stream: IO[bytes]) -> int:
+    """Return how far a stream of `Source.open` has read its file, in bytes on disk."""
+    raw = getattr(stream, "raw", None)
+    return raw.bytes_read() if isinstance(raw, _Decompressed) else stream.tell()
+
+
 class _Decompressed(io.RawIOBase):
-    """A decompressed stream whose damage is an `InputError`, after every good byte has been handed out."""
+    """A decompressed stream whose damage is an `InputError`, raised after every whole line before it was handed out.
+
+    Bytes after the last newline are held back until more arrive, so that damage never cuts a number in two.
+    """
 
     def __init__(self, path: Path, codec: str) -> None:
         self._path = path
+        self._held = b""
+        self._ready = b""
+        self._error: InputError | None = None
+        self._file = path.open("rb")
         self._raw: IO[bytes]
         if codec == "gzip":
             import gzip
 
-            self._raw = gzip.open(path, "rb")  # type: ignore[assignment]  # noqa: SIM115
+            self._raw = gzip.GzipFile(fileobj=self._file)  # type: ignore[assignment]
         elif codec == "bz2":
             import bz2
 
-            self._raw = bz2.open(path, "rb")  # noqa: SIM115
+            self._raw = bz2.BZ2File(self._file)
         else:
-            self._raw = pa.CompressedInputStream(pa.OSFile(str(path)), "zstd")
+            self._raw = pa.CompressedInputStream(pa.PythonFile(self._file, mode="r"), "zstd")
+
+    def bytes_read(self) -> int:
+        """Return how many compressed bytes have been read."""
+        return self._file.tell()
 
     def readable(self) -> bool:
+        """Return True."""
         return True
 
     def readinto(self, buffer) -> int:  # type: ignore[no-untyped-def]
-        try:
-            data = self._raw.read1(len(buffer)) if hasattr(self._raw, "read1") else self._raw.read(len(buffer))
-        except (EOFError, OSError, ValueError) as error:
-            raise InputError(
-                f"{self._path.name} is damaged: its compressed data end or break off early",
-                code="E205",
-                where=Where(str(self._path)),
-                why=f"the decompressor says: {error}",
-                mend="copy or export the file again; the records before the damage are kept",
-            ) from None
-        buffer[: len(data)] = data
-        return len(data)
+        """Fill `buffer` with decompressed bytes; 0 at the end."""
+        while not self._ready and self._error is None:
+            try:
+                data = self._raw.read(1 << 20) if not hasattr(self._raw, "read1") else self._raw.read1(1 << 20)
+            except (EOFError, OSError, ValueError) as error:
+                self._error = InputError(
+                    f"{self._path.name} is damaged: its compressed data end or break off early",
+                    code="E205",
+                    where=Where(str(self._path)),
+                    why=f"the decompressor says: {error}",
+                    mend="copy or export the file again; the records before the damage are kept",
+                )
+                break
+            if not data:
+                self._ready, self._held = self._held, b""
+                break
+            whole, newline, self._held = (self._held + data).rpartition(b"\n")
+            self._ready = whole + newline
+            if len(self._held) > _HELD_MAX:
+                self._ready, self._held = self._ready + self._held, b""
+        if not self._ready and self._error is not None:
+            raise self._error
+        n = min(len(buffer), len(self._ready))
+        buffer[:n], self._ready = self._ready[:n], self._ready[n:]
+        return n
 
     def close(self) -> None:
+        """Close the file."""
         if not self.closed:
             self._raw.close()
+            self._file.close()
         super().close()
 
 

@@ -1,0 +1,36 @@
+"""The seeded simulator behind `vsd demo` and most tests: a made-up shop, its engine output, and what is planted in it.
+
+Importing this package loads numpy and pyarrow; the command line imports it inside the commands that need it.
+"""
+
+from vsd_analytics.simulate.messages import frame_message, write_messages
+from vsd_analytics.simulate.people import Day, simulate_day
+from vsd_analytics.simulate.project import simulate_week, write_demo_project
+from vsd_analytics.simulate.small import (
+    TinyWeek,
+    make_empty,
+    make_pair,
+    make_walk,
+    make_week,
+    merge,
+    simulate_frames,
+)
+from vsd_analytics.simulate.truth import DemoTruth, violations
+
+__all__ = [
+    "Day",
+    "DemoTruth",
+    "TinyWeek",
+    "frame_message",
+    "make_empty",
+    "make_pair",
+    "make_walk",
+    "make_week",
+    "merge",
+    "simulate_day",
+    "simulate_frames",
+    "simulate_week",
+    "violations",
+    "write_demo_project",
+    "write_messages",
+]

@@ -1,0 +1,205 @@
+-- name: facts/pairs
+-- One row per unordered pair of persons within pair_max_m of each other in one frame: as the engine sent it, else derived from positions.
+-- grain: camera_id, ts_ms, member_a, member_b
+-- reads: located, instants, stored_frames, stored_pairs, cameras, owner_cells
+-- params: pair_max_mm, owner_cell_mm
+-- columns:
+--   hour         UTC hour number
+--   camera_id
+--   ts_ms        milliseconds since 1970, UTC
+--   member_a     number of the first person within camera and instant (derived pairs: of located)
+--   member_b     number of the second person
+--   track_a      track id of the first person, the lesser one where both are known
+--   track_b      track id of the second person
+--   x_a_mm       floor millimetres, null when unknown
+--   y_a_mm       floor millimetres
+--   x_b_mm       floor millimetres
+--   y_b_mm       floor millimetres
+--   distance_mm  whole millimetres, rounded down: strictly closer than D metres is distance_mm < 1000 D, exactly
+--   weight_ms    time the frame stands for
+--   is_owned     false where another camera that sees the midpoint better counts
+--   is_derived   true when the engine sends no pairs and this one was measured here
+-- assumes: an engine that sends pairs for a frame sends all of them; positions of that frame derive none
+with told as (
+    select
+        camera_id,
+        unix_millis(ts) as ts_ms
+    from stored_frames
+    where n_pairs is not null
+    union
+    select
+        camera_id,
+        unix_millis(ts) as ts_ms
+    from stored_pairs
+),
+
+untold as (
+    select
+        l.camera_id,
+        l.ts_ms,
+        l.member,
+        l.track_id,
+        l.x_mm,
+        l.y_mm,
+        cast(floor(l.x_mm / s.pair_max_mm) as integer) as gx,
+        cast(floor(l.y_mm / s.pair_max_mm) as integer) as gy
+    from located as l
+    cross join params as s
+    left join told on l.camera_id = told.camera_id and l.ts_ms = told.ts_ms
+    where l.x_mm is not null and told.ts_ms is null
+),
+
+-- two people within pair_max stand in the same or in neighbouring squares of that side; half the neighbours reach every pair once
+neighbours as (
+    select
+        0 as dx,
+        0 as dy
+    union all
+    select
+        1 as dx,
+        0 as dy
+    union all
+    select
+        -1 as dx,
+        1 as dy
+    union all
+    select
+        0 as dx,
+        1 as dy
+    union all
+    select
+        1 as dx,
+        1 as dy
+),
+
+reaching as (
+    select
+        u.camera_id,
+        u.ts_ms,
+        u.member,
+        u.track_id,
+        u.x_mm,
+        u.y_mm,
+        u.gx + n.dx as gx,
+        u.gy + n.dy as gy,
+        n.dx = 0 and n.dy = 0 as is_same
+    from untold as u
+    cross join neighbours as n
+),
+
+candidates as (
+    select
+        a.camera_id,
+        a.ts_ms,
+        a.member < b.member as is_ordered,
+        a.member as member_1,
+        a.track_id as track_1,
+        a.x_mm as x_1_mm,
+        a.y_mm as y_1_mm,
+        b.member as member_2,
+        b.track_id as track_2,
+        b.x_mm as x_2_mm,
+        b.y_mm as y_2_mm,
+        cast(a.x_mm - b.x_mm as bigint) * (a.x_mm - b.x_mm) + cast(a.y_mm - b.y_mm as bigint) * (a.y_mm - b.y_mm) as square_mm2
+    from reaching as a
+    inner join untold as b
+        on a.camera_id = b.camera_id and a.ts_ms = b.ts_ms and a.gx = b.gx and a.gy = b.gy
+    where not a.is_same or a.member < b.member
+),
+
+derived as (
+    select
+        c.camera_id,
+        c.ts_ms,
+        case when c.is_ordered then c.member_1 else c.member_2 end as member_a,
+        case when c.is_ordered then c.member_2 else c.member_1 end as member_b,
+        case when c.is_ordered then c.track_1 else c.track_2 end as track_a,
+        case when c.is_ordered then c.track_2 else c.track_1 end as track_b,
+        case when c.is_ordered then c.x_1_mm else c.x_2_mm end as x_a_mm,
+        case when c.is_ordered then c.y_1_mm else c.y_2_mm end as y_a_mm,
+        case when c.is_ordered then c.x_2_mm else c.x_1_mm end as x_b_mm,
+        case when c.is_ordered then c.y_2_mm else c.y_1_mm end as y_b_mm,
+        cast(floor(sqrt(c.square_mm2)) as integer) as distance_mm
+    from candidates as c
+    cross join params as s
+    where c.square_mm2 <= cast(s.pair_max_mm as bigint) * s.pair_max_mm
+),
+
+sent as (
+    select
+        p.camera_id,
+        unix_millis(p.ts) as ts_ms,
+        p.person_a as member_a,
+        p.person_b as member_b,
+        p.track_a,
+        p.track_b,
+        coalesce(p.x_a_mm, a.x_mm) as x_a_mm,
+        coalesce(p.y_a_mm, a.y_mm) as y_a_mm,
+        coalesce(p.x_b_mm, b.x_mm) as x_b_mm,
+        coalesce(p.y_b_mm, b.y_mm) as y_b_mm,
+        p.distance_mm
+    from stored_pairs as p
+    cross join params as s
+    left join located as a on p.camera_id = a.camera_id and unix_millis(p.ts) = a.ts_ms and p.track_a = a.track_id
+    left join located as b on p.camera_id = b.camera_id and unix_millis(p.ts) = b.ts_ms and p.track_b = b.track_id
+    where p.distance_mm <= s.pair_max_mm
+),
+
+every_pair as (
+    select
+        camera_id,
+        ts_ms,
+        member_a,
+        member_b,
+        track_a,
+        track_b,
+        x_a_mm,
+        y_a_mm,
+        x_b_mm,
+        y_b_mm,
+        distance_mm,
+        true as is_derived
+    from derived
+    union all
+    select
+        camera_id,
+        ts_ms,
+        member_a,
+        member_b,
+        track_a,
+        track_b,
+        x_a_mm,
+        y_a_mm,
+        x_b_mm,
+        y_b_mm,
+        distance_mm,
+        false as is_derived
+    from sent
+)
+
+select
+    cast(floor(p.ts_ms / 3600000) as bigint) as hour,
+    p.camera_id,
+    p.ts_ms,
+    p.member_a,
+    p.member_b,
+    p.track_a,
+    p.track_b,
+    p.x_a_mm,
+    p.y_a_mm,
+    p.x_b_mm,
+    p.y_b_mm,
+    p.distance_mm,
+    i.weight_ms,
+    coalesce(owner_cells.camera_id = p.camera_id, true) as is_owned,
+    p.is_derived
+from every_pair as p
+cross join params as s
+inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
+left join cameras on p.camera_id = cameras.camera_id
+left join owner_cells
+    on
+        cameras.floor_id = owner_cells.floor_id
+        and cast(floor((p.x_a_mm + p.x_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cx
+        and cast(floor((p.y_a_mm + p.y_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cy
+order by p.camera_id, p.ts_ms, p.member_a, p.member_b, p.track_a, p.track_b

@@ -1,0 +1,63 @@
+"""Intervals over simulated weeks with known truth; bars with room for the error of 1,000 weeks (at most 0.8 points)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from prove_intervals import World, run_changes, run_levels
+
+from vsd_analytics.stats.changes import compare_how_often
+
+pytestmark = pytest.mark.simulation
+WEEKS = 1000
+
+WORLDS = [World(episodes, sd) for episodes in (300, 3000) for sd in (0.05, 0.10, 0.25)]
+DOWN = [World(300, 0.10, n_days_down=4), World(3000, 0.05, n_days_down=4), World(3000, 0.25, n_days_down=4)]
+
+
+@pytest.mark.parametrize("world", WORLDS, ids=str)
+def test_level_intervals_hold_the_truth_as_often_as_they_say(world: World) -> None:
+    scores = run_levels(world, weeks=WEEKS, seed=1)
+    assert 0.93 <= scores["M0, four weeks of history"].coverage <= 0.98
+    assert 0.93 <= scores["M7, four weeks of history"].coverage <= 0.98
+    assert scores["M0, first weeks"].coverage >= 0.93
+    assert scores["M7, first weeks"].coverage >= 0.93
+    assert scores["naive"].coverage < 0.5
+
+
+@pytest.mark.parametrize("world", DOWN, ids=str)
+def test_level_intervals_hold_the_truth_with_a_camera_down_four_days(world: World) -> None:
+    scores = run_levels(world, weeks=WEEKS, seed=2)
+    for name in ("M0, four weeks of history", "M0, four weeks, truth of recorded hours", "M0, first weeks"):
+        assert scores[name].coverage >= 0.93, name
+
+
+@pytest.mark.parametrize("world", WORLDS, ids=str)
+def test_week_over_week_intervals_hold_the_truth_as_often_as_they_say(world: World) -> None:
+    scores = run_changes(world, weeks=WEEKS, seed=3)
+    for name in ("M0", "M7", "people"):
+        assert 0.93 <= scores[name].coverage <= 0.97, name
+    assert scores["naive"].coverage < 0.5
+
+
+@pytest.mark.parametrize("world", DOWN, ids=str)
+def test_week_over_week_intervals_hold_with_a_camera_down_where_one_correction_for_all_does_not(world: World) -> None:
+    scores = run_changes(world, weeks=WEEKS, seed=4)
+    assert 0.93 <= scores["M0"].coverage <= 0.975
+    assert scores["D/(D-1)"].coverage < scores["M0"].coverage
+
+
+def test_a_true_fall_of_14_percent_is_found_in_a_calm_busy_place() -> None:
+    scores = run_changes(World(3000, 0.05), weeks=WEEKS, seed=5, effect=0.86)
+    assert scores["M0"].clear >= 0.85
+    assert scores["M7"].clear >= 0.85
+    assert 0.93 <= scores["M0"].coverage <= 0.97
+
+
+@pytest.mark.parametrize("episodes", [3, 6, 12, 40])
+def test_a_clear_verdict_without_a_change_stays_rare_when_violations_are_few(episodes: float) -> None:
+    world = World(episodes, 0.25)
+    rng = np.random.default_rng(6)
+    (n_a, _), (n_b, _), x = world.draw(rng, WEEKS), world.draw(rng, WEEKS), world.hours(rng, 1)[0]
+    verdicts = [compare_how_often(a, x, b, x).verdict for a, b in zip(n_a, n_b, strict=True)]
+    assert np.mean([verdict.startswith("clear") for verdict in verdicts]) <= 0.06

@@ -1,0 +1,285 @@
+"""Levels: oracles derived another way, invariances, guards."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.influence import as_counts, equal_weights, small_sample
+from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile, zero_events_limit
+from vsd_analytics.stats.rates import how_often, how_risky
+
+HOURS = np.array([[13.0] * 6 + [8.0]] * 3)
+WEEK = np.arange(7)
+
+counts = arrays(np.int64, (3, 7), elements=st.integers(5, 200))
+hours = arrays(np.float64, (3, 7), elements=st.floats(1, 24))
+
+
+def same(one: RateEstimate, other: RateEstimate) -> None:
+    for name in one.__slots__:
+        mine, theirs = getattr(one, name), getattr(other, name)
+        is_number = isinstance(theirs, float)
+        assert mine == (pytest.approx(theirs, rel=1e-9, abs=1e-9) if is_number else theirs), name
+
+
+def brute_force_m0(n: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
+    """House plan 7.2, written with loops: rate, lo, hi of cameras that all recorded all days."""
+    n_cameras, n_days = n.shape
+    rate = sum(n[c].sum() / x[c].sum() for c in range(n_cameras))
+    variance = 0.0
+    for d in range(n_days):
+        day = 0.0
+        for c in range(n_cameras):
+            r_c = n[c].sum() / x[c].sum()
+            day += np.sqrt(n_days / (n_days - 1)) * (n[c, d] - r_c * x[c, d]) / x[c].sum()
+        variance += day**2
+    factor = np.exp(stats.t.ppf(0.975, n_days - 1) * np.sqrt(variance) / rate)
+    return rate, rate / factor, rate * factor
+
+
+@given(counts, hours)
+@settings(max_examples=60, deadline=None)
+def test_how_often_equals_the_house_plans_formula_when_all_cameras_recorded(n: np.ndarray, x: np.ndarray) -> None:
+    estimate = how_often(n, x)
+    assert (estimate.rate, estimate.lo, estimate.hi) == pytest.approx(brute_force_m0(n, x), rel=1e-9)
+    assert estimate.df == pytest.approx(6)
+    assert estimate.is_conservative
+
+
+@given(counts, hours)
+@settings(max_examples=60, deadline=None)
+def test_how_risky_equals_the_ratio_estimator_of_r3(n: np.ndarray, x: np.ndarray) -> None:
+    n_d, x_d = n[0], x[0] * 10
+    estimate = how_risky(n_d, x_d)
+    rate = n_d.sum() / x_d.sum()
+    var_log = 7 / 6 * ((n_d - rate * x_d) ** 2).sum() / x_d.sum() ** 2 / rate**2
+    factor = np.exp(stats.t.ppf(0.975, 6) * np.sqrt(var_log))
+    assert estimate.rate == pytest.approx(rate)
+    if n_d.sum() >= 30:
+        assert (estimate.lo, estimate.hi) == pytest.approx((rate / factor, rate * factor))
+
+
+@pytest.mark.parametrize("down", [(), (0, 1), (1, 2, 3, 4)])
+def test_standard_error_is_near_the_delete_one_day_jackknife(down: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(5)
+    ratios = []
+    for _ in range(50):
+        x = np.full((3, 28), 12.0)
+        x[0, list(down)] = np.nan
+        n = rng.poisson(60 * rng.gamma(16, 1 / 16, 28) * np.ones((3, 1)))
+        logs = []
+        for day in range(28):
+            keep = np.arange(28) != day
+            recorded = ~np.isnan(x[:, keep])
+            totals = np.where(recorded, n[:, keep], 0).sum(axis=1) / np.nansum(x[:, keep], axis=1)
+            logs.append(np.log(totals.sum()))
+        jackknife = np.sqrt(27 / 28 * ((logs - np.mean(logs)) ** 2).sum())
+        ratios.append(how_often(n, x).log_se / jackknife)
+    assert np.median(ratios) == pytest.approx(1, abs=0.04)
+
+
+@given(counts, hours, st.permutations(range(7)), st.permutations(range(3)))
+@settings(max_examples=40, deadline=None)
+def test_order_of_days_and_cameras_changes_nothing(
+    n: np.ndarray, x: np.ndarray, days: list[int], cameras: list[int]
+) -> None:
+    x = x.copy()
+    x[1, 2:4] = 0
+    one, other = how_often(n, x), how_often(n[cameras][:, days], x[cameras][:, days])
+    assert (one.rate, one.lo, one.hi, one.df) == pytest.approx((other.rate, other.lo, other.hi, other.df))
+
+
+@given(counts, hours, st.floats(0.01, 100))
+@settings(max_examples=40, deadline=None)
+def test_unit_of_exposure_scales_rate_and_limits_alike(n: np.ndarray, x: np.ndarray, scale: float) -> None:
+    one, other = how_often(n, x), how_often(n, x * scale)
+    assert (one.rate, one.lo, one.hi) == pytest.approx(tuple(scale * v for v in (other.rate, other.lo, other.hi)))
+
+
+@given(counts, hours, st.sampled_from([0.0, np.nan]))
+@settings(max_examples=40, deadline=None)
+def test_camera_without_recorded_hour_is_left_out_and_named(n: np.ndarray, x: np.ndarray, empty: float) -> None:
+    with_dead = how_often(np.insert(n, 1, 99, axis=0), np.insert(x, 1, empty, axis=0))
+    alone = how_often(n, x)
+    assert with_dead.left_out == (1,)
+    assert (with_dead.rate, with_dead.lo, with_dead.hi, with_dead.n_events) == pytest.approx(
+        (alone.rate, alone.lo, alone.hi, alone.n_events)
+    )
+
+
+@given(counts, hours)
+@settings(max_examples=40, deadline=None)
+def test_an_unrecorded_day_is_not_a_day_without_violations(n: np.ndarray, x: np.ndarray) -> None:
+    more = how_often(np.insert(n, 3, 0, axis=1), np.insert(x, 3, np.nan, axis=1))
+    same(more, how_often(n, x))
+    empty_night = how_often(np.insert(n, 3, 0, axis=1), np.insert(x, 3, 12.0, axis=1))
+    assert empty_night.rate < more.rate
+
+
+def test_empty_night_does_not_change_the_risk() -> None:
+    n, x = np.array([8, 9, 12, 10, 7, 11, 9]), np.array([9.0, 10, 11, 10, 8, 12, 9])
+    same(how_risky(np.append(n, 0), np.append(x, 0.0)), how_risky(n, x))
+
+
+def test_camera_down_half_the_week_does_not_move_the_expectation() -> None:
+    rng = np.random.default_rng(3)
+    up, down = [], []
+    x_down = HOURS.copy()
+    x_down[0, :4] = 0
+    for _ in range(1500):
+        n = rng.poisson(HOURS * np.array([[3.0], [2.0], [1.0]]) * rng.gamma(25, 1 / 25, 7))
+        up.append(how_often(n, HOURS).rate)
+        down.append(how_often(np.where(x_down > 0, n, 0), x_down).rate)
+    assert np.mean(up) == pytest.approx(6, rel=0.01)
+    assert np.mean(down) == pytest.approx(6, rel=0.01)
+
+
+def test_missing_days_widen_the_interval_but_keep_it_usable() -> None:
+    n = np.array([[40, 44, 37, 52, 61, 80, 30], [20, 25, 18, 30, 33, 41, 15]])
+    x = HOURS[:2].copy()
+    whole = how_often(n, x)
+    x[1, 1:] = 0
+    one_day = how_often(n, x)
+    assert one_day.state == "ok"
+    assert whole.log_se < one_day.log_se < 3 * whole.log_se
+    assert one_day.df > 2
+
+
+def test_weekday_differences_leave_the_interval_with_four_weeks_of_history() -> None:
+    profile = np.array([20, 22, 25, 28, 35, 60, 15])
+    rng = np.random.default_rng(8)
+    past = rng.poisson(np.tile(profile, (3, 4)))
+    now = rng.poisson(np.tile(profile, (3, 1)))
+    known = {"weekday": WEEK, "history_weekday": np.tile(WEEK, 4), "history_x_h": np.tile(HOURS, 4)}
+    informed, plain = how_often(now, HOURS, history_n=past, **known), how_often(now, HOURS)
+    assert informed.rate == plain.rate
+    assert not informed.is_conservative
+    assert informed.hi / informed.lo < (plain.hi / plain.lo) ** 0.5
+    three = {"weekday": WEEK, "history_weekday": np.tile(WEEK, 3), "history_x_h": np.tile(HOURS, 3)}
+    same(how_often(now, HOURS, history_n=past[:, :21], **three), plain)
+
+
+def test_camera_that_missed_a_weekday_keeps_weekday_differences_in() -> None:
+    profile = np.array([20, 22, 25, 28, 35, 60, 15])
+    past, x = np.tile(profile, (3, 4)), HOURS.copy()
+    x[2, 5] = 0
+    estimate = how_often(
+        np.tile(profile, (3, 1)), x, weekday=WEEK, history_weekday=np.tile(WEEK, 4), history_n=past,
+        history_x_h=np.tile(HOURS, 4),
+    )  # fmt: skip
+    assert estimate.is_conservative
+    assert estimate.log_se > 0
+
+
+def test_history_in_another_order_changes_nothing() -> None:
+    rng = np.random.default_rng(9)
+    past, now, order = rng.poisson(30, (3, 28)), rng.poisson(30, (3, 7)), rng.permutation(28)
+    weekdays, hours = np.tile(WEEK, 4), np.tile(HOURS, 4)
+    one = how_often(now, HOURS, weekday=WEEK, history_n=past, history_x_h=hours, history_weekday=weekdays)
+    other = how_often(
+        now, HOURS, weekday=WEEK, history_n=past[:, order], history_x_h=hours[:, order],
+        history_weekday=weekdays[order],
+    )  # fmt: skip
+    assert one.log_se == pytest.approx(other.log_se)
+
+
+def test_no_violation_gives_the_rule_of_three() -> None:
+    x = HOURS.copy()
+    x[1, :2] = 0
+    estimate = how_often(np.zeros((3, 7)), x)
+    assert (estimate.rate, estimate.lo, estimate.state) == (0, 0, "ok")
+    assert estimate.hi == pytest.approx(3 / (86 - 26))
+    assert how_risky(np.zeros(7), np.full(7, 30.0)).hi == pytest.approx(3 / 210)
+
+
+def test_too_few_days_or_violations_give_the_rate_without_an_interval() -> None:
+    few_days = how_often([[20, 30, 25, 22]], [[13.0] * 4])
+    assert (few_days.state, few_days.lo, few_days.hi) == ("not_enough_data", None, None)
+    assert few_days.rate == pytest.approx(97 / 52)
+    assert "5 recorded days, has 4" in str(few_days.reason)
+    few_events = how_often([[1, 0, 0, 2, 0, 1, 0]], HOURS[:1])
+    assert few_events.rate == pytest.approx(4 / 86)
+    assert few_events.lo is None
+    assert "5 violations, has 4" in str(few_events.reason)
+
+
+def test_nothing_recorded_is_not_zero() -> None:
+    estimate = how_often(np.zeros((2, 7)), np.full((2, 7), np.nan))
+    assert (estimate.rate, estimate.state, estimate.left_out) == (None, "not_enough_data", (0, 1))
+
+
+def test_risk_needs_positions_and_exposure() -> None:
+    assert how_risky([3] * 7, None).state == "not_measurable"
+    thin = how_risky([3] * 7, [2.5] * 7)
+    assert (thin.rate, thin.state) == (None, "not_enough_data")
+    assert "20 person-hours, has 17.5" in str(thin.reason)
+
+
+def test_few_violations_spread_evenly_by_luck_do_not_look_certain() -> None:
+    estimate = how_often([[1] * 7], [[10.0] * 7])
+    assert estimate.log_se == pytest.approx(0, abs=1e-12)
+    assert np.log(estimate.hi / estimate.rate) == pytest.approx(1.96 / np.sqrt(7), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("n", "x"),
+    [
+        ([[1, 2]], [[1.0, 2.0, 3.0]]),
+        ([[1, -2]], [[1.0, 2.0]]),
+        ([[1, np.nan]], [[1.0, 2.0]]),
+        ([[1, 2]], [[1.0, -2.0]]),
+        ([[1, 2]], [[1.0, np.inf]]),
+    ],
+)
+def test_impossible_numbers_are_refused(n: list[list[float]], x: list[list[float]]) -> None:
+    with pytest.raises(ValueError, match="must"):
+        how_often(n, x)
+
+
+def test_small_sample_correction_is_unbiased_where_a_day_moves_all_cameras() -> None:
+    rng = np.random.default_rng(11)
+    recorded = np.ones((4, 7))
+    recorded[0, 2:] = 0
+    recorded[1, 5:] = 0
+    shares = np.array([0.3, 0.3, 0.3, 0.1])
+    weights = recorded / recorded.sum(axis=1, keepdims=True)
+    k, df = small_sample(weights, shares=shares, noise=shares**2 / 1e6)
+    day = rng.normal(size=(20000, 1, 7))
+    means = (day * weights).sum(axis=2)
+    influence = (shares[:, None] * weights * (day - means[:, :, None])).sum(axis=1)
+    estimates = k * (influence**2).sum(axis=1)
+    assert estimates.mean() == pytest.approx((means @ shares).var(), rel=0.12)
+    assert df == pytest.approx(2 * estimates.mean() ** 2 / estimates.var(), rel=0.06)
+
+
+def test_equal_weights_give_the_textbook_correction() -> None:
+    counts_ = as_counts(np.ones((2, 9)), np.ones((2, 9)))
+    assert small_sample(equal_weights(counts_), shares=np.array([0.5, 0.5]), noise=np.array([0.1, 0.2])) == (
+        pytest.approx(9 / 8),
+        pytest.approx(8),
+    )
+
+
+@given(st.floats(1, 60), st.floats(0.5, 0.999))
+@settings(max_examples=40, deadline=None)
+def test_quantiles_equal_scipys_distributions(df: float, confidence: float) -> None:
+    assert t_quantile(df, confidence=confidence) == pytest.approx(stats.t.ppf((1 + confidence) / 2, df))
+    assert z_quantile(confidence=confidence) == pytest.approx(stats.norm.ppf((1 + confidence) / 2))
+
+
+@pytest.mark.parametrize("n", [0, 1, 4, 30])
+def test_poisson_limits_leave_the_stated_tails(n: int) -> None:
+    lo, hi = poisson_limits(n, confidence=0.95)
+    assert stats.poisson.cdf(n, hi) == pytest.approx(0.025)
+    assert lo == 0 if n == 0 else stats.poisson.sf(n - 1, lo) == pytest.approx(0.025)
+
+
+def test_rule_of_three_is_three_at_95_percent() -> None:
+    assert zero_events_limit(confidence=0.95) == 3.0
+    assert zero_events_limit(confidence=0.99) > 4.6

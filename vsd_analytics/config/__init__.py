@@ -1,0 +1,5 @@
+"""`vsd.toml` -> `Site`: found upward, read with every mistake at once, each with its line, reason and mend."""
+
+from vsd_analytics.config.project import FILE, find_project, load_site
+
+__all__ = ["FILE", "find_project", "load_site"]

@@ -1,0 +1,154 @@
+"""Finding and loading a project: `vsd.toml` and the files it names."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vsd_analytics.config.lines import TomlText, read_toml
+from vsd_analytics.config.opening import Spans, parse_opening
+from vsd_analytics.config.places import read_areas, read_cameras, read_floors
+from vsd_analytics.config.reader import Mistakes, TableReader
+from vsd_analytics.config.settings import read_settings
+from vsd_analytics.config.values import parse_dates, parse_day_start, zone
+from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
+from vsd_analytics.settings import Settings
+from vsd_analytics.site import Site
+
+FILE = "vsd.toml"
+DAY_STARTS_MIN = 240
+
+
+def find_project(start: Path) -> Path:
+    """Return the nearest folder at or above `start` that has a `vsd.toml`.
+
+    Raises:
+        UsageError: There is none (E102).
+    """
+    start = start.absolute()
+    for folder in (start, *start.parents):
+        if (folder / FILE).is_file():
+            return folder
+    raise UsageError(
+        f"there is no {FILE} in {start} or above it",
+        code="E102",
+        why=f"{FILE} says which site, cameras and opening hours the records belong to",
+        mend="go to your project folder, pass it with -C DIR, or make one: vsd init",
+    )
+
+
+def load_site(folder: Path, *, environ: Mapping[str, str] | None = None) -> Site:
+    """Read `vsd.toml` and the files it names.
+
+    Args:
+        folder: Project folder. Paths in the file start here; absolute ones are allowed, since plans often live
+            elsewhere.
+        environ: Environment in which `VSD_<SETTING>` overrides a setting, such as `VSD_DISTANCE_M`; None = none does.
+
+    Returns:
+        The site, with every setting, floor, camera and area checked.
+
+    Raises:
+        UsageError: There is no vsd.toml in `folder` (E102).
+        ConfigError: It has mistakes (E103); `problems` lists all of them, by line.
+    """
+    folder = folder.absolute()
+    path = folder / FILE
+    if not path.is_file():
+        raise UsageError(
+            f"there is no {FILE} in {folder}",
+            code="E102",
+            mend="pass the project folder with -C DIR, or make one: vsd init",
+        )
+    text, problem = read_toml(path, name=FILE)
+    if problem is not None:
+        raise _refused((problem,))
+    return site_of(text, folder=folder, environ=environ)
+
+
+def site_of(text: TomlText, *, folder: Path, environ: Mapping[str, str] | None = None) -> Site:
+    """Return the site that the valid TOML `text` describes, as `load_site` does for a file.
+
+    Raises:
+        ConfigError: It has mistakes (E103).
+    """
+    mistakes = Mistakes(text)
+    site = _read_site(tomllib.loads(text.text), folder=folder, mistakes=mistakes, environ=environ or {})
+    if site is None:
+        raise _refused(mistakes.all)
+    return site
+
+
+def _refused(problems: tuple[VsdError, ...]) -> ConfigError:
+    count, first = len(problems), problems[0].where
+    return ConfigError(
+        f"{FILE} has {count} mistake{'s' if count != 1 else ''}",
+        problems=problems,
+        where=Where(first.file, first.line) if first else Where(FILE),
+        mend=f"mend {'them' if count != 1 else 'it'} and run the command again",
+    )
+
+
+def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, environ: Mapping[str, str]) -> Site | None:
+    """Return the site, or None after noting what is wrong."""
+    root = TableReader(values, path=(), label=FILE, mistakes=mistakes, folder=folder)
+    if "site" not in values:
+        example = '[site] with id = "shop", name = "My shop", timezone = "Europe/Rome"'
+        mistakes.add((), f"{FILE} has no table [site]", code="E123", mend=f"add: {example}")
+    has_site = isinstance(values.get("site"), dict)
+    site = root.inner("site")
+    site_id = site.id("id", example='"shop"') if has_site else None
+    name = site.text("name", example='"Riverside Store"', required=has_site)
+    timezone = zone(site, "timezone", required=has_site) or "UTC"
+    opening = _opening(site, mistakes)
+    closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates)
+    day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start)
+    tables = {"site": site, **{key: root.inner(key) for key in ("rule", "report", "ingest", "privacy")}}
+    settings = read_settings(tables, environ=environ, mistakes=mistakes)
+    ingest_map = _ingest_map(tables["ingest"], mistakes)
+    for table in tables.values():
+        table.close()
+    floors = read_floors(root)
+    cameras = read_cameras(root, floors=floors, timezone=timezone)
+    areas = read_areas(root, floors=floors)
+    root.close()
+    if mistakes.all or site_id is None or name is None:
+        return None
+    return Site(
+        site_id=site_id,
+        name=name,
+        timezone=timezone,
+        root=folder,
+        opening=opening,
+        closed=closed or frozenset(),
+        day_starts_min=DAY_STARTS_MIN if day_starts is None else day_starts,
+        floors=tuple(floors.values()),
+        cameras=cameras,
+        areas=areas,
+        settings=Settings().with_values(settings.values),
+        ingest_map=ingest_map,
+        setting_sources=settings.sources,
+    )
+
+
+def _opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
+    if site.raw("opening") is None:
+        return None
+    week, wrong = parse_opening(site.table("opening", example='{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'))
+    for key, error in wrong:
+        mistakes.add(("site", "opening", key), f"[site] opening: {error}", code="E127", mend=error.mend)
+    return week
+
+
+def _ingest_map(ingest: TableReader, mistakes: Mistakes) -> dict[str, str]:
+    names: dict[str, str] = {}
+    for key, value in ingest.table("map", example='{ x_m = "X" }').items():
+        if isinstance(value, str) and value:
+            names[key] = value
+        else:
+            path = ("ingest", "map", key)
+            what = f"[ingest.map] {key} must be a column name in quotes"
+            mistakes.add(path, what, code="E124", mend=f'{key} = "their name"')
+    return names

@@ -1,0 +1,327 @@
+"""Typed reading of one TOML table that notes every mistake with its line instead of stopping at the first."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Callable, Iterable
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+from vsd_analytics.config.lines import KeyPath, TomlText
+from vsd_analytics.errors import VsdError
+
+ID_PATTERN = "[a-z0-9][a-z0-9_-]{0,62}"
+NAME_MAX_CHARS = 200
+
+T = TypeVar("T")
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word closest to `word`, or None when none is close."""
+    found = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
+    return found[0] if found else None
+
+
+def suggest_id(text: str) -> str:
+    """Return an allowed id that looks like `text`."""
+    plain = re.sub(r"[^a-z0-9_-]+", "-", text.lower()).strip("-_")[:63].strip("-_")
+    return plain or "cam-1"
+
+
+class Mistakes:
+    """The mistakes of one text, in the order of their lines.
+
+    Args:
+        text: The TOML text with its lines.
+    """
+
+    def __init__(self, text: TomlText) -> None:
+        self.text = text
+        self._found: list[VsdError] = []
+
+    def add(
+        self,
+        path: KeyPath,
+        what: str,
+        *,
+        code: str,
+        why: str | None = None,
+        mend: str | None = None,
+        note: str | None = None,
+    ) -> None:
+        """Note a mistake at the line of `path`."""
+        self._found.append(VsdError(what, code=code, where=self.text.where(path, note=note), why=why, mend=mend))
+
+    def take(self, others: Iterable[VsdError]) -> None:
+        """Note mistakes found in another file."""
+        self._found.extend(others)
+
+    @property
+    def all(self) -> tuple[VsdError, ...]:
+        """Return the mistakes by file and line."""
+
+        def place(error: VsdError) -> tuple[str, int]:
+            return (error.where.file, error.where.line or 0) if error.where else ("", 0)
+
+        return tuple(sorted(self._found, key=place))
+
+
+class TableReader:
+    """One table while it is read.
+
+    Every method returns the value, or its default after noting what is wrong. A key nobody asked for is unknown.
+
+    Args:
+        values: The table as `tomllib` gives it.
+        path: Its path from the root.
+        label: How messages call it, such as `[[camera]] "cam-1"`.
+        mistakes: Where to note.
+        folder: Folder that relative paths start from.
+    """
+
+    def __init__(self, values: dict[str, Any], *, path: KeyPath, label: str, mistakes: Mistakes, folder: Path) -> None:
+        self.values, self.path, self.label, self.mistakes, self.folder = values, path, label, mistakes, folder
+        self._asked: list[str] = []
+
+    def fault(
+        self,
+        key: str,
+        what: str,
+        *,
+        code: str = "E124",
+        why: str | None = None,
+        mend: str | None = None,
+        note: str | None = None,
+    ) -> None:
+        """Note a mistake at a key of this table."""
+        self.mistakes.add((*self.path, key), what, code=code, why=why, mend=mend, note=note)
+
+    def raw(self, key: str) -> Any:
+        """Return the value as it stands, or None."""
+        self._asked.append(key)
+        return self.values.get(key)
+
+    def missing(self, key: str, example: str, *, why: str | None = None) -> None:
+        """Note that a needed key is not there."""
+        mend = f"add a line such as: {key} = {example}"
+        self.mistakes.add(self.path, f"{self.label} has no {key}", code="E123", why=why, mend=mend)
+
+    def wrong_type(self, key: str, expected: str, example: str) -> None:
+        """Note that a value is of another kind."""
+        found = _kind(self.values[key])
+        self.fault(key, f"{self.label} {key} must be {expected}, not {found}", mend=f"write it as: {key} = {example}")
+
+    def text(self, key: str, *, example: str, required: bool = False) -> str | None:
+        """Return a text that is not empty."""
+        value = self.raw(key)
+        if value is None:
+            if required:
+                self.missing(key, example)
+            return None
+        if not isinstance(value, str):
+            self.wrong_type(key, "a text in quotes", example)
+            return None
+        if not value.strip() or len(value) > NAME_MAX_CHARS or any(ord(c) < 32 for c in value):
+            self.fault(
+                key,
+                f"{self.label} {key} must be one line of 1 to {NAME_MAX_CHARS} characters",
+                mend=f"write it as: {key} = {example}",
+            )
+            return None
+        return value
+
+    def id(self, key: str, *, example: str) -> str | None:
+        """Return an identifier: lower-case letters, digits, - and _, at most 63."""
+        value = self.raw(key)
+        if value is None:
+            self.missing(key, example)
+            return None
+        if not isinstance(value, str):
+            self.wrong_type(key, "a text in quotes", example)
+            return None
+        if not re.fullmatch(ID_PATTERN, value):
+            self.fault(
+                key,
+                f"{value!r} cannot be an id",
+                code="E125",
+                why="ids become folder and file names: a-z, 0-9, - and _, at most 63, first a letter or digit",
+                mend=f'{key} = "{suggest_id(value)}" (name = ... may be any text)',
+            )
+            return None
+        return value
+
+    def number(
+        self, key: str, *, minimum: float, maximum: float, unit: str, example: str, whole: bool = False
+    ) -> float | int | None:
+        """Return a finite number within [minimum, maximum]."""
+        value = self.raw(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
+            self.wrong_type(key, "a whole number" if whole else "a number", example)
+            return None
+        if not (math.isfinite(value) and minimum <= value <= maximum):
+            span = (
+                f"{minimum:g} to {maximum:g} {unit}".rstrip() if minimum < maximum else f"{minimum:g} {unit}".rstrip()
+            )
+            self.fault(key, f"{self.label} {key} = {value} is outside {span}", mend=f"write it as: {key} = {example}")
+            return None
+        return value
+
+    def flag(self, key: str) -> bool | None:
+        """Return true or false."""
+        value = self.raw(key)
+        if value is None or isinstance(value, bool):
+            return value
+        self.wrong_type(key, "true or false", "true")
+        return None
+
+    def points(self, key: str, *, least: int, example: str) -> tuple[tuple[float, float], ...] | None:
+        """Return a list of at least `least` finite [x, y]."""
+        value = self.raw(key)
+        if value is None:
+            return None
+        if not (isinstance(value, list) and all(_is_numbers(p, 2) for p in value)):
+            self.wrong_type(key, "a list of [x, y] in metres", example)
+            return None
+        if len(value) < least:
+            self.fault(
+                key,
+                f"{self.label} {key} has {len(value)} points, needs at least {least}",
+                code="E128",
+                mend=f"write it as: {key} = {example}",
+            )
+            return None
+        return tuple((float(x), float(y)) for x, y in value)
+
+    def pair(self, key: str, *, example: str) -> tuple[float, float] | None:
+        """Return two finite numbers."""
+        value = self.raw(key)
+        if value is None:
+            return None
+        if not _is_numbers(value, 2):
+            self.wrong_type(key, "two numbers", example)
+            return None
+        return float(value[0]), float(value[1])
+
+    def texts(self, key: str, *, example: str) -> tuple[str, ...]:
+        """Return a list of texts; () when absent."""
+        value = self.raw(key)
+        if value is None:
+            return ()
+        if not (isinstance(value, list) and all(isinstance(v, str) and v for v in value)):
+            self.wrong_type(key, "a list of texts", example)
+            return ()
+        return tuple(value)
+
+    def table(self, key: str, *, example: str) -> dict[str, Any]:
+        """Return a table inside this one; {} when absent."""
+        value = self.raw(key)
+        if value is None:
+            return {}
+        if not isinstance(value, dict):
+            self.wrong_type(key, "a table", example)
+            return {}
+        return value
+
+    def inner(self, key: str) -> TableReader:
+        """Return a reader of the table `[key]`; empty when absent."""
+        values = self.table(key, example="{ ... }")
+        return TableReader(values, path=(*self.path, key), label=f"[{key}]", mistakes=self.mistakes, folder=self.folder)
+
+    def each(self, key: str) -> list[TableReader]:
+        """Return a reader per table of `[[key]]`."""
+        found = self.raw(key)
+        if found is None:
+            return []
+        if not (isinstance(found, list) and all(isinstance(values, dict) for values in found)):
+            self.fault(
+                key, f"{key} must be a list of tables", mend=f"write [[{key}]] with two brackets, once per {key}"
+            )
+            return []
+        readers = []
+        for i, values in enumerate(found):
+            name = repr(values["id"]) if isinstance(values.get("id"), str) else f"number {i + 1}"
+            label = f"[[{key}]] {name}"
+            path = (*self.path, key, i)
+            readers.append(TableReader(values, path=path, label=label, mistakes=self.mistakes, folder=self.folder))
+        return readers
+
+    def file(self, key: str, *, example: str, mend: str | None = None) -> Path | None:
+        """Return an existing file; a relative path starts at the project folder."""
+        value = self.text(key, example=example)
+        if value is None:
+            return None
+        path = self.folder / value
+        try:
+            exists = path.is_file()
+        except (OSError, ValueError):
+            exists = False
+        if not exists:
+            self.fault(
+                key,
+                f"{self.label} {key}: there is no file {value!r}",
+                code="E126",
+                why="paths start at the folder of vsd.toml",
+                mend=_similar_file(path) or mend or f"put the file there, or take the line {key} = ... out",
+            )
+            return None
+        return path
+
+    def parsed(self, key: str, *, example: str, parse: Callable[[Any], T]) -> T | None:
+        """Return `parse(value)`; a ValueError it raises is noted in its own words."""
+        value = self.raw(key)
+        if value is None:
+            return None
+        try:
+            return parse(value)
+        except ValueError as error:
+            self.fault(key, f"{self.label} {key}: {error}", mend=f"write it as: {key} = {example}")
+            return None
+
+    def close(self) -> None:
+        """Note every key nobody asked for, with the nearest one that exists."""
+        for key in self.values:
+            if key not in self._asked:
+                close = nearest(key, self._asked)
+                self.fault(
+                    key,
+                    f"{self.label} knows no key {key!r}",
+                    code="E122",
+                    note=f"did you mean {close}?" if close else None,
+                    mend=f"rename it to {close}" if close else f"known keys: {', '.join(sorted(set(self._asked)))}",
+                )
+
+
+def _is_numbers(value: Any, count: int) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == count
+        and all(type(v) in (int, float) and math.isfinite(v) for v in value)
+    )
+
+
+def _kind(value: Any) -> str:
+    names: tuple[tuple[type | tuple[type, ...], str], ...] = (
+        (bool, "true or false"),
+        ((int, float), f"the number {value}"),
+        (str, f"the text {value!r}"[:80]),
+        (list, "a list"),
+        (dict, "a table"),
+        (datetime, "a date and time"),
+        (date, "a date"),
+    )
+    return next((name for kind, name in names if isinstance(value, kind)), type(value).__name__)
+
+
+def _similar_file(path: Path) -> str | None:
+    """Return a mend that names the most similar file of the same folder, if there is one."""
+    try:
+        names = sorted(p.name for p in path.parent.iterdir() if p.is_file())
+    except (OSError, ValueError):
+        names = []
+    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
+    return f"did you mean {close[0]!r}, which is in the same folder?" if close else None

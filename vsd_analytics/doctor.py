@@ -1,0 +1,222 @@
+"""`vsd doctor`: is everything here that a weekly report needs, and what to do about what is not."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+from vsd_analytics.config import FILE, find_project, load_site
+from vsd_analytics.errors import ConfigError, VsdError
+from vsd_analytics.settings import SETTINGS, Settings
+from vsd_analytics.site import Camera, Site
+from vsd_analytics.version import VERSION
+
+State = Literal["ok", "note", "needs you"]
+
+PACKAGES = ("duckdb", "pyarrow", "numpy", "scipy", "pandas", "opencv-python-headless", "shapely", "matplotlib")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+MAC_BROWSER = Path("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome")
+NETWORK_FILE_SYSTEMS = ("nfs", "cifs", "smb", "afp", "9p", "sshfs", "fuse.sshfs", "glusterfs", "ceph")
+OLD_CALIBRATION_DAYS = 365
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing looked at.
+
+    Attributes:
+        subject: What was looked at, such as "vsd.toml".
+        state: "ok", "note" (nothing to do), or "needs you".
+        detail: What was found.
+        mend: What to do about it.
+    """
+
+    subject: str
+    state: State
+    detail: str
+    mend: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SettingInForce:
+    """A setting, its value and where the value comes from."""
+
+    name: str
+    value: object
+    unit: str
+    source: str
+
+
+def examine(start: Path, *, now: datetime, environ: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Look at the machine and at the project at or above `start`.
+
+    Args:
+        start: Folder to look from.
+        now: The clock.
+        environ: Environment with overrides of settings.
+    """
+    return (*_machine(), *_project(start, now=now, environ=environ))
+
+
+def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
+    """Return every setting with its source: "default", a line of vsd.toml, or an environment variable."""
+    settings, sources = (site.settings, site.setting_sources) if site else (Settings(), {})
+    return tuple(
+        SettingInForce(s.name, settings.values[s.name], s.unit, sources.get(s.name, "default")) for s in SETTINGS
+    )
+
+
+def _machine() -> Iterator[Finding]:
+    yield Finding("vsd-analytics", "ok", f"{VERSION} on Python {platform.python_version()}")
+    yield _platform(sys.platform)
+    found, missing = [], []
+    for name in PACKAGES:
+        try:
+            found.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            missing.append(name)
+    if missing:
+        yield Finding("packages", "needs you", f"missing: {', '.join(missing)}", "install vsd-analytics again with pip")
+    else:
+        yield Finding("packages", "ok", ", ".join(found))
+    yield _browser(shutil.which)
+
+
+def _platform(name: str) -> Finding:
+    if name in {"linux", "darwin"}:
+        return Finding("platform", "ok", f"{platform.system()} {platform.machine()}")
+    mend = "use Linux or macOS (on Windows: WSL, with the project inside its own file system)"
+    return Finding("platform", "needs you", f"{name} is not supported: the store needs flock and folder fsync", mend)
+
+
+def _browser(which: Callable[[str], str | None]) -> Finding:
+    path = next((found for found in map(which, BROWSERS) if found), None)
+    if path is None and MAC_BROWSER.exists():
+        path = str(MAC_BROWSER)
+    if path is None:
+        return Finding(
+            "browser", "note", "no Chromium or Chrome found: reports are made as HTML, JSON and CSV, not PDF"
+        )
+    return Finding("browser", "ok", Path(path).name)
+
+
+def _project(start: Path, *, now: datetime, environ: Mapping[str, str]) -> Iterator[Finding]:
+    try:
+        folder = find_project(start)
+    except VsdError as error:
+        yield Finding(FILE, "needs you", error.what, error.mend)
+        return
+    yield _file_system(folder)
+    try:
+        site = load_site(folder, environ=environ)
+    except ConfigError as error:
+        for problem in error.problems:
+            place = f"line {problem.where.line}: " if problem.where and problem.where.line else ""
+            yield Finding(
+                problem.where.file if problem.where else FILE, "needs you", place + problem.what, problem.mend
+            )
+        return
+    yield Finding(FILE, "ok", f"site {site.site_id!r}: {len(site.floors)} floor(s), {len(site.cameras)} camera(s)")
+    yield _store(site)
+    yield _pseudonyms(site)
+    yield _plans(site)
+    for camera in site.cameras:
+        yield _calibration(camera, now=now)
+    yield _pictures(site)
+    yield _log(site)
+
+
+def _file_system(folder: Path) -> Finding:
+    kind = _kind_of_mount(folder.resolve(), Path("/proc/mounts"))
+    if kind is not None and kind.startswith(NETWORK_FILE_SYSTEMS):
+        return Finding(
+            "file system", "needs you", f"{folder} is on a network file system ({kind})", "move it to a local disk"
+        )
+    return Finding("file system", "ok" if kind else "note", kind or "its kind cannot be told here; it must be local")
+
+
+def _kind_of_mount(folder: Path, mounts: Path) -> str | None:
+    """Return the kind of file system a folder is on, from the longest mount point above it."""
+    try:
+        rows = [line.split() for line in mounts.read_text(encoding="utf-8", errors="replace").splitlines()]
+    except OSError:
+        return None
+    above = [
+        (len(row[1]), row[2]) for row in rows if len(row) > 2 and folder.is_relative_to(row[1].replace(r"\040", " "))
+    ]
+    return max(above)[1] if above else None
+
+
+def _store(site: Site) -> Finding:
+    days = sorted(
+        {path.parent.name.removeprefix("date=") for path in (site.root / "store").glob("*/site=*/date=*/*.parquet")}
+    )
+    if not days:
+        return Finding("store", "needs you", "nothing is stored yet", "vsd ingest FILES...")
+    return Finding("store", "ok", f"{len(days)} UTC day(s), {days[0]} to {days[-1]}")
+
+
+def _pseudonyms(site: Site) -> Finding:
+    if site.settings.pseudonyms:
+        return Finding("privacy", "ok", "track ids are replaced by keyed hashes")
+    detail = "pseudonyms = false keeps the engine's track ids: only for published research recordings"
+    return Finding(
+        "privacy", "needs you", detail, "take pseudonyms = false out of [privacy] for a site with real visitors"
+    )
+
+
+def _plans(site: Site) -> Finding:
+    without = [floor.floor_id for floor in site.floors if floor.plan is None]
+    if not without:
+        return Finding("floor plans", "ok", "every floor has one")
+    return Finding(
+        "floor plans", "note", f"none for {', '.join(without)}: maps are drawn over camera pictures or a plain grid"
+    )
+
+
+def _pictures(site: Site) -> Finding:
+    without = [camera.camera_id for camera in site.cameras if camera.picture is None]
+    if not without:
+        return Finding("camera pictures", "ok", "every camera has one")
+    detail = f"none for {', '.join(without)}: what these see is unknown without picture_px or view"
+    return Finding("camera pictures", "note", detail)
+
+
+def _calibration(camera: Camera, *, now: datetime) -> Finding:
+    subject = f"calibration of {camera.camera_id}"
+    if not camera.calibrations:
+        return Finding(subject, "note", "none: its engine must send floor metres (x_m, y_m) or distances")
+    latest = camera.calibrations[-1]
+    since = latest.valid_from
+    if since is None and latest.source is not None:
+        since = datetime.fromtimestamp(latest.source.stat().st_mtime, tz=UTC)
+    days = (now - since).days if since else 0
+    error = "" if latest.error_m is None else f", error {latest.error_m * 100:.0f} cm"
+    if days > OLD_CALIBRATION_DAYS:
+        mend = f"vsd calibrate {camera.camera_id}   and see whether the grid still follows the floor"
+        return Finding(subject, "needs you", f"{days} days old{error}", mend)
+    return Finding(subject, "ok", f"{max(days, 0)} days old{error}")
+
+
+def _log(site: Site) -> Finding:
+    from vsd_analytics.changelog import read_log
+
+    try:
+        entries = read_log(site)
+    except VsdError as error:
+        return Finding("change log", "needs you", f"{error.what}: {error.why}", error.mend)
+    areas = {area.area_id for area in site.areas}
+    lost = sorted({entry.area_id for entry in entries if entry.area_id is not None} - areas)
+    if lost:
+        mend = "give the area its old id in vsd.toml again, or mend log.jsonl"
+        return Finding(
+            "change log", "needs you", f"it names areas that are no longer described: {', '.join(lost)}", mend
+        )
+    return Finding("change log", "ok", f"{len(entries)} entries")

@@ -1,0 +1,155 @@
+"""The first `vsd.toml` of a site, written from a few answers and checked before it is written."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsd_analytics.config import FILE
+from vsd_analytics.config.lines import TomlText
+from vsd_analytics.config.opening import OpeningError, parse_opening
+from vsd_analytics.config.project import site_of
+from vsd_analytics.config.reader import suggest_id
+from vsd_analytics.errors import UsageError
+from vsd_analytics.settings import BY_NAME
+from vsd_analytics.site import Site
+
+ALWAYS = "always"
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What a first `vsd.toml` says.
+
+    Attributes:
+        name: Display name of the site.
+        timezone: IANA zone.
+        site_id: Id; None = made from the name.
+        opening: Such as "mon-sat 08:00-21:00, sun 10:00-18:00", or "always".
+        cameras: Such as "cam-1" or "cam-1=Entrance".
+        plan: Picture of the floor plan, relative to the project folder or absolute.
+        plan_m_per_px: Metres per pixel of the plan.
+        distance_m: Legal distance.
+    """
+
+    name: str
+    timezone: str
+    site_id: str | None = None
+    opening: str = ALWAYS
+    cameras: tuple[str, ...] = ("cam-1",)
+    plan: str | None = None
+    plan_m_per_px: float | None = None
+    distance_m: float = BY_NAME["distance_m"].default
+
+
+def write_first_config(folder: Path, *, answers: Answers) -> Site:
+    """Write `vsd.toml` into `folder` and return the site it describes.
+
+    Raises:
+        UsageError: There is one already (E104), or the opening hours cannot be read (E101).
+        ConfigError: An answer cannot stand in it; nothing is written.
+    """
+    path = folder / FILE
+    if path.exists():
+        raise UsageError(f"{path} is already there", code="E104", mend="edit it, or pick another folder: vsd -C DIR init")
+    text = render(answers)
+    site = site_of(TomlText(FILE, text), folder=folder.absolute())
+    from vsd_analytics.store.durable import publish
+
+    publish(path, text.encode())
+    return site
+
+
+def parse_opening_words(words: str) -> dict[str, str | list[str]]:
+    """Return the table `opening` of words such as "mon-sat 08:00-21:00, sun 10:00-13:00 15:00-18:00".
+
+    Raises:
+        UsageError: They are not days followed by spans (E101).
+    """
+    table: dict[str, str | list[str]] = {}
+    for part in re.split(r"[,;]", words):
+        days, *spans = part.split() or [""]
+        if days in table:
+            raise _unreadable(f"{days!r} stands twice", "name each day once: mon-sat 08:00-21:00, sun 10:00-18:00")
+        table[days] = spans[0] if len(spans) == 1 else spans
+        if not spans:
+            raise _unreadable(f"{part.strip()!r} is no day with its hours", "mon-sat 08:00-21:00, sun 10:00-18:00")
+    _, mistakes = parse_opening(table)
+    if mistakes:
+        error: OpeningError = mistakes[0][1]
+        raise _unreadable(str(error), error.mend)
+    return table
+
+
+def _unreadable(why: str, mend: str) -> UsageError:
+    return UsageError("the opening hours cannot be read", why=why, mend=mend)
+
+
+def render(answers: Answers) -> str:
+    """Return the text of `vsd.toml`, with the lines a site may want later as comments."""
+    opening = "# opening = { mon-sat = \"08:00-21:00\", sun = \"10:00-18:00\" }   # absent = always open"
+    if answers.opening.strip().lower() != ALWAYS:
+        opening = f"opening = {_inline(parse_opening_words(answers.opening))}"
+    lines = [
+        "# What this site is. Every key: docs/settings.md; after a change: vsd doctor",
+        "[site]",
+        f"id = {_quoted(answers.site_id or suggest_id(answers.name))}",
+        f"name = {_quoted(answers.name)}",
+        f"timezone = {_quoted(answers.timezone)}",
+        opening,
+        '# closed = ["2026-12-25"]',
+        f"distance_m = {answers.distance_m!r}",
+        "",
+        "[[floor]]",
+        'id = "ground"',
+        'name = "Ground floor"',
+        *_plan(answers),
+    ]
+    for camera in answers.cameras:
+        camera_id, _, name = camera.partition("=")
+        lines += [
+            "",
+            "[[camera]]",
+            f"id = {_quoted(camera_id.strip())}",
+            f"name = {_quoted(name.strip() or camera_id.strip())}",
+            f'# picture = "pictures/{suggest_id(camera_id)}.png"   # of the empty scene; then: vsd calibrate',
+            '# engine_ids = ["what the engine calls it"]',
+        ]
+    lines += [
+        "",
+        "# [[area]]   # a named part of the floor, corners in metres",
+        '# id = "checkout-queue"',
+        '# name = "Checkout queue"',
+        "# polygon = [[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]",
+    ]
+    text = "\n".join(lines) + "\n"
+    tomllib.loads(text)  # every answer is quoted: this cannot fail
+    return text
+
+
+def _plan(answers: Answers) -> list[str]:
+    if answers.plan is None:
+        return [
+            '# plan = "plans/ground.png"         # svg, png or jpg',
+            "# plan_m_per_px = 0.05              # a length in metres / the same length in plan pixels",
+            "# plan_origin_m = [0.0, 0.0]        # floor metres of the plan's lower left corner",
+        ]
+    scale = [] if answers.plan_m_per_px is None else [f"plan_m_per_px = {float(answers.plan_m_per_px)!r}"]
+    return [
+        f"plan = {_quoted(answers.plan)}",
+        *scale,
+        "plan_origin_m = [0.0, 0.0]          # floor metres of the plan's lower left corner",
+    ]
+
+
+def _inline(table: Mapping[str, str | list[str]]) -> str:
+    return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in table.items()) + " }"
+
+
+def _quoted(text: str) -> str:
+    """Return a TOML basic string; JSON's escapes are a subset of TOML's, but for the character DEL."""
+    return json.dumps(text).replace("\x7f", "\\u007f")

@@ -1,0 +1,238 @@
+"""MOTChallenge text: a line `frame,id,left,top,width,height,conf,x,y,z` per person and frame, 1-based, without a clock.
+
+Sources are a `gt.txt` or `det.txt`, a sequence folder (`gt/gt.txt`, `det/det.txt`, `seqinfo.ini`), or a folder or zip
+of several sequences; where a sequence has both files its ground truth is read. Ground truth of nine columns (MOT16 and
+later: flag, class, visibility) also lists things that are no pedestrians; they are left out and counted.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from array import array
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
+from vsd_analytics.ingest.archive import archive_kind, members
+from vsd_analytics.ingest.mot_sequences import MAX_FRAMES, SEQUENCE_FILES, Sequence, bare_name, sequences
+from vsd_analytics.ingest.raw import BadRowError, bounded_lines, raw_table, rejected
+from vsd_analytics.settings import BY_NAME
+
+PEDESTRIAN = 1
+
+_NUMBER = rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_FIRST_LINE = re.compile(rb"\d+(?:\.0*)?(?:\s*,\s*" + _NUMBER + rb"){5,9}\s*(?:\r?\n|$)")
+_FPS = (1 / 3600, 1000.0)
+
+
+@dataclass(slots=True)
+class _Rows:
+    """Rows read and not yet handed over."""
+
+    frame: list[int] = field(default_factory=list)
+    person: list[int] = field(default_factory=list)
+    track: list[str | None] = field(default_factory=list)
+    across: list[float] = field(default_factory=list)
+    along: list[float] = field(default_factory=list)
+    line: list[int] = field(default_factory=list)
+    rejected: list[Rejected] = field(default_factory=list)
+    dropped: Counter[str] = field(default_factory=Counter)
+
+    def batch(self, camera: str | None, clock: Callable[[int], int], *, is_floor: bool, done_bytes: int) -> RawBatch:
+        names = ("x_m", "y_m") if is_floor else ("u_px", "v_px")
+        position = dict(zip(names, (self.across, self.along), strict=True))
+        table = raw_table(
+            "observations",
+            camera=camera,
+            ts_ms=[clock(f) for f in self.frame],
+            person=self.person,
+            track=self.track,
+            quality="metric",
+            line=self.line,
+            **position,
+        )
+        return RawBatch({"observations": table}, self.rejected, dict(self.dropped), done_bytes=done_bytes)
+
+
+class MotChallenge:
+    """Adapter of MOTChallenge text files."""
+
+    name = "motchallenge"
+    coordinates = (
+        "image pixels, foot point = bottom centre of the box; with --coordinates floor columns 8 and 9 in floor metres"
+    )
+
+    def detects(self, source: Source) -> bool:
+        """Tell whether this is a gt.txt or det.txt of numbers, or a folder or zip that has them in gt/ and det/."""
+        path = source.path
+        if path.is_dir():
+            patterns = (f"{up}{kind}/{kind}.txt" for up in ("", "*/", "*/*/") for kind in ("gt", "det"))
+            return any(any(path.glob(pattern)) for pattern in patterns)
+        if bare_name(path) in ("gt.txt", "det.txt"):
+            return _FIRST_LINE.match(source.head(4096).lstrip(b"\xef\xbb\xbf\r\n \t")) is not None
+        if archive_kind(source) != "zip":
+            return False
+        try:
+            with members(source, wanted=SEQUENCE_FILES) as found:
+                return any(m.name.endswith(".txt") for m in found)
+        except InputError:
+            return False
+
+    def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
+        """Stream the sequences of a source, one after the other, as one camera each.
+
+        Frame n stands at `start + (n - first_frame) / fps`; frame 1 is the first unless `options.first_frame` says
+        otherwise. Every frame from 1 to the sequence's length (or its highest frame) is a heartbeat.
+
+        Raises:
+            InputError: E207 when the frame rate or the start is unknown, E208 when floor metres are asked for and the
+                file has none, E205 and E206 as `vsd_analytics.ingest.archive` says.
+            UsageError: E101 when `options.camera` names none of several sequences.
+        """
+        is_floor, size = options.coordinates == "floor", source.size_bytes
+        with sequences(source, options) as found:
+            usable = []
+            notes = []
+            for sequence in found:
+                if not is_floor or _has_floor(sequence):
+                    usable.append(sequence)
+                elif len(found) == 1:
+                    raise _no_floor(source, sequence)
+                else:
+                    notes.append(f"W208: {sequence.title} has no floor metres in columns 8 and 9 and was left out")
+            if not usable:
+                raise _no_floor(source, found[0])
+            clocks = [_clock(source, s, options) for s in usable]
+            for number, (sequence, clock) in enumerate(zip(usable, clocks, strict=True), 1):
+                prefix = f"{sequence.title}: " if len(found) > 1 else ""
+                done = (size * (number - 1) // len(usable), size * number // len(usable))
+                yield from _read(sequence, clock, is_floor=is_floor, prefix=prefix, done=done)
+            if notes:
+                yield RawBatch(notes=notes, done_bytes=size)
+
+
+def _read(
+    sequence: Sequence, clock: Callable[[int], int], *, is_floor: bool, prefix: str, done: tuple[int, int]
+) -> Iterator[RawBatch]:
+    rows, n_persons, damage = _Rows(), array("i", [0]), None
+    with sequence.open() as stream:
+        try:
+            for number, line in bounded_lines(stream, max_bytes=int(BY_NAME["line_max_bytes"].default)):
+                try:
+                    _take(line, sequence=sequence, is_floor=is_floor, rows=rows, n_persons=n_persons)
+                except BadRowError as bad:
+                    reason, detail = bad.args
+                    rows.rejected.append(rejected(number, reason=reason, detail=prefix + detail, record=line or b""))
+                if len(rows.frame) > len(rows.line):
+                    rows.line.append(number)
+                if len(rows.line) + 10 * len(rows.rejected) >= BATCH_ROWS:
+                    so_far = min(done[1], done[0] + bytes_read(stream))
+                    yield rows.batch(sequence.camera, clock, is_floor=is_floor, done_bytes=so_far)
+                    rows = _Rows()
+        except InputError as error:
+            damage = error
+    yield rows.batch(sequence.camera, clock, is_floor=is_floor, done_bytes=done[0])
+    last = max(len(n_persons) - 1, sequence.n_frames)
+    for first in range(1, last + 1, BATCH_ROWS):
+        seen = {f: n_persons[f] if f < len(n_persons) else 0 for f in range(first, min(first + BATCH_ROWS, last + 1))}
+        if damage is not None:  # what follows the damage is unknown, not empty
+            seen = {f: n for f, n in seen.items() if n}
+        ts = [clock(f) for f in seen]
+        table = raw_table("frames", camera=sequence.camera, ts_ms=ts, n_persons=list(seen.values()), line=0)
+        yield RawBatch({"frames": table}, done_bytes=done[1])
+    if damage is not None:
+        raise damage
+
+
+def _take(line: bytes | None, *, sequence: Sequence, is_floor: bool, rows: _Rows, n_persons: array[int]) -> None:
+    """Add one line to the rows; a person that cannot be used still counts as seen in its frame."""
+    if line is None:
+        raise BadRowError("line-too-long", "the line is longer than any record of this format")
+    if not line.strip():
+        return
+    cells = line.split(b",")
+    frame = _number(cells[0])
+    if not frame.is_integer() or not 1 <= frame <= MAX_FRAMES:
+        raise BadRowError("bad-frame", f"frames are whole numbers from 1 to {MAX_FRAMES:,}; this one is {frame:g}")
+    index = int(frame)
+    n_persons.frombytes(bytes(n_persons.itemsize * max(0, index + 1 - len(n_persons))))
+    n_persons[index] += 1
+    if len(cells) < 6:
+        raise BadRowError("too-few-columns", f"needs frame,id,left,top,width,height; found {len(cells)} columns")
+    identity, left, top, width, height, *more = map(_number, cells[1:])
+    if len(cells) == 9 and not sequence.is_detections and (more[0] == 0 or more[1] != PEDESTRIAN):
+        n_persons[index] -= 1
+        rows.dropped["ignored box (flag 0)" if more[0] == 0 else "not a pedestrian"] += 1
+        return
+    across, along = left + width / 2, top + height
+    if is_floor:
+        if not _is_floor(more):
+            raise BadRowError("no-floor-position", "columns 8 and 9 hold no floor metres in this line")
+        across, along = more[1], more[2]
+    elif width <= 0 or height <= 0:
+        raise BadRowError("bad-box", f"a box must have width and height; this one is {width:g} by {height:g} px")
+    rows.frame.append(index)
+    rows.person.append(n_persons[index] - 1)
+    rows.track.append(None if identity == -1 else f"{identity:.0f}")
+    rows.across.append(across)
+    rows.along.append(along)
+
+
+def _number(cell: bytes) -> float:
+    try:
+        value = math.nan if b"_" in cell else float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadRowError("not-a-number", f"{cell[:40].decode('utf-8', 'replace')!r} is not a finite number")
+    return value
+
+
+def _is_floor(more: list[float]) -> bool:
+    """Tell whether conf,x,y,z hold a floor position: given, and not the -1 that stands for "not given"."""
+    return len(more) >= 4 and not (more[1] == more[2] == -1)
+
+
+def _has_floor(sequence: Sequence) -> bool:
+    with sequence.open() as stream:
+        for number, line in bounded_lines(stream, max_bytes=int(BY_NAME["line_max_bytes"].default)):
+            if line and line.strip():
+                try:
+                    return _is_floor([_number(cell) for cell in line.split(b",")[6:]])
+                except BadRowError:
+                    continue
+            if number > 1000:
+                break
+    return True
+
+
+def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callable[[int], int]:
+    """Return the function from frame number to UTC milliseconds."""
+    fps, start = options.fps or sequence.fps, options.start
+    if fps is None or not _FPS[0] <= fps <= _FPS[1] or start is None:
+        lacking = "when its first frame was taken" if start is None else "how many frames a second it has"
+        raise InputError(
+            f"{sequence.title} does not say {lacking}",
+            code="E207",
+            where=Where(source.name),
+            why="MOTChallenge files have frame numbers and no times; only seqinfo.ini may give the frame rate",
+            mend="give both, for example --fps 25 --start 2026-01-05T09:00:00+01:00",
+        )
+    first = options.first_frame or 1.0
+    return lambda frame: start + round((frame - first) * 1000 / fps)
+
+
+def _no_floor(source: Source, sequence: Sequence) -> InputError:
+    return InputError(
+        f"{sequence.title} has no floor metres",
+        code="E208",
+        where=Where(source.name),
+        why="--coordinates floor reads columns 8 and 9 as x and y in metres; they are absent or -1",
+        mend="use --coordinates image, and calibrate the camera with vsd calibrate",
+    )
+
+
+ADAPTER = MotChallenge()

@@ -1,0 +1,216 @@
+"""From files to the store: find the adapter, normalise, quarantine, append, fold."""
+
+from __future__ import annotations
+
+import importlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+
+from vsd_analytics.errors import InputError, UsageError, VsdError, Where
+from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.quarantine import Quarantine
+from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.site import Site
+from vsd_analytics.store import FoldResult, Store
+from vsd_analytics.store.secrets import DayKeys
+
+# in the order they are asked whether a file is theirs; most particular first
+ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
+    "frames": ("frames", "Frames", {}),
+    "smart-social-distancing": ("smart_social_distancing", "SmartSocialDistancing", {}),
+    "motchallenge": ("motchallenge", "MotChallenge", {}),
+    "wildtrack": ("wildtrack", "Wildtrack", {}),
+    "table": ("tables", "Tables", {}),
+    "positions": ("tables", "Tables", {"kind": "observations"}),
+    "pairs": ("tables", "Tables", {"kind": "pairs"}),
+}
+
+
+@dataclass
+class SourceResult:
+    """What became of one source.
+
+    Attributes:
+        source: Name as given.
+        format: Adapter that read it.
+        n_records: Records acknowledged, by table.
+        n_rejected: Records in quarantine, by reason.
+        examples: One rejected record per reason.
+        n_dropped: Records left out on purpose, by reason.
+        notes: Things the user should know.
+        error: Why the rest of the source could not be read, if so.
+        first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
+    """
+
+    source: str
+    format: str
+    n_records: Counter[TableName] = field(default_factory=Counter)
+    n_rejected: Mapping[str, int] = field(default_factory=dict)
+    examples: Mapping[str, Rejected] = field(default_factory=dict)
+    n_dropped: Counter[str] = field(default_factory=Counter)
+    notes: list[str] = field(default_factory=list)
+    error: VsdError | None = None
+    first_ms: int | None = None
+    last_ms: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class IngestResult:
+    """What an ingest did.
+
+    Attributes:
+        sources: One entry per source.
+        fold: What the store gained; empty for a dry run.
+    """
+
+    sources: Sequence[SourceResult]
+    fold: FoldResult
+
+    @property
+    def n_rejected(self) -> int:
+        """Return the number of records in quarantine."""
+        return sum(sum(s.n_rejected.values()) for s in self.sources)
+
+
+def adapter(name: str) -> Adapter:
+    """Return the adapter called `name`; UsageError E101 when there is none."""
+    if name not in ADAPTERS:
+        raise UsageError(f"no format is called {name!r}", why=f"known: {', '.join(ADAPTERS)}", mend="--format positions")
+    module, attribute, arguments = ADAPTERS[name]
+    made: Adapter = getattr(importlib.import_module(f"vsd_analytics.ingest.{module}"), attribute)(**arguments)
+    return made
+
+
+def find_adapter(source: Source, options: IngestOptions) -> Adapter:
+    """Return the adapter the user named, or the first that recognises the source.
+
+    Raises:
+        InputError: E201 no such file, E202 empty file, E204 no format recognises it.
+    """
+    if not source.path.exists():
+        raise InputError(
+            f"there is no file {source.name}", code="E201", where=Where(source.name), mend="check the path and the spelling"
+        )
+    if source.size_bytes == 0:
+        raise InputError(
+            f"{source.path.name} is empty", code="E202", where=Where(source.name), mend="export it again; an empty file says nothing"
+        )
+    if options.format is not None:
+        return adapter(options.format)
+    for name in ("frames", "smart-social-distancing", "motchallenge", "wildtrack", "table"):
+        candidate = adapter(name)
+        if candidate.detects(source):
+            return candidate
+    raise InputError(
+        f"the format of {source.path.name} is not recognised",
+        code="E204",
+        where=Where(source.name),
+        why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
+        mend=f"name it: --format {' | '.join(ADAPTERS)}; headerless tables need --columns",
+    )
+
+
+def ingest(
+    site: Site,
+    paths: Sequence[Path],
+    options: IngestOptions,
+    *,
+    now: datetime,
+    is_dry_run: bool = False,
+    on_bytes: Callable[[int], None] | None = None,
+    on_source: Callable[[SourceResult], None] | None = None,
+) -> IngestResult:
+    """Read engine output into the store of a project.
+
+    Args:
+        site: The site the files belong to.
+        paths: Files, archives or folders.
+        options: What the user said about them.
+        now: The clock: later records are quarantined.
+        is_dry_run: Read and check everything, write nothing.
+        on_bytes: Called with the number of bytes read since the last call.
+        on_source: Called when a source is done.
+
+    Returns:
+        What became of each source and what the store gained. A source that cannot be read to its end carries its
+        error; the others are ingested all the same.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
+    normaliser = Normaliser(site, now=now, keys=keys)
+    results = []
+    for path in paths:
+        result = _ingest_one(site, Source(path), options, normaliser, None if is_dry_run else store, on_bytes)
+        results.append(result)
+        if on_source is not None:
+            on_source(result)
+    return IngestResult(results, FoldResult() if is_dry_run else store.fold())
+
+
+def _ingest_one(
+    site: Site,
+    source: Source,
+    options: IngestOptions,
+    normaliser: Normaliser,
+    store: Store | None,
+    on_bytes: Callable[[int], None] | None,
+) -> SourceResult:
+    result = SourceResult(source.name, options.format or "")
+    quarantine = Quarantine(site.root / "quarantine", source=source.name)
+    try:
+        reader = find_adapter(source, options)
+        result.format = reader.name
+        for batch in _batches(reader, source, _with_site(site, options), on_bytes):
+            clean = normaliser.normalise(batch)
+            quarantine.add(clean.rejected)
+            result.n_dropped.update(clean.n_dropped)
+            result.notes += [n for n in batch.notes if n not in result.notes]
+            for name in TABLES:
+                rows = clean.tables.get(name)
+                if rows is None or not rows.num_rows:
+                    continue
+                if store is not None:
+                    store.append(name, rows, engines=batch.engines or ([options.engine] if options.engine else []))
+                result.n_records[name] += rows.num_rows
+                _note_range(result, rows["ts"])
+    except VsdError as error:
+        result.error = error
+    if store is not None:
+        quarantine.flush()
+    result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
+    return result
+
+
+def _batches(
+    reader: Adapter, source: Source, options: IngestOptions, on_bytes: Callable[[int], None] | None
+) -> Iterator[RawBatch]:
+    done = 0
+    for batch in reader.read(source, options):
+        yield batch
+        if on_bytes is not None and batch.done_bytes > done:
+            on_bytes(batch.done_bytes - done)
+            done = batch.done_bytes
+    if on_bytes is not None:
+        on_bytes(max(0, source.size_bytes - done))
+
+
+def _with_site(site: Site, options: IngestOptions) -> IngestOptions:
+    """Fill in what vsd.toml says: the only camera, its clock, `[ingest.map]`."""
+    camera = options.camera
+    if camera is None and len(site.cameras) == 1:
+        camera = site.cameras[0].camera_id
+    zones = {c.clock for c in site.cameras if camera is None or camera in (c.camera_id, *c.engine_ids)}
+    zone = zones.pop() if len(zones) == 1 else options.frame_zone
+    return replace(options, camera=camera, map={**site.ingest_map, **options.map}, frame_zone=zone)
+
+
+def _note_range(result: SourceResult, ts: object) -> None:
+    import pyarrow.compute as pc
+
+    low, high = (v.as_py() for v in pc.min_max(ts.cast("int64")).values())  # type: ignore[attr-defined]
+    result.first_ms = low if result.first_ms is None else min(result.first_ms, low)
+    result.last_ms = high if result.last_ms is None else max(result.last_ms, high)

@@ -1,0 +1,99 @@
+"""Raw tables from lists and arrays: the shape every adapter hands over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import IO, Any
+
+import pyarrow as pa
+
+from vsd_analytics.ingest.adapter import EXCERPT_CHARS, Rejected
+from vsd_analytics.schema import RAW_SCHEMAS, TableName
+
+
+class BadRowError(Exception):
+    """A record that cannot be used. Its arguments are the reason, a short stable slug, and a sentence for people."""
+
+
+def raw_table(name: TableName, **columns: Any) -> pa.Table:
+    """Build one raw table, filling absent columns with nulls.
+
+    Args:
+        name: Table of `vsd_analytics.schema.RAW_SCHEMAS`.
+        **columns: Values by column: a list, NumPy array or Arrow array of one length each, or a single value (string,
+            number or None) that stands in every row. At least one column must be a sequence. NaN stays NaN (it is a
+            wrong number, which validation must see); None is missing.
+
+    Returns:
+        A table in the schema of `name`, columns in its order.
+
+    Raises:
+        KeyError: A column is not one of the schema.
+        ValueError: Lengths differ, only single values are given, or a column that must have values is absent.
+        pyarrow.ArrowInvalid: A value does not fit its column's type.
+    """
+    schema = RAW_SCHEMAS[name]
+    unknown = sorted(set(columns) - set(schema.names))
+    if unknown:
+        raise KeyError(f"raw {name} have no column {', '.join(unknown)}")
+    lengths = {len(values) for values in columns.values() if _is_sequence(values)}
+    if len(lengths) != 1:
+        raise ValueError(f"columns of raw {name} have lengths {sorted(lengths)}")
+    n_rows = lengths.pop()
+    missing = [f.name for f in schema if not f.nullable and columns.get(f.name) is None]
+    if missing:
+        raise ValueError(f"raw {name} need a column {', '.join(missing)}")
+    return pa.table([_array(columns.get(f.name), f.type, n_rows) for f in schema], schema=schema)
+
+
+def rejected(line: int, *, reason: str, detail: str, record: str | bytes = "") -> Rejected:
+    """Return a record for quarantine with its text shortened to `EXCERPT_CHARS`.
+
+    Args:
+        line: 1-based line or record number in the source.
+        reason: A short, stable slug.
+        detail: One sentence for people.
+        record: The record as it stood; bytes that are not UTF-8 are shown as replacement characters.
+    """
+    text = record[: 4 * EXCERPT_CHARS].decode("utf-8", "replace") if isinstance(record, bytes) else record
+    return Rejected(line, reason, detail, text[:EXCERPT_CHARS])
+
+
+def n_rows(tables: Iterable[pa.Table]) -> int:
+    """Return the number of rows of the longest table, which is what a batch is measured by."""
+    return max((t.num_rows for t in tables), default=0)
+
+
+def bounded_lines(stream: IO[bytes], *, max_bytes: int) -> Iterator[tuple[int, bytes | None]]:
+    """Yield the lines of a stream with their 1-based numbers, never holding more than `max_bytes` of one.
+
+    Args:
+        stream: Bytes; a UTF-8 byte order mark at its start is left out.
+        max_bytes: Longest line handed out, its end not counted.
+
+    Yields:
+        Number and line without its end (LF or CR LF); None stands for a line that was too long, which is skipped.
+    """
+    number = 0
+    while line := stream.readline(max_bytes + 2):
+        number += 1
+        body: bytes | None = line.rstrip(b"\r\n")
+        while not line.endswith(b"\n") and (line := stream.readline(max_bytes)):
+            body = None
+        if body is not None and number == 1:
+            body = body.removeprefix(b"\xef\xbb\xbf")
+        yield number, None if body is None or len(body) > max_bytes else body
+
+
+def _is_sequence(values: Any) -> bool:
+    return hasattr(values, "__len__") and not isinstance(values, str | bytes)
+
+
+def _array(values: Any, kind: pa.DataType, length: int) -> pa.Array | pa.ChunkedArray:
+    if values is None:
+        return pa.nulls(length, kind)
+    if not _is_sequence(values):
+        return pa.repeat(pa.scalar(values, type=kind), length)
+    if isinstance(values, pa.Array | pa.ChunkedArray):
+        return values.cast(kind)
+    return pa.array(values, type=kind, from_pandas=False)

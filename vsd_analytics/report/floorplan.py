@@ -1,0 +1,228 @@
+"""The map of the page: banded heat over a floor plan, bare floor or a camera picture, as inline SVG."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from markupsafe import Markup
+
+from vsd_analytics.report import format as fmt
+from vsd_analytics.report.model import FloorMap, MapArea, Point, Polygon, Ring, Rules
+from vsd_analytics.report.svg import ACCENT, BAR, HATCH, INK, MUTED, RAMP_LIGHT, WHITE, el, smooth_path, straight_path
+
+MAP_WIDTH: Final = 960
+MAP_MAX_HEIGHT: Final = 900
+PAD: Final = 12
+FONT: Final = 15
+FONT_PHONE: Final = 34
+_FOOT: Final = 52
+
+
+class _Frame:
+    """Maps the unit of a `FloorMap` to SVG units."""
+
+    def __init__(self, shown: FloorMap) -> None:
+        x0, y0, x1, y1 = shown.extent
+        self.is_metric = shown.kind != "picture"
+        self.scale = min(MAP_WIDTH / max(x1 - x0, 1e-9), MAP_MAX_HEIGHT / max(y1 - y0, 1e-9))
+        self.x0, self.y0, self.y1 = x0, y0, y1
+        self.width = max(1, round((x1 - x0) * self.scale))
+        self.height = max(1, round((y1 - y0) * self.scale))
+
+    def at(self, point: Point) -> Point:
+        y = self.y1 - point[1] if self.is_metric else point[1] - self.y0
+        return (point[0] - self.x0) * self.scale, y * self.scale
+
+    def ring(self, ring: Ring) -> list[Point]:
+        return [self.at(p) for p in ring]
+
+    def rings(self, polygons: Iterable[Polygon]) -> list[list[Point]]:
+        return [self.ring(r) for polygon in polygons for r in polygon]
+
+
+def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Markup:
+    """Draw a map: floor, bands, unseen floor, plan, areas, cameras, numbered spots, scale bar and legal distance.
+
+    Args:
+        shown: What to draw; metres with y up, or pixels with y down on a picture.
+        index: Number of the map on the page, so that ids stay unique.
+        rules: For the legal distance and the number of steps.
+        label: Text alternative.
+    """
+    frame = _Frame(shown)
+    hatch = f"hat{index}"
+    foot = _FOOT if frame.is_metric else PAD
+    box = f"{-PAD} {-PAD} {frame.width + 2 * PAD} {frame.height + PAD + foot}"
+    clip = f"clip{index}"
+    whole: dict[str, float] = {"x": 0, "y": 0, "width": frame.width, "height": frame.height}
+    parts = [
+        el(
+            "defs",
+            el(
+                "pattern",
+                el("line", class_="hl", stroke=HATCH, stroke_width=1.4, x1=0, y1=0, x2=0, y2=9),
+                id=hatch,
+                width=9,
+                height=9,
+                patternUnits="userSpaceOnUse",
+                patternTransform="rotate(45)",
+            )
+            + el("clipPath", el("rect", **whole), id=clip),
+        ),
+        el("rect", class_="fl", fill=WHITE, **whole),
+    ]
+    image = _image(shown, frame)
+    drawn = [] if image is None or frame.is_metric else [image]
+    steps = {lower: min(i, 4) for i, lower in enumerate(rules.heat_steps)}
+    for i, band in enumerate(shown.bands):
+        step = steps.get(band.lower, min(i, 4))
+        path = smooth_path(frame.rings(band.polygons))
+        drawn.append(el("path", class_=f"c{step + 1}", fill=RAMP_LIGHT[step], fill_rule="evenodd", d=path))
+    if shown.unseen:
+        path = straight_path(frame.rings(shown.unseen))
+        drawn.append(el("path", class_="nv", fill=f"url(#{hatch})", fill_rule="evenodd", d=path))
+    if image is not None and frame.is_metric:
+        drawn.append(image)
+    drawn += [
+        el(
+            "path",
+            class_="ar",
+            fill="none",
+            stroke=MUTED,
+            stroke_width=1.4,
+            stroke_dasharray="3 4",
+            d=straight_path([frame.ring(a.ring)]),
+        )
+        for a in shown.areas
+    ]
+    parts.append(el("g", Markup("").join(drawn), clip_path=f"url(#{clip})"))
+    parts.append(el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1.5, **whole))
+    parts += _area_labels(shown.areas, frame)
+    for camera in shown.cameras:
+        x, y = frame.at(camera.at)
+        parts.append(el("circle", class_="cm", fill=ACCENT, cx=x, cy=y, r=6))
+        parts.append(_text(camera.label, x, y + 22, class_="cmt", fill=ACCENT, anchor="middle"))
+    parts += _spots(shown, frame)
+    if frame.is_metric:
+        parts += _scale(shown, frame, rules)
+    kind = "map-pic" if shown.kind == "picture" else "map-floor"
+    return el("svg", Markup("").join(parts), class_=kind, viewBox=box, role="img", aria_label=label)
+
+
+def _image(shown: FloorMap, frame: _Frame) -> Markup | None:
+    if shown.image is None:
+        return None
+    x0, y0, x1, y1 = shown.image.extent
+    left, top = frame.at((x0, y1 if frame.is_metric else y0))
+    return el(
+        "image",
+        class_="planpic" if frame.is_metric else "scene",
+        href=shown.image.data_uri,
+        x=round(left, 1),
+        y=round(top, 1),
+        width=round((x1 - x0) * frame.scale, 1),
+        height=round((y1 - y0) * frame.scale, 1),
+        preserveAspectRatio="none",
+    )
+
+
+def _text(
+    text: str, x: float, y: float, *, class_: str, fill: str = MUTED, anchor: str = "start", size: int = FONT
+) -> Markup:
+    return el("text", text, class_=class_, fill=fill, font_size=size, text_anchor=anchor, x=round(x), y=round(y))
+
+
+def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> list[Markup]:
+    """Name each area at its upper left; a name that would run into another or off the map is left to the table."""
+    taken: dict[int, list[tuple[float, float, float, float]]] = {FONT: [], FONT_PHONE: []}
+    labels = []
+    for area in areas:
+        ring = frame.ring(area.ring)
+        left = min(x for x, _ in ring)
+        top = min(y for _, y in ring)
+        y = top - 6 if top > FONT_PHONE else top + FONT + 4
+        fits = {}
+        for size, boxes in taken.items():
+            x1 = left + 0.56 * size * len(area.name)
+            here = (left, y - size, x1, y + 4)
+            fits[size] = x1 <= frame.width and not any(
+                here[0] < b[2] and b[0] < here[2] and here[1] < b[3] and b[1] < here[3] for b in boxes
+            )
+            if fits[size]:
+                boxes.append(here)
+        if fits[FONT]:
+            labels.append(_text(area.name, left, y, class_="pt halo" if fits[FONT_PHONE] else "pt halo x", fill=INK))
+    return labels
+
+
+def _spots(shown: FloorMap, frame: _Frame) -> list[Markup]:
+    """Draw the numbered spots: a dot at the peak, a line, and the number where it covers least."""
+    peaks = [frame.at(s.at) for s in shown.spots]
+    placed: list[Point] = []
+    parts = []
+    for spot, (x, y) in zip(shown.spots, peaks, strict=True):
+        choices = []
+        for k in range(16):
+            angle = 2 * math.pi * k / 16
+            at = (x + 88 * math.cos(angle), y - 88 * math.sin(angle))
+            inside = 34 <= at[0] <= frame.width - 34 and 34 <= at[1] <= frame.height - 34
+            near = min((math.dist(at, other) for other in [*placed, *(p for p in peaks if p != (x, y))]), default=400.0)
+            choices.append((inside, min(near, 120.0), round(math.sin(angle), 3), -k, at))
+        at = max(choices)[-1]
+        placed.append(at)
+        (a, b) = round(at[0]), round(at[1])
+        parts += [
+            el("line", class_="mkl", stroke=INK, stroke_width=2, x1=round(x), y1=round(y), x2=a, y2=b),
+            el("circle", class_="mk", fill=INK, cx=round(x), cy=round(y), r=4),
+            el("circle", class_="mkr mb", fill="none", stroke=WHITE, stroke_width=3, cx=a, cy=b, r=18),
+            el("circle", class_="mk mb", fill=INK, cx=a, cy=b, r=17),
+            el(
+                "text",
+                str(spot.number),
+                class_="mkt",
+                fill=WHITE,
+                font_size=19,
+                font_weight=700,
+                text_anchor="middle",
+                dominant_baseline="central",
+                x=a,
+                y=b,
+            ),
+        ]
+    return parts
+
+
+def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
+    y = frame.height + 30
+    radius = rules.distance_m * frame.scale / 2
+    shown_radius = max(radius, 1.0)
+    x = max(shown_radius, 14) + 2
+    line: dict[str, str | float] = {"class_": "sc", "fill": "none", "stroke": INK, "stroke_width": 2}
+    parts = []
+    if shown_radius <= 20:
+        parts.append(el("circle", cx=round(x, 1), cy=y, r=round(shown_radius, 1), **line))
+        if shown_radius > 5:
+            parts.append(el("path", d=f"M{x - shown_radius:.1f} {y}h{2 * shown_radius:.1f}", **line))
+        parts.append(_text(fmt.metres(rules.distance_m), x + shown_radius + 10, y + 5, class_="pt i", fill=INK))
+    else:
+        parts.append(el("path", d=f"M2 {y - 4}v8M2 {y}h{2 * radius:.1f}M{2 + 2 * radius:.1f} {y - 4}v8", **line))
+        parts.append(_text(fmt.metres(rules.distance_m), 2 * radius + 12, y + 5, class_="pt i", fill=INK))
+    if shown.scale_bar_m:
+        width = shown.scale_bar_m * frame.scale
+        right = frame.width - 1
+        parts.append(el("path", d=f"M{right - width:.1f} {y - 6}v8h{width:.1f}v-8", **line))
+        parts.append(
+            _text(fmt.metres(shown.scale_bar_m), right - width - 10, y + 5, class_="pt i", fill=INK, anchor="end")
+        )
+    return parts
+
+
+def nice_metres(width_m: float) -> float:
+    """Return a round length between about a tenth and a quarter of a map's width: 1, 2, 5, 10, 20, 50, ... metres."""
+    exponent = math.floor(math.log10(max(width_m, 1e-3) / 4))
+    for factor in (5, 2, 1):
+        if factor * 10.0**exponent <= width_m / 4:
+            return factor * 10.0**exponent
+    return 10.0**exponent

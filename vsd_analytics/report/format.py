@@ -1,0 +1,199 @@
+"""How numbers, dates and ranges are written on the page: the only place where they become text.
+
+Integers from 10 up, one decimal below, two significant digits below 1; thousands comma; a true minus sign; local times.
+Templates call these as filters and do no arithmetic of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import date, datetime
+from typing import Final
+
+from vsd_analytics.report.model import Estimate
+
+MINUS: Final = "\u2212"
+MISSING: Final = "\u2013"
+DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
+MONTHS: Final = (
+    *("January", "February", "March", "April", "May", "June", "July"),
+    *("August", "September", "October", "November", "December"),
+)
+
+
+def number(value: float | None) -> str:
+    """Write a figure: 1,234; 121; 4.2; 0.42; 0; an en dash when missing.
+
+    Example:
+        >>> number(1234.4), number(9.96), number(4.21), number(0.4167), number(0), number(None)
+        ('1,234', '10', '4.2', '0.42', '0', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    size = abs(value)
+    if size == 0 or size >= 9.95:
+        text = f"{size:,.0f}"
+    elif size >= 0.995:
+        text = f"{size:.1f}"
+    elif size >= 0.0005:
+        text = f"{size:.2g}"
+    else:
+        text = "under 0.001"
+    return (MINUS if value < 0 and text != "0" else "") + text
+
+
+def count(value: float | None) -> str:
+    """Write a whole number with a thousands comma; an en dash when missing."""
+    return MISSING if value is None else f"{round(value):,}".replace("-", MINUS)
+
+
+def percent(share: float | None) -> str:
+    """Write a share as whole percent; what is not quite all or none never looks like it.
+
+    Example:
+        >>> percent(0.927), percent(0.998), percent(0.001), percent(1), percent(0)
+        ('93%', 'over 99%', 'under 1%', '100%', '0%')
+    """
+    if share is None or not math.isfinite(share):
+        return MISSING
+    if 0 < share < 0.005:
+        return "under 1%"
+    if 0.995 <= share < 1:
+        return "over 99%"
+    return f"{share * 100:,.0f}%"
+
+
+def percent_short(share: float | None) -> str:
+    """Write a share as in `percent`, short enough for a narrow column: >99%, <1%."""
+    return percent(share).replace("over ", ">").replace("under ", "<")
+
+
+def signed(change: float | None) -> str:
+    """Write a relative change with its sign: −43%, +8%, 0%."""
+    if change is None or not math.isfinite(change):
+        return MISSING
+    points = round(change * 100)
+    return f"{'+' if points > 0 else MINUS if points < 0 else ''}{abs(points):,}%"
+
+
+def fewer_more(change: float | None) -> str:
+    """Write a relative change in words: 14% fewer, 8% more, about the same."""
+    if change is None:
+        return MISSING
+    points = round(change * 100)
+    if points == 0:
+        return "about the same"
+    return f"{abs(points):,}% {'fewer' if points < 0 else 'more'}"
+
+
+def likely_change(estimate: Estimate) -> str:
+    """Write the interval of a change: likely between 10% and 18% fewer; empty when there is none."""
+    lo, hi = estimate.change_lo, estimate.change_hi
+    if lo is None or hi is None:
+        return ""
+    low, high = round(lo * 100), round(hi * 100)
+    if low < 0 and high < 0:
+        return f"likely between {-high:,}% and {-low:,}% fewer"
+    if low > 0 and high > 0:
+        return f"likely between {low:,}% and {high:,}% more"
+    return f"likely between {fewer_more(lo)} and {fewer_more(hi)}"
+
+
+def likely_signed(estimate: Estimate) -> str:
+    """Write the interval of a change shortly: likely −49% to −37%; empty when there is none."""
+    if estimate.change_lo is None or estimate.change_hi is None:
+        return ""
+    return f"likely {signed(estimate.change_lo)} to {signed(estimate.change_hi)}"
+
+
+def likely_level(estimate: Estimate) -> str:
+    """Write the interval of a level: likely between 116 and 126; empty when there is none."""
+    if estimate.lo is None or estimate.hi is None:
+        return ""
+    return f"likely between {number(estimate.lo)} and {number(estimate.hi)}"
+
+
+def one_in(rate: float) -> str:
+    """Write a small rate as one in so many: 0.035 is "1 in 28"."""
+    return f"1 in {math.floor(1 / rate):,}" if 0 < rate <= 0.5 else number(rate)
+
+
+def metres(value: float) -> str:
+    """Write a distance: 2 m, 1.83 m, 5 m."""
+    return f"{value:g} m"
+
+
+def seconds(value: float) -> str:
+    """Write a duration: 3 seconds, 1 second, 2.5 seconds."""
+    return f"{value:g} second{'' if value == 1 else 's'}"
+
+
+def hours(value: float) -> str:
+    """Write a number of hours with its word: 10 hours, 1 hour, 2.5 hours, under an hour."""
+    if 0 < value < 0.95:
+        return "under an hour"
+    text = f"{value:,.1f}".removesuffix(".0") if value < 10 else f"{value:,.0f}"
+    return f"{text} hour{'' if text == '1' else 's'}"
+
+
+def weekday(day: date) -> str:
+    """Write the day's name: Monday."""
+    return DAYS[day.weekday()]
+
+
+def day_short(day: date) -> str:
+    """Write the day's name in three letters: Mon."""
+    return DAYS[day.weekday()][:3]
+
+
+def date_short(day: date) -> str:
+    """Write a date shortly: Mon 9 Nov."""
+    return f"{day_short(day)} {day.day} {MONTHS[day.month - 1][:3]}"
+
+
+def date_long(day: date) -> str:
+    """Write a date in full: Monday 9 November 2026."""
+    return f"{weekday(day)} {day.day} {MONTHS[day.month - 1]} {day.year}"
+
+
+def date_span(first: date, last: date) -> tuple[str, str]:
+    """Write two dates without repeating what they share: Monday 9, Sunday 15 November 2026."""
+    head = f"{weekday(first)} {first.day}"
+    if (first.month, first.year) != (last.month, last.year):
+        head += f" {MONTHS[first.month - 1]}"
+    if first.year != last.year:
+        head += f" {first.year}"
+    return head, date_long(last)
+
+
+def clock(at: datetime) -> str:
+    """Write the local time: 17:00."""
+    return f"{at.hour:02d}:{at.minute:02d}"
+
+
+def hour_label(hour: int) -> str:
+    """Write an hour of the day: 08:00."""
+    return f"{hour:02d}:00"
+
+
+def instant_short(at: datetime) -> str:
+    """Write an instant shortly: Wed 11 Nov, 12:00."""
+    return f"{date_short(at.date())}, {clock(at)}"
+
+
+def instant_long(at: datetime) -> str:
+    """Write an instant in full: Monday 16 November 2026, 06:00."""
+    return f"{date_long(at.date())}, {clock(at)}"
+
+
+def masked(mask_below: int) -> str:
+    """Write a count that is held back: <5."""
+    return f"<{mask_below}"
+
+
+_FILTERS: Final = (
+    *(number, count, percent, percent_short, signed, fewer_more, likely_change, likely_signed, likely_level),
+    *(metres, seconds, hours, weekday, day_short, date_short, date_long, clock, hour_label),
+    *(instant_short, instant_long, masked),
+)
+FILTERS: Final = {f.__name__: f for f in _FILTERS}

@@ -1,0 +1,290 @@
+"""The words of the page, made by rule from the figures: headline, lead, three things to know, one question.
+
+The headline reads the two verdicts, never a point estimate alone. `SENTENCES` is the whole 4 x 5 table of verdicts
+(how often x how risky); abnormal weeks have their own sentence each. "After" is allowed, "because" is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from vsd_analytics.report import format as fmt
+from vsd_analytics.report import words
+from vsd_analytics.report.model import LogLine, Span, Story, WeekReport
+from vsd_analytics.report.things import question, things
+
+MAX_WORDS: Final = 15
+_SAME: Final = "Violations about the same as last week"
+
+# (how often, how risky) -> sentence. {moved} is "fell by about a seventh", {people} is ", with 15% more people" or "".
+SENTENCES: Final[dict[tuple[str, str], str]] = {
+    ("clear_fall", "clear_fall"): "Violations {moved}",
+    ("clear_fall", "clear_rise"): "Violations {moved}, but rose per person-hour",
+    ("clear_fall", "no_clear_change"): "Violations {moved}{people}: no clear change per person-hour",
+    ("clear_fall", "too_little_data"): "Violations {moved}",
+    ("clear_fall", "not_measurable"): "Violations {moved}",
+    ("clear_rise", "clear_fall"): "Violations {moved}{people}, but fell per person-hour",
+    ("clear_rise", "clear_rise"): "Violations {moved}, and per person-hour too",
+    ("clear_rise", "no_clear_change"): "Violations {moved}{people}: no clear change per person-hour",
+    ("clear_rise", "too_little_data"): "Violations {moved}",
+    ("clear_rise", "not_measurable"): "Violations {moved}",
+    ("no_clear_change", "clear_fall"): f"{_SAME}, but fewer per person-hour",
+    ("no_clear_change", "clear_rise"): f"{_SAME}, but more per person-hour",
+    ("no_clear_change", "no_clear_change"): _SAME,
+    ("no_clear_change", "too_little_data"): _SAME,
+    ("no_clear_change", "not_measurable"): _SAME,
+    ("too_little_data", "clear_fall"): "Fewer violations per person-hour; too little data on how often",
+    ("too_little_data", "clear_rise"): "More violations per person-hour; too little data on how often",
+    ("too_little_data", "no_clear_change"): "Too little data to say whether violations changed",
+    ("too_little_data", "too_little_data"): "Too little data to say whether violations changed",
+    ("too_little_data", "not_measurable"): "Too little data to say whether violations changed",
+}
+
+
+def finish(report: WeekReport) -> WeekReport:
+    """Return the report with its story filled in."""
+    return report if report.story is not None else replace(report, story=tell(report))
+
+
+def tell(report: WeekReport) -> Story:
+    """Make the words of the page.
+
+    Args:
+        report: The figures; `report.story` is not read.
+
+    Returns:
+        Headline with the name of its rule, lead, at most three things to know, one question, notes.
+    """
+    rule, headline = _headline(report)
+    lead, notes = _lead(report)
+    return Story(
+        headline=headline,
+        rule=rule,
+        lead=tuple(lead),
+        things=things(report),
+        question=question(report),
+        notes=tuple(notes),
+    )
+
+
+def risk_key(report: WeekReport) -> str:
+    """Return the second key of `SENTENCES`: the verdict on how risky, or not_measurable."""
+    risky = report.level.risky
+    if risky.state == "not_measurable":
+        return "not_measurable"
+    return risky.verdict or "too_little_data"
+
+
+def often_key(report: WeekReport) -> str:
+    """Return the first key of `SENTENCES`: the verdict on how often."""
+    return report.level.often.verdict or "too_little_data"
+
+
+def _headline(report: WeekReport) -> tuple[str, str]:
+    week, often = report.week, report.level.often
+    match report.state:
+        case "no_data":
+            return "no_data", f"We have no data for week {week.number}"
+        case "too_incomplete":
+            return "too_incomplete", f"Week {week.number} is too incomplete to compare"
+        case "empty":
+            return "empty", f"No violations were recorded in week {week.number}"
+        case "first_week":
+            return "first_week", f"{fmt.number(often.value)} violations per open hour in the first week"
+        case "settings_changed":
+            return "settings_changed", _settings_headline(report)
+        case _:
+            pass
+    keys = often_key(report), risk_key(report)
+    rule = "/".join(k.removeprefix("clear_") for k in keys)
+    people = report.level.people.change
+    said = ""
+    if people is not None and abs(people) >= 0.005:
+        said = f", with {fmt.fewer_more(people)} people"
+    moved = words.moved(often.change) if often.change is not None else "changed"
+    text = SENTENCES[keys].format(moved=moved, people=said)
+    if words.n_words(text) > MAX_WORDS:
+        text = SENTENCES[keys].format(moved=moved, people="")
+    entry = change_to_name(report)
+    if entry is not None:
+        for words_after in _after(entry):
+            longer = f"{text} after {words_after}"
+            if words.n_words(longer) <= MAX_WORDS and ":" not in text:
+                return f"{rule}/after", longer
+    return rule, text
+
+
+def _settings_headline(report: WeekReport) -> str:
+    change = report.settings_change
+    since = f"since week {report.previous.number}" if report.previous else "since last week"
+    when = since
+    if change is not None and change.at is not None:
+        when = f"on {fmt.weekday(change.at.date())}"
+    match change.name if change is not None else "":
+        case "distance_m":
+            return f"A new distance limit was set {when}"
+        case "calibration":
+            return f"A camera was calibrated anew {when}"
+        case "engine":
+            return f"The engine changed {when}"
+        case _:
+            return f"A setting changed {when}, so nothing is compared"
+
+
+def change_to_name(report: WeekReport) -> LogLine | None:
+    """Return the log entry the headline may name with "after", or None.
+
+    It lies in an area whose own verdict is the headline's, was logged by a person, and most of that area's change came
+    after it.
+    """
+    verdict = report.level.often.verdict
+    if report.state != "normal" or verdict not in ("clear_fall", "clear_rise"):
+        return None
+    moved_areas = {a.area_id for a in report.areas if a.often.verdict == verdict and a.area_id is not None}
+    entries = [
+        line
+        for line in report.log
+        if line.kind == "logged"
+        and line.area_id in moved_areas
+        and line.moved_after is not None
+        and line.moved_after > 0.5
+    ]
+    return max(entries, key=lambda e: (e.moved_after or 0.0, e.at), default=None)
+
+
+def _after(entry: LogLine) -> list[str]:
+    text = entry.text.strip().rstrip(".")
+    quoted = [f"\u201c{text}\u201d"] if 0 < words.n_words(text) <= 6 and len(text) <= 48 else []
+    return [*quoted, f"the change at {entry.area_name or entry.area_id}"]
+
+
+def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    coverage, rules, week = report.coverage, report.rules, report.week
+    distance, pause = fmt.metres(rules.distance_m), fmt.seconds(rules.episode_min_s)
+    often = report.level.often
+    match report.state:
+        case "no_data":
+            first, last = fmt.date_span(week.monday, week.sunday)
+            text = (
+                f"No camera sent anything between {first} and {last}. This says nothing about how busy the floor was."
+            )
+            return [Span(text=text)], _no_data_notes(report)
+        case "too_incomplete":
+            text = (
+                f"Cameras recorded {fmt.percent(coverage.share)} of open hours. We show what was seen but give no "
+                f"change and no ranking below {fmt.percent(rules.min_coverage)}."
+            )
+            return [Span(text=text)], _missing_notes(report)
+        case "empty":
+            seen = ""
+            if coverage.seen_h is not None:
+                seen = f" and saw people in {fmt.number(coverage.seen_h)} of {fmt.number(coverage.open_h)} open hours"
+            text = (
+                f"Cameras recorded {fmt.count(coverage.recorded_h)} of {fmt.count(coverage.scheduled_h)} camera-hours"
+                f"{seen}. No two people stood closer than {distance} for {pause} or more."
+            )
+            return [Span(text=text)], [f"If this surprises you, ask whether the {distance} distance was calibrated."]
+        case "first_week":
+            level = fmt.likely_level(often)
+            tail = (f" ({level})" if level else "") + ". There is no earlier week to compare with. "
+            tail += "Use this week to learn where and when, not whether it is getting better."
+            opening = Span(text=f"People came closer than {distance} to each other ")
+            return [opening, _times(report), Span(text=tail)], ["Comparisons start next week."]
+        case "settings_changed":
+            return _settings_lead(report)
+        case _:
+            return _normal_lead(report), []
+
+
+def _times(report: WeekReport) -> Span:
+    return Span(text=f"{fmt.number(report.level.often.value)} times in an average open hour", is_strong=True)
+
+
+def _normal_lead(report: WeekReport) -> list[Span]:
+    level, often = report.level, report.level.often
+    spans = [Span(text=f"People came closer than {fmt.metres(report.rules.distance_m)} to each other "), _times(report)]
+    since = f"week {report.previous.number}" if report.previous else "last week"
+    likely = fmt.likely_change(often)
+    match often.verdict:
+        case "clear_fall" | "clear_rise":
+            spans.append(Span(text=f", {fmt.fewer_more(often.change)} than in {since} ({likely}). "))
+        case "no_clear_change":
+            spans.append(Span(text=f": no clear change since {since}" + (f" ({likely}). " if likely else ". ")))
+        case _:
+            spans.append(Span(text=f". There is too little data to compare it with {since}. "))
+    spans += _risk_spans(report)
+    clear = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
+    same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
+    if same_way and len(clear) <= 3:
+        noun = "fall" if often.verdict == "clear_fall" else "rise"
+        spans.append(Span(text=f"The clear {noun} is at {words.joined(a.name for a in same_way)}. "))
+    spot = report.busiest_spot
+    if spot is not None and spot.area_id is not None and spot.area_id not in {a.area_id for a in same_way}:
+        spans.append(Span(text=f"{spot.name} is the place to look at."))
+    if level.people.value is None and level.risky.state == "ok":
+        return spans
+    return [*spans[:-1], replace(spans[-1], text=spans[-1].text.rstrip())]
+
+
+def _risk_spans(report: WeekReport) -> list[Span]:
+    risky, people = report.level.risky, report.level.people
+    with_people = ""
+    if people.change is not None:
+        many = fmt.fewer_more(people.change)
+        with_people = " with as many people" if many == "about the same" else f" with {many} people"
+    if risky.state == "not_measurable":
+        return [Span(text=f"How risky is not measurable: {risky.reason or 'the engine sends no positions'}. ")]
+    if risky.state == "not_enough_data" or risky.value is None:
+        return [Span(text=f"There is too little data to say how risky: {risky.reason or 'few people were seen'}. ")]
+    spans = [
+        Span(text="For every hour that people spent here there were "),
+        Span(text=fmt.number(risky.value), is_strong=True),
+    ]
+    match risky.verdict:
+        case "clear_fall" | "clear_rise":
+            tail = f", {fmt.fewer_more(risky.change)}{with_people} ({fmt.likely_change(risky)}). "
+        case "no_clear_change":
+            tail = f": no clear change{with_people}. "
+        case _:
+            tail = f"{with_people}. "
+    return [*spans, Span(text=tail)]
+
+
+def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    change = report.settings_change
+    if change is None:
+        return [Span(text="A setting changed, so the change column is blank.")], []
+    what = {"distance_m": "The distance limit", "calibration": "The calibration", "engine": "The engine"}.get(
+        change.name, f"The setting {change.name}"
+    )
+    when = f" on {fmt.date_long(change.at.date())}" if change.at is not None else ""
+    text = f"{what} changed from {change.before} to {change.after}{when}. "
+    text += "Figures before and after cannot be compared, so the change column is blank."
+    notes = [f"To compare, run the week again with one setting: {change.command}"] if change.command else []
+    return [Span(text=text)], notes
+
+
+def _no_data_notes(report: WeekReport) -> list[str]:
+    last = [c.last_record for c in report.coverage.cameras if c.last_record is not None]
+    if not last:
+        return ["No camera has ever sent anything. Check that the engine writes to the folder or topic vsd reads."]
+    if len(last) > 1 and (max(last) - min(last)).total_seconds() <= 60:
+        return [
+            "All cameras stopped at the same minute, which points to the network or the engine, not the cameras.",
+        ]
+    return ["The cameras stopped at different times. Look at the one that stopped last first."]
+
+
+def _missing_notes(report: WeekReport) -> list[str]:
+    longest = sorted(report.coverage.outages, key=lambda o: -o.open_h * len(o.camera_ids))[:2]
+    names = {c.camera_id: c.name for c in report.coverage.cameras}
+    lines = []
+    for outage in sorted(longest, key=lambda o: o.start):
+        who = (
+            "all cameras"
+            if len(outage.camera_ids) == len(names)
+            else words.joined(names.get(c, c) for c in outage.camera_ids)
+        )
+        lines.append(f"{fmt.instant_short(outage.start)} to {fmt.instant_short(outage.end)}, {who}")
+    return [f"Missing: {'; '.join(lines)}."] if lines else []

@@ -1,0 +1,446 @@
+"""What a weekly report knows: one frozen dataclass per section, raw numbers only.
+
+`WeekReport` is the one object behind the page, its JSON twin, the CSV files and the notebook. Nothing in it is
+formatted: numbers are floats, ints or None, instants are aware datetimes in the site's zone, names are the free text of
+`vsd.toml`. A missing number is None and its `state` says why; it is never 0.
+
+Every field carries `help`, and `unit` and `metric` (catalogue id M0 to M29) where they apply; `docs` and the published
+JSON Schema are made from them.
+"""
+# ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field
+from datetime import date, datetime
+from typing import Any, Final, Literal
+
+SCHEMA: Final = "vsd.report.week/1"
+
+Point = tuple[float, float]
+Ring = tuple[Point, ...]
+Polygon = tuple[Ring, ...]
+Extent = tuple[float, float, float, float]
+
+Verdict = Literal["clear_fall", "clear_rise", "no_clear_change", "too_little_data"]
+FigureState = Literal["ok", "not_enough_data", "not_measurable"]
+WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
+HourState = Literal["full", "partial", "low_data", "no_data", "closed"]
+LogKind = Literal["logged", "detected"]
+MapKind = Literal["plan", "floor", "picture"]
+ThingKind = Literal["worked", "watch", "distrust"]
+
+
+def _f(meaning: str, unit: str | None = None, metric: str | None = None, *, default: Any = MISSING) -> Any:
+    """Return a dataclass field that carries its documentation."""
+    metadata = {k: v for k, v in (("help", meaning), ("unit", unit), ("metric", metric)) if v is not None}
+    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A figure of this week with its interval, last week's value over the same hours, and the change between them."""
+
+    value: float | None = _f("This week's value over all its recorded open hours; None when `state` is not ok.")
+    lo: float | None = _f("Lower end of the confidence interval of `value`.", default=None)
+    hi: float | None = _f(
+        "Upper end of the confidence interval of `value`; for 0 the rule-of-three bound.", default=None
+    )
+    previous: float | None = _f("The week before; None when it is not compared.", default=None)
+    change: float | None = _f(
+        "Relative change over the hours recorded in both weeks: -0.14 is 14 % fewer.", "share", default=None
+    )
+    change_lo: float | None = _f("Lower end of the interval of `change`.", "share", default=None)
+    change_hi: float | None = _f("Upper end of the interval of `change`.", "share", default=None)
+    verdict: Verdict | None = _f("Read from the interval of `change`; None when nothing is compared.", default=None)
+    hours_compared: float | None = _f("Camera-hours recorded in both weeks that `change` uses.", "h", default=None)
+    state: FigureState = _f("Whether the value can be given.", default="ok")
+    reason: str | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One entry of `figures`, keyed by catalogue id."""
+
+    unit: str = _f("Unit in words; empty for lists.")
+    value: float | None = _f("The figure; None with a `state` when missing.", default=None)
+    rows: tuple[Mapping[str, Any], ...] | None = _f("The rows of a figure that is a list.", default=None)
+    denominator: float | None = _f("What the figure was divided by.", default=None)
+    lo: float | None = _f("Lower end of its interval.", default=None)
+    hi: float | None = _f("Upper end of its interval.", default=None)
+    verdict: Verdict | None = _f("Verdict on its change, if it is compared.", default=None)
+    state: FigureState = _f("Whether the figure can be given.", default="ok")
+    reason: str | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteRef:
+    """The site and its floors."""
+
+    site_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    floor_id: str = _f("Floor of this report.")
+    floor_name: str = _f("Its display name; free text.")
+    floors: tuple[str, ...] = _f("Ids of all floors of the site.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeekRef:
+    """An ISO week of the site's calendar."""
+
+    iso: str = _f("ISO name, such as 2026-W46.")
+    year: int = _f("ISO year.")
+    number: int = _f("ISO week number.")
+    monday: date = _f("First local day.")
+    sunday: date = _f("Last local day.")
+    zone: str = _f("IANA time zone of all local times.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rules:
+    """The settings that the words of the page depend on; same names as in the settings table."""
+
+    distance_m: float = _f("Two people strictly closer than this are in violation.", "m")
+    episode_min_s: float = _f("For at least this long.", "s", default=3.0)
+    confidence: float = _f("Confidence level of every interval.", "share", default=0.95)
+    mask_below: int = _f("Counts from 1 to just under this are shown as fewer than it.", default=5)
+    min_coverage: float = _f(
+        "Below this share of open hours recorded nothing is compared or ranked.", "share", default=0.6
+    )
+    full_hour_share: float = _f("An hour recorded at least this much is full.", "share", default=0.92)
+    partial_hour_share: float = _f("An hour recorded less than this is low-data.", "share", default=0.5)
+    heat_steps: tuple[float, ...] = _f(
+        "Lower ends of the map's bands.", "violations per m2 per open hour", default=(0.5, 1.0, 2.0, 4.0, 8.0)
+    )
+    hour_steps: tuple[float, ...] = _f(
+        "Lower ends of the timetable's bands.", "violations per hour", default=(0.0, 50.0, 100.0, 150.0, 200.0)
+    )
+    smoothing_m: float = _f("Standard deviation of the map's smoothing.", "m", default=0.5)
+    retention_days: int = _f("Days raw records are meant to be kept.", "days", default=30)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What made the page, so that anyone can make it again."""
+
+    version: str = _f("Version of vsd-analytics.")
+    engines: tuple[str, ...] = _f("Engines and versions that sent the records; hostile text.")
+    settings_id: str = _f("Hash of all settings in force.")
+    settings_non_default: tuple[tuple[str, str], ...] = _f(
+        "Name and value of the settings that differ from the table.", default=()
+    )
+    inputs_digest: str = _f("Hash of the facts the page was made from.", default="")
+    is_made_up: bool = _f("True for `vsd demo`: the page says so.", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraDay:
+    """What one camera recorded on one local day."""
+
+    day: date = _f("Local date.")
+    scheduled_h: float = _f("Open hours of the day; 0 when closed.", "h")
+    recorded_h: float = _f("Open hours recorded.", "h", "M1")
+    share: float | None = _f("Recorded over scheduled; None when closed all day.", "share", "M1")
+    hourly_share: tuple[float | None, ...] = _f(
+        "24 values, local hours 0 to 23: share of the hour recorded; None where closed.", "share", "M1"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraRecord:
+    """What one camera recorded in the week."""
+
+    camera_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    label: str = _f("Short label on the map and in tables, such as 1 or C1.")
+    days: tuple[CameraDay, ...] = _f("Monday to Sunday.", metric="M1")
+    scheduled_h: float = _f("Open hours of the week.", "h")
+    recorded_h: float = _f("Open hours recorded.", "h", "M1")
+    share: float | None = _f("Recorded over scheduled.", "share", "M1")
+    last_record: datetime | None = _f("Instant of the last record ever received, in the site's zone.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outage:
+    """An interval of open hours without data."""
+
+    camera_ids: tuple[str, ...] = _f("Cameras that were silent together.", metric="M2")
+    start: datetime = _f("First missing instant, in the site's zone.", metric="M2")
+    end: datetime = _f("End of the interval, in the site's zone.", metric="M2")
+    open_h: float = _f("Open hours lost, per camera.", "h", "M2")
+    is_inferred: bool = _f("True when the engine sends no heartbeat.", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """How much of the open hours was recorded."""
+
+    share: float = _f("Recorded over scheduled camera-hours.", "share", "M1")
+    recorded_h: float = _f("Recorded open camera-hours.", "camera-hours", "M1")
+    scheduled_h: float = _f("Open camera-hours.", "camera-hours", "M1")
+    open_h: float = _f("Open hours of the site in the week.", "h")
+    seen_h: float | None = _f("Open clock hours in which at least one person was seen.", "h", default=None)
+    cameras: tuple[CameraRecord, ...] = _f("In the order of vsd.toml.", default=())
+    outages: tuple[Outage, ...] = _f("In order of start.", metric="M2", default=())
+    is_inferred: bool = _f(
+        "True when any camera's engine sends no heartbeat: coverage is guessed from gaps.", default=False
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """The first figures of the page."""
+
+    often: Estimate = _f("How often: violations per recorded open hour.", "per open hour", "M0")
+    risky: Estimate = _f("How risky: violations per person-hour.", "per person-hour", "M7")
+    people: Estimate = _f(
+        "People: person-hours seen per recorded open hour, and its change.", "person-hours per open hour", "M3"
+    )
+    exposure_h: float | None = _f("Person-hours seen in the week.", "person-hours", "M3", default=None)
+    violations: int | None = _f(
+        "Violations counted in the week; None if masked or unknown.", "violations", "M8", default=None
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusiestSpot:
+    """The area with the most violations."""
+
+    area_id: str | None = _f("Area, or None for the rest of the floor.")
+    name: str = _f("Its display name; free text.")
+    share: float = _f("Share of all violations.", "share", "M15")
+    floor_share: float | None = _f("Share of the floor that cameras see.", "share", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusiestHour:
+    """The full hour with the most violations."""
+
+    start: datetime = _f("Local start.", metric="M14")
+    violations: float | None = _f("Violations in that hour.", "violations", "M14")
+    is_masked: bool = _f("True: fewer than `mask_below`, do not show the number.", default=False)
+    ratio_to_mean: float | None = _f("Over the mean of the week's full hours.", "ratio", "M14", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AreaRow:
+    """One area of the floor."""
+
+    area_id: str | None = _f("Identifier; None for the rest of the floor.")
+    name: str = _f("Display name; free text.")
+    counted: int | None = _f("Violations counted; None if masked.", "violations", "M15", default=None)
+    is_masked: bool = _f("True: 1 to `mask_below`-1 were counted; no figure of this area is shown.", default=False)
+    often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
+    risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
+    exposure_h: float | None = _f("Person-hours seen in the area.", "person-hours", "M15", default=None)
+    share: float | None = _f("Share of all violations of the floor.", "share", "M15", default=None)
+    recorded_share: float | None = _f(
+        "Open hours recorded by the cameras that own the area.", "share", "M1", default=None
+    )
+    cameras: tuple[str, ...] = _f("Ids of the cameras that own floor of the area.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HourCell:
+    """One local hour of the week."""
+
+    day: date = _f("Local date.")
+    hour: int = _f("Local hour, 0 to 23.")
+    fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
+    start: datetime = _f("Start with offset.")
+    state: HourState = _f("See the house plan, section 7.6.")
+    violations: int | None = _f(
+        "Violations counted; None if masked, no data or closed.", "violations", "M8", default=None
+    )
+    is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
+    scaled: float | None = _f("Low-data hours: counted over recorded share, rough.", "violations", default=None)
+    share: float | None = _f("Camera-hours recorded over open camera-hours.", "share", "M1", default=None)
+    cameras_down: int = _f("Cameras that recorded less than half of it: the true figure is higher.", default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DayMean:
+    """Mean of a day's full hours."""
+
+    day: date = _f("Local date.")
+    value: float | None = _f(
+        "Mean violations per full hour; None without a full hour.", "violations per hour", default=None
+    )
+    hours: int = _f("Full hours in it.", default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HourMean:
+    """Mean of a local hour's full cells over the week."""
+
+    hour: int = _f("Local hour, 0 to 23.")
+    value: float | None = _f(
+        "Mean violations per full hour; None without a full hour.", "violations per hour", default=None
+    )
+    hours: int = _f("Full hours in it.", default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class When:
+    """The timetable."""
+
+    cells: tuple[HourCell, ...] = _f(
+        "All local hours of the week in order (167 to 169 of them), or only the open ones."
+    )
+    day_means: tuple[DayMean, ...] = _f("Monday to Sunday.", default=())
+    hour_means: tuple[HourMean, ...] = _f("By local hour.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapImage:
+    """A picture below the bands."""
+
+    data_uri: str = _f("The picture itself, `data:image/...`; see `pictures.plan_image`, `pictures.picture_image`.")
+    extent: Extent = _f("x0, y0, x1, y1 it covers, in the map's unit.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapBand:
+    """All floor where the density is at least `lower` (and, drawn first to last, below the next band's)."""
+
+    lower: float = _f("Density at the outline.", "violations per m2 per open hour", "M17")
+    polygons: tuple[Polygon, ...] = _f("Each an outer ring followed by its holes, in the map's unit.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapArea:
+    """Outline of a named area."""
+
+    area_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    ring: Ring = _f("Outline in the map's unit.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapCamera:
+    """Where a camera stands, if known."""
+
+    label: str = _f("Short label.")
+    at: Point = _f("Position in the map's unit.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapSpot:
+    """A numbered busiest spot."""
+
+    number: int = _f("Rank, 1 first.")
+    name: str = _f("Name of the area it lies in; free text.")
+    at: Point = _f("Its peak, in the map's unit.")
+    peak: float | None = _f("Density at the peak.", "violations per m2 per open hour", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FloorMap:
+    """One map: the floor plan, bare floor, or a camera picture when there is no plan and no common floor."""
+
+    kind: MapKind = _f("plan and floor are in metres with y up; picture is in pixels with y down.")
+    title: str = _f("Floor or camera name; free text.")
+    extent: Extent = _f("x0, y0, x1, y1 shown, in the map's unit.")
+    image: MapImage | None = _f("Plan or camera picture; None for bare floor.", default=None)
+    bands: tuple[MapBand, ...] = _f(
+        "Weakest first; see `bands.heat_bands`.", "violations per m2 per open hour", "M17", default=()
+    )
+    unseen: tuple[Polygon, ...] = _f("Floor no camera sees.", default=())
+    areas: tuple[MapArea, ...] = _f("Named areas.", default=())
+    cameras: tuple[MapCamera, ...] = _f("Camera positions, if known.", default=())
+    spots: tuple[MapSpot, ...] = _f("At most three.", "violations per m2 per open hour", "M20", default=())
+    scale_bar_m: float | None = _f("Length of the scale bar; None on pictures.", "m", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLine:
+    """One line of the site's change log, or a change that was detected."""
+
+    at: datetime = _f("Instant in the site's zone.")
+    text: str = _f("Free text.")
+    kind: LogKind = _f("Written by a person, or detected.", default="logged")
+    area_id: str | None = _f("Area it concerns; None for the whole floor.", default=None)
+    area_name: str | None = _f("Its display name.", default=None)
+    since: Estimate | None = _f(
+        "The area since the entry, against the same hours of the week before.", "per open hour", "M27", default=None
+    )
+    moved_after: float | None = _f(
+        "Share of the area's change over the week that came after the entry, 0 to 1.", "share", default=None
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingsChange:
+    """A setting or calibration that changed inside the comparison window, so that nothing is compared."""
+
+    name: str = _f("Setting, such as distance_m, or calibration.")
+    before: str = _f("Value before, with unit.")
+    after: str = _f("Value after, with unit.")
+    at: datetime | None = _f(
+        "Instant of the change in the site's zone; None: somewhere between the two weeks.", default=None
+    )
+    often_before: Estimate | None = _f(
+        "How often, in this week before the change.", "per open hour", "M0", default=None
+    )
+    often_after: Estimate | None = _f(
+        "How often, in this week from the change on.", "per open hour", "M0", default=None
+    )
+    command: str | None = _f("What recomputes the week with one setting.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """A run of words; strong ones are set bold."""
+
+    text: str = _f("The words.")
+    is_strong: bool = _f("Set bold.", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thing:
+    """One of the three things to know."""
+
+    kind: ThingKind = _f("What worked, what to watch, what not to trust.")
+    title: str = _f("The finding as a sentence.")
+    text: str = _f("Its evidence.")
+    target: str = _f("Anchor of the proof on the page: where, when, changed, data.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Story:
+    """The words of the page, made by rule from the figures (`headline.tell`)."""
+
+    headline: str = _f("One sentence, at most 15 words where names allow.")
+    rule: str = _f("Name of the rule that made it, such as fall/fall or no_data.")
+    lead: tuple[Span, ...] = _f("Two to four sentences.")
+    things: tuple[Thing, ...] = _f("At most three.")
+    question: str = _f("Exactly one, about the room.")
+    notes: tuple[str, ...] = _f("What an abnormal week says in its box.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeekReport:
+    """One floor, one week."""
+
+    schema: str = _f("Schema id of this object.", default=SCHEMA)
+    site: SiteRef = _f("The site.")
+    week: WeekRef = _f("The week.")
+    previous: WeekRef | None = _f("The week compared with; None if there is none.", default=None)
+    generated_at: datetime = _f("From --now or the data, never the clock; in the site's zone.")
+    provenance: Provenance = _f("What made it.")
+    rules: Rules = _f("Settings the words depend on.")
+    state: WeekState = _f(
+        "What may be said; the first true of no_data, too_incomplete, empty, settings_changed, first_week, normal."
+    )
+    coverage: Coverage = _f("Data recorded.", metric="M1")
+    level: Level = _f("How often, how risky, how many people.")
+    busiest_spot: BusiestSpot | None = _f("None when nothing is ranked.", metric="M15", default=None)
+    busiest_hour: BusiestHour | None = _f("None when nothing is ranked.", metric="M14", default=None)
+    areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
+    when: When = _f("The timetable.", metric="M8")
+    maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
+    log: tuple[LogLine, ...] = _f("In order of time.", default=())
+    settings_change: SettingsChange | None = _f("Set when `state` is settings_changed.", default=None)
+    figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
+    story: Story | None = _f("Filled by `headline.tell`; None until then.", default=None)

@@ -1,0 +1,144 @@
+"""Pictures inside the page: floor plans and empty camera scenes as small data URIs."""
+
+from __future__ import annotations
+
+import base64
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from vsd_analytics.errors import ReportError, Where
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+MAX_BYTES: Final = 60_000
+
+
+def data_uri(data: bytes, *, kind: str) -> str:
+    """Return bytes as a data URI of media type `image/{kind}`."""
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[int, int]]:
+    """Return a floor plan as a data URI and its size in pixels.
+
+    White becomes transparent (colour to alpha), so that heat can lie below the lines and a dark page can invert them.
+    The picture is made smaller and its colours fewer until it fits. SVG plans are carried as they are.
+
+    Args:
+        path: SVG, PNG or JPG file.
+        max_bytes: Largest size of the picture.
+
+    Returns:
+        The data URI, and width and height in pixels of the *original* file (0, 0 for SVG).
+
+    Raises:
+        ReportError: The file is no picture (E501), or an SVG larger than four times `max_bytes` (E502).
+    """
+    if path.suffix.lower() == ".svg":
+        data = _read(path)
+        if len(data) > 4 * max_bytes:
+            raise ReportError(
+                f"the floor plan is {len(data) // 1000} KB of SVG",
+                code="E502",
+                where=Where(file=str(path)),
+                why=f"the report carries it inside, and an SVG plan may have at most {4 * max_bytes // 1000} KB",
+                mend="save it as PNG and name that file in vsd.toml",
+            )
+        return data_uri(data, kind="svg+xml"), (0, 0)
+    import cv2
+    import numpy as np
+
+    image = _decode(path, flags=cv2.IMREAD_UNCHANGED)
+    bgr = _on_white(image)
+    height, width = bgr.shape[:2]
+    for side, levels in ((1400, 9), (1200, 6), (1000, 5), (800, 4), (640, 4), (480, 3), (320, 3), (160, 2)):
+        factor = min(1.0, side / max(width, height))
+        size = max(1, round(width * factor)), max(1, round(height * factor))
+        small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA) if factor < 1 else bgr
+        encoded = cv2.imencode(".png", _white_to_alpha(small, levels=levels), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
+        if encoded.nbytes <= max_bytes:
+            break
+    return data_uri(np.asarray(encoded).tobytes(), kind="png"), (width, height)
+
+
+def picture_image(path: Path, *, width_px: int = 640, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[int, int]]:
+    """Return an empty camera scene as a grey WebP data URI and the size of the original in pixels.
+
+    Args:
+        path: PNG or JPG file.
+        width_px: Width it is made smaller to.
+        max_bytes: Quality is lowered until it fits.
+
+    Raises:
+        ReportError: The file is no picture (E501).
+    """
+    import cv2
+    import numpy as np
+
+    grey = _decode(path, flags=cv2.IMREAD_GRAYSCALE)
+    height, width = grey.shape[:2]
+    factor = min(1.0, width_px / width)
+    small = cv2.resize(grey, (round(width * factor), max(1, round(height * factor))), interpolation=cv2.INTER_AREA)
+    for quality in (60, 40, 20, 5):
+        encoded = cv2.imencode(".webp", small, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
+        if encoded.nbytes <= max_bytes:
+            break
+    return data_uri(np.asarray(encoded).tobytes(), kind="webp"), (width, height)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise _no_picture(path, error.strerror or "it cannot be read") from error
+
+
+def _decode(path: Path, *, flags: int) -> NDArray[Any]:
+    import cv2
+    import numpy as np
+
+    data = _read(path)
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if data else None
+    if image is None:
+        raise _no_picture(path, "it is no PNG or JPG picture")
+    return np.asarray(image)
+
+
+def _no_picture(path: Path, why: str) -> ReportError:
+    return ReportError(
+        f"the picture {path.name} cannot be shown",
+        code="E501",
+        where=Where(file=str(path)),
+        why=why,
+        mend="name another file in vsd.toml, or take the line out",
+    )
+
+
+def _on_white(image: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return 8-bit BGR; transparent pixels become white."""
+    import cv2
+    import numpy as np
+
+    if image.dtype == np.uint16:
+        image = (image // 257).astype(np.uint8)
+    if image.ndim == 2:
+        return np.asarray(cv2.cvtColor(image.astype(np.uint8), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    if image.shape[2] == 4:
+        alpha = image[..., 3:].astype(np.float32) / 255
+        return np.asarray(image[..., :3] * alpha + 255 * (1 - alpha) + 0.5, dtype=np.uint8)
+    return image.astype(np.uint8)
+
+
+def _white_to_alpha(bgr: NDArray[Any], *, levels: int) -> NDArray[np.uint8]:
+    """Return BGRA with `levels` steps of alpha: white is clear, the rest keeps its look on a white page."""
+    import numpy as np
+
+    colour = bgr.astype(np.float32)
+    alpha = 255 - colour.min(axis=2, keepdims=True)
+    alpha = np.round(alpha / 255 * (levels - 1)) / (levels - 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ink = np.where(alpha > 0, (colour - 255 * (1 - alpha)) / alpha, 0)
+    ink = np.round(np.clip(ink, 0, 255) / 51) * 51
+    return np.concatenate([ink, alpha * 255], axis=2).astype(np.uint8)

@@ -1,0 +1,306 @@
+"""The weekly page: one HTML file with one style, no script, no request, equal bytes for equal reports."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from dataclasses import dataclass, fields
+from functools import cache
+from itertools import pairwise
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from vsd_analytics.report import floorplan, svg, tables, titles, words
+from vsd_analytics.report import format as fmt
+from vsd_analytics.report.headline import finish
+from vsd_analytics.report.model import AreaRow, Estimate, FloorMap, Outage, Story, WeekReport
+from vsd_analytics.report.tiles import Tile, tiles
+from vsd_analytics.report.twins import rounded
+from vsd_analytics.resources import shipped
+
+_SECTIONS = {
+    "where": "Where",
+    "when": "When",
+    "changed": "What changed",
+    "data": "Data recorded",
+    "about": "About",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnMap:
+    """A map and its drawing."""
+
+    shown: FloorMap
+    drawing: Markup
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeRow:
+    """One row of the table of changes: texts and the interval bar."""
+
+    name: str
+    previous: str
+    value: str
+    bar: Markup
+    words: str
+    detail: str
+    direction: str
+    is_total: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutageRow:
+    """An outage and whose it was."""
+
+    who: str
+    outage: Outage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """Everything the templates may use; each field is one variable.
+
+    Attributes:
+        report: The figures.
+        story: The words made from them.
+        style: The page's only style.
+        style_hash: Base64 SHA-256 of `style`, for the content security policy.
+        span: First and last day in words.
+        shown: Sections on this page.
+        contents: Anchor and name of each section.
+        anchors: Name of the section behind each anchor.
+        things_title: Heading of the things to know.
+        tiles: Key figures.
+        titles: Titles of the figures.
+        maps: Maps with drawings.
+        has_spots: True when numbers are drawn on a map.
+        heat_legend: Steps of the map's ramp.
+        doubles: True when each step of the map doubles.
+        hour_legend: Steps of the timetable's ramp.
+        is_ranked: True when areas may be ordered and shares shown.
+        areas: Areas in the order of the page.
+        table: The timetable.
+        down: Names of cameras that were down in some hour.
+        masked_hours: True when any hour is held back.
+        second: True when the clocks were set back.
+        is_compared: True when changes are shown.
+        why_not_compared: Why not.
+        axis: Labels above the interval bars.
+        changes: Rows of the table of changes.
+        strips: Rows of the table of recorded hours.
+        outages: Missing hours, one by one.
+    """
+
+    report: WeekReport
+    story: Story
+    style: Markup
+    style_hash: str
+    span: tuple[str, str]
+    shown: frozenset[str]
+    contents: tuple[tuple[str, str], ...]
+    anchors: dict[str, str]
+    things_title: str
+    tiles: tuple[Tile, ...]
+    titles: dict[str, str]
+    maps: tuple[DrawnMap, ...]
+    has_spots: bool
+    heat_legend: tuple[tables.Step, ...]
+    doubles: bool
+    hour_legend: tuple[tables.Step, ...]
+    is_ranked: bool
+    areas: tuple[AreaRow, ...]
+    table: tables.Timetable
+    down: str
+    masked_hours: bool
+    second: bool
+    is_compared: bool
+    why_not_compared: str
+    axis: Markup
+    changes: tuple[ChangeRow, ...]
+    strips: tuple[tables.StripRow, ...]
+    outages: tuple[OutageRow, ...]
+
+
+def render_html(report: WeekReport) -> str:
+    """Return the page of a week as one self-contained HTML file.
+
+    Floats are rounded as in the JSON twin first, so that both say the same.
+
+    Args:
+        report: The figures; its story is made here when it has none.
+    """
+    page = make_page(report)
+    context = {f.name: getattr(page, f.name) for f in fields(page)}
+    text = _environment().get_template("week.html.j2").render(context)
+    return re.sub(r"\n\s*\n+", "\n", text)
+
+
+def make_page(report: WeekReport) -> Page:
+    """Return what the templates show; see `Page`."""
+    report = finish(rounded(report))
+    if report.story is None:
+        raise AssertionError("finish fills the story")
+    style = _style(report)
+    is_compared = report.state == "normal" and report.previous is not None
+    is_ranked = report.state in ("normal", "first_week", "settings_changed")
+    shown = _shown(report)
+    timetable = tables.timetable(report)
+    limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
+    steps = report.rules.heat_steps
+    names = {c.camera_id: c.name for c in report.coverage.cameras}
+    return Page(
+        report=report,
+        story=report.story,
+        style=Markup(style),
+        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        span=fmt.date_span(report.week.monday, report.week.sunday),
+        shown=shown,
+        contents=tuple((k, v) for k, v in _SECTIONS.items() if k in shown),
+        anchors=_SECTIONS,
+        things_title={3: "Three things to know", 2: "Two things to know"}.get(len(report.story.things), "What to know"),
+        tiles=tiles(report),
+        titles={name: getattr(titles, name)(report) for name in ("where", "when", "changed", "data")},
+        maps=tuple(_drawn(m, i, report, is_ranked=is_ranked) for i, m in enumerate(report.maps)),
+        has_spots=is_ranked and any(m.spots for m in report.maps),
+        heat_legend=tables.legend(steps, is_count=False),
+        doubles=all(abs(b - 2 * a) < 1e-9 for a, b in pairwise(steps)),
+        hour_legend=tables.legend(report.rules.hour_steps, is_count=True),
+        is_ranked=is_ranked,
+        areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
+        table=timetable,
+        down=words.joined(names.get(c, c) for c in _down(report)),
+        masked_hours=any(c.is_masked for c in report.when.cells),
+        second=any(row.is_second for row in timetable.rows),
+        is_compared=is_compared,
+        why_not_compared=_why_not_compared(report),
+        axis=svg.change_axis(limit),
+        changes=_changes(report, limit=limit) if is_compared else (),
+        strips=tables.strips(report),
+        outages=tuple(_outage(o, names) for o in report.coverage.outages),
+    )
+
+
+def _shown(report: WeekReport) -> frozenset[str]:
+    if report.state == "no_data":
+        return frozenset({"data", "about"} | ({"changed"} if report.log else set()))
+    maps = {"where"} if report.maps else set()
+    return frozenset({"when", "changed", "data", "about"} | maps)
+
+
+def _down(report: WeekReport) -> list[str]:
+    """Return the cameras that missed at least an hour the others may have recorded, most missed first."""
+    lost: dict[str, float] = {}
+    for outage in report.coverage.outages:
+        if len(outage.camera_ids) < len(report.coverage.cameras):
+            for camera_id in outage.camera_ids:
+                lost[camera_id] = lost.get(camera_id, 0.0) + outage.open_h
+    return sorted((c for c, h in lost.items() if h >= 0.5), key=lambda c: (-lost[c], c))[:3]
+
+
+def _why_not_compared(report: WeekReport) -> str:
+    match report.state:
+        case "first_week":
+            return "There is no earlier week to compare with. Comparisons start next week."
+        case "settings_changed":
+            return "A setting changed, so figures before and after it cannot be compared."
+        case "too_incomplete":
+            return (
+                f"Below {fmt.percent(report.rules.min_coverage)} of open hours recorded, nothing is compared or ranked."
+            )
+        case "empty":
+            return "There is nothing to compare."
+        case _:
+            return "There is no data to compare."
+
+
+def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) -> DrawnMap:
+    spots = shown.spots if is_ranked else ()
+    label = f"Heatmap of {shown.title}, week {report.week.number}. "
+    if spots:
+        label += "Numbered spots: " + "; ".join(f"{s.number} {s.name}" for s in spots) + ". "
+    elif not shown.bands:
+        label += "No floor reaches the first colour. "
+    if shown.unseen:
+        label += "Hatched floor is seen by no camera. "
+    if report.areas:
+        label += "The table below gives the figures."
+    if not is_ranked and shown.spots:
+        shown = FloorMap(**{f.name: getattr(shown, f.name) for f in fields(shown)} | {"spots": ()})
+    drawing = floorplan.floor_map(shown, index=index, rules=report.rules, label=label.strip())
+    return DrawnMap(shown=shown, drawing=drawing)
+
+
+def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
+    rows = [_change_row(a.name, a.often, limit=limit, is_masked=a.is_masked) for a in report.areas]
+    return (*rows, _change_row("Whole floor", report.level.often, limit=limit, is_total=True))
+
+
+def _change_row(
+    name: str, estimate: Estimate, *, limit: float, is_masked: bool = False, is_total: bool = False
+) -> ChangeRow:
+    if is_masked:
+        estimate = Estimate(value=None, verdict="too_little_data", reason="too few to print")
+    clear = estimate.verdict in ("clear_fall", "clear_rise")
+    said = words.verdict_words(estimate)
+    return ChangeRow(
+        name=name,
+        previous=fmt.number(estimate.previous),
+        value=fmt.number(estimate.value),
+        bar=svg.change_bar(estimate, limit=limit),
+        words=f"{said}, {fmt.signed(estimate.change)}" if clear else said,
+        detail=estimate.reason or "" if estimate.verdict == "too_little_data" else fmt.likely_signed(estimate),
+        direction=words.direction(estimate.verdict),
+        is_total=is_total,
+    )
+
+
+def _outage(outage: Outage, names: dict[str, str]) -> OutageRow:
+    everyone = len(outage.camera_ids) == len(names) > 1
+    who = "All cameras" if everyone else words.joined(names.get(c, c) for c in outage.camera_ids)
+    return OutageRow(who=who, outage=outage)
+
+
+def _style(report: WeekReport) -> str:
+    """Return the style without comments and indents, with the printed footers of this report."""
+    footer = css_string(f"{report.site.name}, week {report.week.number}, {report.week.year}")
+    font = "font: 8pt Arial, sans-serif; color: #525d68"
+    pages = (
+        f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
+        f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
+    )
+    return _shipped_style() + pages
+
+
+@cache
+def _shipped_style() -> str:
+    text = (shipped("reports") / "static" / "report.css").read_text(encoding="utf-8")
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    return "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
+
+
+def css_string(text: str) -> str:
+    r"""Return `text` as a CSS string in which every character but ASCII letters, digits and ` ,.-` is escaped.
+
+    Example:
+        >>> css_string('a"</style>')
+        '"a\\22 \\3c \\2f style\\3e "'
+    """
+    safe = re.compile(r"[A-Za-z0-9 ,.\-]")
+    return '"' + "".join(c if safe.match(c) else f"\\{ord(c):x} " for c in text) + '"'
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(shipped("reports") / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(fmt.FILTERS)
+    return environment

@@ -1,0 +1,139 @@
+"""The twins of the page: JSON with every figure on it, its JSON Schema, and tidy CSV tables."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import math
+from typing import Any, Final
+
+import msgspec
+
+from vsd_analytics.report import model
+from vsd_analytics.report.headline import finish
+from vsd_analytics.report.model import AreaRow, HourCell, WeekReport
+
+DIGITS: Final = 6
+HOURS_COLUMNS: Final = ("site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state")
+AREAS_COLUMNS: Final = (
+    *("site", "floor", "week", "area", "name", "counted", "per_open_hour", "lo", "hi", "previous"),
+    *(
+        "change",
+        "change_lo",
+        "change_hi",
+        "verdict",
+        "share",
+        "exposure_h",
+        "per_person_hour",
+        "recorded_share",
+        "state",
+    ),
+)
+
+
+def rounded(report: WeekReport) -> WeekReport:
+    """Return the report with every float rounded to 6 significant digits, as the JSON twin writes them."""
+    return msgspec.convert(_round(msgspec.to_builtins(report)), WeekReport)
+
+
+def to_json(report: WeekReport) -> bytes:
+    """Return the JSON twin: sorted keys, floats with 6 significant digits, one trailing newline.
+
+    A missing number is null beside a `state`, never 0. The words of the page stand under `story`.
+    """
+    data = _round(msgspec.to_builtins(finish(rounded(report))))
+    return (json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+
+
+def from_json(data: bytes) -> WeekReport:
+    """Return the report a JSON twin was made from; rendering it gives the same page."""
+    return msgspec.json.decode(data, type=WeekReport)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of the twin; each property carries its help, unit and catalogue id."""
+    schema = msgspec.json.schema(WeekReport)
+    for name, definition in schema["$defs"].items():
+        kind = getattr(model, name)
+        for field in dataclasses.fields(kind):
+            property_ = definition["properties"][field.name]
+            metadata = dict(field.metadata)
+            if "$ref" in property_:
+                property_ = definition["properties"][field.name] = {"allOf": [property_]}
+            property_["description"] = metadata.pop("help")
+            property_ |= {f"x-{key}": value for key, value in metadata.items()}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": model.SCHEMA, "title": "Weekly report"}
+    return {**head, **schema}
+
+
+def to_csv(report: WeekReport) -> dict[str, str]:
+    """Return the tidy tables by file name: one row per hour of the floor, one row per area.
+
+    `hours.csv` has one row per local hour with the area `all`; a held-back count is empty with the state `masked`.
+    Times are ISO 8601 with offset. Names that a spreadsheet would take for a formula get an apostrophe before them.
+    """
+    report = rounded(report)
+    place = (report.site.site_id, report.site.floor_id)
+    hours = [(*place, "all", *_hour(c)) for c in report.when.cells]
+    areas = [(*place, report.week.iso, *_area(a)) for a in report.areas]
+    return {"hours.csv": _csv(HOURS_COLUMNS, hours), "areas.csv": _csv(AREAS_COLUMNS, areas)}
+
+
+def _hour(cell: HourCell) -> tuple[Any, ...]:
+    is_open = cell.state != "closed"
+    minutes = None if cell.share is None or not is_open else round(cell.share * 60, 1)
+    state = "masked" if cell.is_masked else cell.state
+    return cell.start.isoformat(), "yes" if is_open else "no", minutes, cell.violations, state
+
+
+def _area(row: AreaRow) -> tuple[Any, ...]:
+    if row.is_masked:
+        held_back = (None,) * 12
+        return row.area_id or "", safe_cell(row.name), *held_back, row.recorded_share, "masked"
+    often = row.often
+    return (
+        row.area_id or "",
+        safe_cell(row.name),
+        row.counted,
+        *(often.value, often.lo, often.hi, often.previous, often.change, often.change_lo, often.change_hi),
+        often.verdict,
+        row.share,
+        row.exposure_h,
+        row.risky.value if row.risky is not None else None,
+        row.recorded_share,
+        often.state,
+    )
+
+
+def safe_cell(text: str) -> str:
+    """Return text that no spreadsheet takes for a formula."""
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
+def _csv(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(["" if v is None else v for v in row] for row in rows)
+    return out.getvalue()
+
+
+def _round(value: Any) -> Any:
+    match value:
+        case float():
+            return significant(value)
+        case dict():
+            return {str(k): _round(v) for k, v in value.items()}
+        case list() | tuple():
+            return [_round(v) for v in value]
+        case _:
+            return value
+
+
+def significant(value: float) -> float | None:
+    """Return `value` with 6 significant digits; None for what is not finite."""
+    if not math.isfinite(value):
+        return None
+    return float(f"{value:.{DIGITS}g}")

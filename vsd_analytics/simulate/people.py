@@ -1,0 +1,344 @@
+"""The people of one simulated day: who comes when, with whom, where they stop, and where they are at every frame.
+
+Arrivals are Poisson by hour of the week times a factor of the day. Singles and groups enter by the door, some stop at
+the display, all stop at shelves, some at the pharmacy; all queue at the tills and leave.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from functools import cache
+from math import hypot
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.simulate.shop import (
+    CHECKOUT,
+    DOOR_IN,
+    DOOR_OUT,
+    PHARMACY,
+    SHOP_AFTER,
+    SHOP_BEFORE,
+    STOPS,
+    FloatArray,
+    Rect,
+    Shop,
+    Stop,
+)
+from vsd_analytics.simulate.walking import Routes, Walker, serve
+from vsd_analytics.site import Point
+
+IntArray = NDArray[np.int64]
+
+MARGIN_S = 900
+"""The engine starts this long before opening and stops this long after closing."""
+
+PARTIES_PER_H = 55.0
+"""Singles and groups that enter in an average hour."""
+_WEEKDAY = (0.92, 0.90, 0.93, 0.97, 1.08, 1.22, 0.95)
+_HOUR = (*[0.5] * 8, 0.55, 0.7, 0.88, 1.02, 1.3, 1.0, 0.78, 0.85, 1.08, 1.4, 1.25, 0.9, 0.55, *[0.4] * 3)
+_SATURDAY = (*[0.5] * 8, 0.6, 0.85, 1.1, 1.22, 1.2, 0.95, 0.9, 1.05, 1.25, 1.3, 1.1, 0.8, 0.5, *[0.4] * 3)
+_DAY_SD = 0.07
+_GROUP_SIZES, _GROUP_SHARES = (1, 2, 3, 4), (0.84, 0.13, 0.02, 0.01)
+_PHARMACY_SHARE = 0.08
+_SERVICE_S, _PHARMACY_S = 74.0, 110.0
+_LAST_ENTRY_S = 480.0
+_APART_M = 0.5
+_ELBOW_ROOM_M = 2.2
+_FAR_S = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class Day:
+    """Where everybody is at every frame of one day; rows are ordered by person, then frame.
+
+    Attributes:
+        day: Local date.
+        opens: Local opening instant.
+        closes: Local closing instant.
+        first_frame_ms: UTC milliseconds of frame 0.
+        interval_ms: Milliseconds from frame to frame.
+        n_frames: Frames of the day.
+        shop: The shop as it stood.
+        person: Person of each row, from 0 (int64).
+        party: Single or group of each row, from 0 (int64).
+        frame: Frame of each row (int64).
+        x_m: True floor x of each row.
+        y_m: True floor y of each row.
+        entered_ms: UTC milliseconds at which each person (not row) entered.
+    """
+
+    day: date
+    opens: datetime
+    closes: datetime
+    first_frame_ms: int
+    interval_ms: int
+    n_frames: int
+    shop: Shop
+    person: IntArray
+    party: IntArray
+    frame: IntArray
+    x_m: FloatArray
+    y_m: FloatArray
+    entered_ms: IntArray
+
+    @property
+    def frame_ms(self) -> IntArray:
+        """Return the UTC milliseconds of all frames."""
+        return self.first_frame_ms + self.interval_ms * np.arange(self.n_frames, dtype=np.int64)
+
+
+def parties_per_hour(day: date, hour: int) -> float:
+    """Return the expected singles and groups entering in an hour of the day, before the factor of the day.
+
+    Args:
+        day: Local date.
+        hour: Local hour 0 to 23.
+    """
+    weekday = day.weekday()
+    return PARTIES_PER_H * _WEEKDAY[weekday] * (_SATURDAY if weekday == 5 else _HOUR)[hour]
+
+
+def simulate_day(
+    opens: datetime, *, closes: datetime, seed: int, interval_s: float, display_moved: bool, busy: float = 1.0
+) -> Day:
+    """Simulate one day of the shop.
+
+    The same seed and date give the same people whatever the frame interval.
+
+    Args:
+        opens: Opening instant, with its zone.
+        closes: Closing instant of the same local day.
+        seed: Seed of the world.
+        interval_s: Seconds from frame to frame.
+        display_moved: True when the display already stands in its new place.
+        busy: Factor on the number of people.
+
+    Returns:
+        True positions at every frame from 15 minutes before opening to 15 minutes after closing.
+    """
+    day = opens.date()
+    draw = Random(seed * 1_000_003 + day.toordinal())
+    noise = np.random.default_rng([seed, day.toordinal()])
+    shop = SHOP_AFTER if display_moved else SHOP_BEFORE
+    open_s = (closes - opens).total_seconds()
+    walkers = _visits(shop, draw, opens=opens, open_s=open_s, busy=busy)
+
+    interval_ms = round(interval_s * 1000)
+    n_frames = int((open_s + 2 * MARGIN_S) * 1000 // interval_ms)
+    first_ms = round(opens.timestamp() * 1000) - MARGIN_S * 1000
+    party, person, frame, x, y = _positions(walkers, interval_ms / 1000, n_frames, noise)
+    x, y = _apart(frame, x, y)
+    x, y = shop.nearest_free(x, y)
+    entered = np.array([w.t_s[0] for w in walkers for _ in range(w.size)], dtype=np.float64)
+    return Day(
+        day=day,
+        opens=opens,
+        closes=closes,
+        first_frame_ms=first_ms,
+        interval_ms=interval_ms,
+        n_frames=n_frames,
+        shop=shop,
+        person=person,
+        party=party,
+        frame=frame,
+        x_m=x,
+        y_m=y,
+        entered_ms=first_ms + MARGIN_S * 1000 + np.round(entered * 1000).astype(np.int64),
+    )
+
+
+@cache
+def _routes(display_moved: bool) -> Routes:
+    return Routes(SHOP_AFTER if display_moved else SHOP_BEFORE)
+
+
+def _visits(shop: Shop, draw: Random, *, opens: datetime, open_s: float, busy: float) -> list[Walker]:
+    """Return the way of every single and of every group's leader; times are seconds after opening."""
+    routes = _routes(shop is SHOP_AFTER)
+    factor = busy * draw.lognormvariate(-(_DAY_SD**2) / 2, _DAY_SD)
+    walkers = []
+    for entry_s in _entries(draw, opens=opens, open_s=open_s - _LAST_ENTRY_S, factor=factor):
+        size = draw.choices(_GROUP_SIZES, _GROUP_SHARES)[0]
+        walkers.append(Walker(routes, draw, zone="hall", start_s=entry_s, place=_within(DOOR_IN, draw), size=size))
+
+    to_pharmacy = []
+    taken: dict[str, deque[_Spot]] = {}
+    for walker in walkers:
+        hurry = 0.5 if walker.now_s > open_s - 1200 else 1.0
+        if draw.random() < shop.display_share and hurry == 1.0:
+            spot = draw.choices(shop.display_stops, [s.weight for s in shop.display_stops])[0]
+            walker.go(spot.zone, _within(spot.rect, draw))
+            walker.stand(_dwell(draw, 90.0))
+        for stop in _shopping_list(draw, hurry):
+            _browse(walker, stop, draw, mean_s=46.0 * hurry, taken=taken)
+        if draw.random() < _PHARMACY_SHARE:
+            to_pharmacy.append(walker)
+    serve(to_pharmacy, PHARMACY, draw=draw, service_s=_PHARMACY_S, open_stations=[1])
+    hours = [opens + timedelta(hours=h) for h in range(int(open_s // 3600) + 1)]
+    tills = [1 + int(busy * parties_per_hour(at.date(), at.hour) / 58.0) for at in hours]
+    serve(walkers, CHECKOUT, draw=draw, service_s=_SERVICE_S, open_stations=[min(n, 4) for n in tills])
+    for walker in walkers:
+        walker.go("exit-lane", (draw.uniform(14.0, 16.5), draw.uniform(0.4, 0.9)))
+        walker.go("hall", _within(DOOR_OUT, draw))
+    return walkers
+
+
+def _entries(draw: Random, *, opens: datetime, open_s: float, factor: float) -> list[float]:
+    """Return the seconds after opening at which singles and groups enter: Poisson, rate constant within an hour."""
+    entries = []
+    at_s = 0.0
+    while at_s < open_s:
+        local = opens + timedelta(seconds=at_s)
+        rate_h = factor * parties_per_hour(local.date(), local.hour)
+        step_s = draw.expovariate(rate_h) * 3600 if rate_h > 0 else 3600.0
+        hour_left_s = 3600 - (local.minute * 60 + local.second + local.microsecond / 1e6)
+        if step_s > hour_left_s:
+            at_s += hour_left_s + 1e-3  # the exponential has no memory: draw again with the next hour's rate
+            continue
+        at_s += step_s
+        if at_s < open_s:
+            entries.append(at_s)
+    return entries
+
+
+def _shopping_list(draw: Random, hurry: float) -> list[Stop]:
+    """Return the stops of one visit, in the order of a round through the shop from the right to the left or back."""
+    n_stops = max(1, round(draw.gammavariate(3.0, 1.5 * hurry)))
+    stops = draw.choices(STOPS, [s.weight for s in STOPS], k=n_stops)
+    order = {"fruit-front": 0, "fruit-side": 1, "right": 2, "aisle-3": 3, "back": 4, "aisle-2": 5, "aisle-1": 6}
+    stops.sort(key=lambda s: order.get(s.zone, 7) + draw.uniform(-0.8, 0.8))
+    if draw.random() < 0.25:
+        stops.reverse()
+    return stops
+
+
+class _Spot(NamedTuple):
+    """A place at a shelf somebody has taken, and until when."""
+
+    x_m: float
+    y_m: float
+    until_s: float
+
+
+def _browse(walker: Walker, stop: Stop, draw: Random, *, mean_s: float, taken: dict[str, deque[_Spot]]) -> None:
+    """Stand a while at a shelf, of three places at the first that nobody else is close to, or at the third."""
+    others = taken.setdefault(stop.zone, deque(maxlen=24))
+    x, y = _within(stop.rect, draw)
+    for _ in range(2):
+        there_s = walker.now_s + hypot(x - walker.x_m[-1], y - walker.y_m[-1]) / walker.speed_m_s
+        if all(spot.until_s < there_s or hypot(spot.x_m - x, spot.y_m - y) > _ELBOW_ROOM_M for spot in others):
+            break
+        x, y = _within(stop.rect, draw)
+    walker.go(stop.zone, (x, y))
+    walker.stand(_dwell(draw, mean_s))
+    others.append(_Spot(x, y, walker.now_s))
+
+
+def _dwell(draw: Random, mean_s: float) -> float:
+    return 4.0 + draw.gammavariate(1.3, mean_s / 1.3)
+
+
+def _within(rect: Rect, draw: Random) -> Point:
+    return draw.uniform(rect[0], rect[2]), draw.uniform(rect[1], rect[3])
+
+
+def _positions(
+    walkers: list[Walker], interval_s: float, n_frames: int, noise: np.random.Generator
+) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
+    """Return party, person, frame, x, y of everybody at every frame, by one interpolation over the whole day."""
+    if not walkers:
+        none = np.zeros(0, dtype=np.int64)
+        return none, none, none, np.zeros(0), np.zeros(0)
+    begin = np.array([w.t_s[0] for w in walkers])
+    end = np.array([w.t_s[-1] for w in walkers])
+    sizes = np.array([w.size for w in walkers])
+    shift = _FAR_S * np.arange(len(walkers))
+    knots_t = np.concatenate([np.asarray(w.t_s) + s for w, s in zip(walkers, shift, strict=True)])
+    knots_x = np.concatenate([w.x_m for w in walkers])
+    knots_y = np.concatenate([w.y_m for w in walkers])
+
+    member_party = np.repeat(np.arange(len(walkers)), sizes)
+    rank = np.arange(len(member_party)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    first = np.ceil((begin + MARGIN_S) / interval_s).astype(np.int64)[member_party]
+    last = np.minimum(np.floor((end + MARGIN_S) / interval_s).astype(np.int64), n_frames - 1)[member_party]
+    counts = np.maximum(last - first + 1, 0)
+    person = np.repeat(np.arange(len(member_party)), counts)
+    frame = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(first, counts)
+    party = member_party[person]
+
+    at = frame * interval_s - MARGIN_S
+    moved = shift[party]
+    x, y = np.interp(at + moved, knots_t, knots_x), np.interp(at + moved, knots_t, knots_y)
+    aside, ahead = _beside(at, person, party, begin, end, moved, (knots_t, knots_x, knots_y))
+    side, back = _formation(rank, noise)
+    x += side[person] * aside[0] + back[person] * ahead[0]
+    y += side[person] * aside[1] + back[person] * ahead[1]
+
+    n = len(member_party)
+    phase, period = noise.uniform(0, 2 * np.pi, (2, n)), noise.uniform(9.0, 25.0, (2, n))
+    x += 0.07 * np.sin(2 * np.pi * at / period[0, person] + phase[0, person])
+    y += 0.07 * np.sin(2 * np.pi * at / period[1, person] + phase[1, person])
+    return party, person, frame, x, y
+
+
+def _beside(
+    at: FloatArray,
+    person: IntArray,
+    party: IntArray,
+    begin: FloatArray,
+    end: FloatArray,
+    moved: FloatArray,
+    knots: tuple[FloatArray, FloatArray, FloatArray],
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return the unit vectors to the left of and along each row's way; somebody standing faces where they walked."""
+    before = np.maximum(at - 1.0, begin[party]) + moved
+    after = np.minimum(at + 1.0, end[party]) + moved
+    dx = np.interp(after, knots[0], knots[1]) - np.interp(before, knots[0], knots[1])
+    dy = np.interp(after, knots[0], knots[2]) - np.interp(before, knots[0], knots[2])
+    length = np.hypot(dx, dy)
+    keep = (length > 0.3) | np.concatenate(([True], np.diff(person) != 0))
+    known = np.maximum.accumulate(np.where(keep, np.arange(len(at)), 0))
+    length = np.maximum(length, 1e-9)
+    ux, uy = (dx / length)[known], (dy / length)[known]
+    return (-uy, ux), (ux, uy)
+
+
+def _formation(rank: IntArray, noise: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return how far each person walks to the left and ahead of the group's leader, metres (0, 0 for the leader)."""
+    side = np.array([0.0, 0.85, -0.85, 0.3])[rank] + noise.normal(0, 0.08, len(rank)) * (rank > 0)
+    back = np.array([0.0, -0.1, -0.2, -0.95])[rank] + noise.normal(0, 0.08, len(rank)) * (rank > 0)
+    group = np.cumsum(rank == 0) - 1
+    flip = np.where(noise.random(len(rank)) < 0.5, -1.0, 1.0)[group]
+    return side * flip, back
+
+
+def _apart(frame: IntArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions with people of one frame who are closer than half a metre stepping apart to half a metre."""
+    order = np.lexsort((x, frame))
+    f, xs, ys = frame[order], x[order].copy(), y[order].copy()
+    for lag in range(1, 5):
+        dx, dy = xs[lag:] - xs[:-lag], ys[lag:] - ys[:-lag]
+        distance = np.hypot(dx, dy)
+        near = np.flatnonzero((f[lag:] == f[:-lag]) & (distance < _APART_M))
+        d = distance[near]
+        ux = np.where(d > 1e-6, dx[near] / np.maximum(d, 1e-6), 1.0)
+        uy = np.where(d > 1e-6, dy[near] / np.maximum(d, 1e-6), 0.0)
+        push = (_APART_M - d) / 2
+        np.add.at(xs, near + lag, ux * push)
+        np.add.at(ys, near + lag, uy * push)
+        np.add.at(xs, near, -ux * push)
+        np.add.at(ys, near, -uy * push)
+    moved_x, moved_y = np.empty_like(x), np.empty_like(y)
+    moved_x[order], moved_y[order] = xs, ys
+    return moved_x, moved_y
+
+
+def people_inside(day: Day) -> IntArray:
+    """Return how many people are in the shop at every frame."""
+    return np.bincount(day.frame, minlength=day.n_frames)

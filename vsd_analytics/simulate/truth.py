@@ -1,0 +1,228 @@
+"""What is planted in a made-up world, and how it is counted from true positions (not from what cameras report)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.simulate.people import Day, IntArray, people_inside
+from vsd_analytics.simulate.shop import FloatArray, Rect
+
+DISTANCE_M = 2.0
+MIN_S = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedHotspot:
+    """The spot with most violations per square metre in the last week.
+
+    Attributes:
+        area_id: Its area.
+        x_m: Floor x of the mean place of its violations.
+        y_m: Floor y of it.
+        rate_ratio: Violations per m² in the area over violations per m² of the other free floor, last week.
+    """
+
+    area_id: str
+    x_m: float
+    y_m: float
+    rate_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedGap:
+    """A time from which no message of some cameras arrives.
+
+    Attributes:
+        cameras: Cameras it concerns.
+        start: First lost instant.
+        end: First instant that is recorded again.
+    """
+
+    cameras: tuple[str, ...]
+    start: datetime
+    end: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedRedesign:
+    """The move of the display.
+
+    Attributes:
+        at: When it was moved, while the shop was closed.
+        area_id: Area it was moved out of.
+        text: Text of the change log.
+        effect: Violations per open hour in the area, last week over the week before (0.4 = 60 % fewer); None when there is no week before.
+    """
+
+    at: datetime
+    area_id: str
+    text: str
+    effect: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class HourTruth:
+    """People in the shop in one open hour.
+
+    Attributes:
+        start: Local start of the hour.
+        mean_people: Mean number inside.
+        entered: People who came in.
+    """
+
+    start: datetime
+    mean_people: float
+    entered: int
+
+
+@dataclass(frozen=True, slots=True)
+class AreaTruth:
+    """Violations in one area and week, from true positions at the week's frame interval.
+
+    Attributes:
+        week: ISO week.
+        area_id: Area, or "floor" for the whole floor.
+        violations: Episodes of at least 3 s under 2 m, placed at the middle of the pair when they begin.
+        open_h: Open hours of the week.
+    """
+
+    week: str
+    area_id: str
+    violations: int
+    open_h: float
+
+
+@dataclass(frozen=True, slots=True)
+class DemoTruth:
+    """Everything that is known of a made-up world.
+
+    Attributes:
+        seed: Its seed.
+        weeks: Its ISO weeks, in order.
+        frame_interval_s: Seconds from frame to frame, per week.
+        hotspot: The busiest spot of the last week.
+        outage: A camera that is down for most of a day.
+        low_data: An hour of which less than half is recorded, by any camera.
+        missing: An hour of which nothing is recorded.
+        redesign: The move of the display.
+        areas: Violations by week and area.
+        hours: People by open hour.
+        n_messages: Messages written.
+        n_person_records: Persons in all of them.
+    """
+
+    seed: int
+    weeks: tuple[str, ...]
+    frame_interval_s: tuple[float, ...]
+    hotspot: PlantedHotspot
+    outage: PlantedGap
+    low_data: PlantedGap
+    missing: PlantedGap
+    redesign: PlantedRedesign
+    areas: tuple[AreaTruth, ...]
+    hours: tuple[HourTruth, ...]
+    n_messages: int
+    n_person_records: int
+
+    def write(self, path: Path) -> None:
+        """Write the truth as JSON with ISO times."""
+        path.write_bytes(msgspec.json.format(msgspec.json.encode(self), indent=1) + b"\n")
+
+    @staticmethod
+    def read(path: Path) -> DemoTruth:
+        """Read what `write` wrote."""
+        return msgspec.json.decode(path.read_bytes(), type=DemoTruth)
+
+
+@dataclass(frozen=True, slots=True)
+class Violations:
+    """Violations of one day, one per element, in the order of pairs.
+
+    Attributes:
+        person_a: One person.
+        person_b: The other, with the higher number.
+        frame: First frame.
+        duration_s: From first to last record.
+        x_m: Floor x of the middle of the pair at the first frame.
+        y_m: Floor y of it.
+    """
+
+    person_a: IntArray
+    person_b: IntArray
+    frame: IntArray
+    duration_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+
+    def inside(self, rect: Rect) -> NDArray[np.bool_]:
+        """Tell which began inside a rectangle of the floor."""
+        x0, y0, x1, y1 = rect
+        return (self.x_m >= x0) & (self.x_m < x1) & (self.y_m >= y0) & (self.y_m < y1)
+
+
+def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, IntArray]:
+    """Return rows of `day` that are in one frame and strictly closer than `distance_m`, each pair once.
+
+    Rows are ordered by frame and x and compared with their next neighbours until none is within reach in x.
+    """
+    order = np.lexsort((day.x_m, day.frame))
+    frame, x, y = day.frame[order], day.x_m[order], day.y_m[order]
+    firsts, seconds = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    candidates = np.arange(len(order))
+    lag = 0
+    while len(candidates):
+        lag += 1
+        candidates = candidates[candidates + lag < len(order)]
+        other = candidates + lag
+        candidates = candidates[(frame[other] == frame[candidates]) & (x[other] - x[candidates] < distance_m)]
+        other = candidates + lag
+        near = np.hypot(x[other] - x[candidates], y[other] - y[candidates]) < distance_m
+        firsts.append(order[candidates[near]])
+        seconds.append(order[other[near]])
+    return np.concatenate(firsts), np.concatenate(seconds)
+
+
+def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
+    """Return a day's violations: records of one pair at most max(3 s, 2.5 intervals) apart, lasting at least `min_s`."""
+    first, second = close_pairs(day, distance_m=distance_m)
+    swap = day.person[first] > day.person[second]
+    first, second = np.where(swap, second, first), np.where(swap, first, second)
+    frame = day.frame[first]
+    order = np.lexsort((frame, day.person[second], day.person[first]))
+    first, second, frame = first[order], second[order], frame[order]
+    a, b = day.person[first], day.person[second]
+    interval_s = day.interval_ms / 1000
+    begins = np.ones(len(frame), dtype=np.bool_)
+    begins[1:] = (np.diff(a) != 0) | (np.diff(b) != 0) | (np.diff(frame) * interval_s > max(3.0, 2.5 * interval_s))
+    start = np.flatnonzero(begins)
+    end = np.append(start[1:], len(frame)) - 1
+    duration = (frame[end] - frame[start]) * interval_s if len(frame) else np.zeros(0)
+    start, duration = start[duration >= min_s], duration[duration >= min_s]
+    return Violations(
+        person_a=a[start],
+        person_b=b[start],
+        frame=frame[start],
+        duration_s=duration,
+        x_m=(day.x_m[first[start]] + day.x_m[second[start]]) / 2,
+        y_m=(day.y_m[first[start]] + day.y_m[second[start]]) / 2,
+    )
+
+
+def hours_of(day: Day) -> tuple[HourTruth, ...]:
+    """Return the people of each open hour of a day."""
+    inside, at_ms = people_inside(day), day.frame_ms
+    hours, start = [], day.opens
+    while start < day.closes:
+        low = round(start.timestamp() * 1000)
+        high = min(low + 3_600_000, round(day.closes.timestamp() * 1000))
+        frames = (at_ms >= low) & (at_ms < high)
+        mean = round(float(inside[frames].mean()), 3) if frames.any() else 0.0
+        hours.append(HourTruth(start, mean, int(((day.entered_ms >= low) & (day.entered_ms < high)).sum())))
+        start += timedelta(hours=1)
+    return tuple(hours)

@@ -1,0 +1,257 @@
+"""Changes between two periods, same weekdays paired: how often, how risky, how many people, and how they split.
+
+ln theta = ln r_B - ln r_A; var = k sum_d (i_dB - i_dA)^2 with i_d, k and df of `vsd_analytics.stats.influence`
+(k = D/(D-1), df = D-1 when all cameras recorded all D pairs of days). A weekday that is always busier moves both
+periods alike and cancels, so what is left is chance. Callers pass camera-hours recorded in both periods. Coverage and
+power by simulation: docs/statistics.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from vsd_analytics.settings import Settings
+from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, State, Verdict, verdict_of
+from vsd_analytics.stats.influence import Counts, as_counts, equal_weights, influence, small_sample
+from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile
+from vsd_analytics.stats.rates import MIN_EVENTS, SMALL_COUNT, level
+
+DEFAULTS: Final = Settings()
+
+Kind = Literal["violations", "person-hours"]
+
+
+def compare_how_often(
+    n_a: npt.ArrayLike,
+    x_a_h: npt.ArrayLike,
+    n_b: npt.ArrayLike,
+    x_b_h: npt.ArrayLike,
+    *,
+    confidence: float = DEFAULTS.confidence,
+    min_days: int = DEFAULTS.min_days,
+) -> ChangeEstimate:
+    """Return the change in how often violations happen (M0) from period A (before) to period B (after).
+
+    Args:
+        n_a: Violations of A that each camera owns, in the camera-hours compared, shape (n_cameras, n_pairs); column j
+            of A and of B are the same weekday.
+        x_a_h: Recorded open hours of A that were compared, same shape; 0 or NaN = none. A camera-day counts only when
+            both periods have hours.
+        n_b: Violations of B, same shape.
+        x_b_h: Recorded open hours of B that were compared, same shape.
+        confidence: Confidence level.
+        min_days: Pairs of days an interval needs.
+
+    Returns:
+        The ratio B / A with interval and verdict. With fewer than 5 violations on one side and 5 or more on the
+        other, the interval is made of exact Poisson limits of the small side and the day-clustered limits of the
+        other, each at (1 + confidence)/2: conservative, and used only where it is clear. Fewer than 5 on both sides,
+        or fewer than `min_days` pairs: "too little data".
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+
+    Example:
+        >>> before, hours = [[40, 44, 37, 52, 61, 80, 30]], [[13, 13, 13, 13, 13, 13, 8]]
+        >>> after = [[22, 25, 20, 26, 35, 41, 17]]
+        >>> change = compare_how_often(before, hours, after, hours)
+        >>> print(f"{change.change:+.0%} ({change.change_lo:+.0%} to {change.change_hi:+.0%}): {change.verdict}")
+        -46% (-49% to -43%): clear fall
+    """
+    return _compare(n_a, x_a_h, n_b, x_b_h, kind="violations", confidence=confidence, min_days=min_days)
+
+
+def compare_how_risky(
+    n_a: npt.ArrayLike,
+    exposure_a_h: npt.ArrayLike | None,
+    n_b: npt.ArrayLike,
+    exposure_b_h: npt.ArrayLike | None,
+    *,
+    confidence: float = DEFAULTS.confidence,
+    min_days: int = DEFAULTS.min_days,
+    min_exposure_h: float = DEFAULTS.min_exposure_h,
+) -> ChangeEstimate:
+    """Return the change in violations per person-hour (M7) from period A (before) to period B (after).
+
+    Args:
+        n_a: Violations of A in the camera-hours compared, shape (n_pairs,).
+        exposure_a_h: Person-hours of A, same shape; None = the engine sends no positions.
+        n_b: Violations of B, same shape.
+        exposure_b_h: Person-hours of B, same shape; None = the engine sends no positions.
+        confidence: Confidence level.
+        min_days: Pairs of days an interval needs.
+        min_exposure_h: Person-hours each period needs.
+
+    Returns:
+        As `compare_how_often`, with rates per person-hour.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+    """
+    if exposure_a_h is None or exposure_b_h is None:
+        return ChangeEstimate(
+            theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0,
+            exposure_b_h=0.0, n_days=0, df=None, log_se=None, verdict="too little data", state="not_measurable",
+            reason="the engine sends no positions", is_conservative=False,
+        )  # fmt: skip
+    return _compare(
+        n_a, exposure_a_h, n_b, exposure_b_h,
+        kind="violations", confidence=confidence, min_days=min_days, min_exposure_h=min_exposure_h,
+    )  # fmt: skip
+
+
+def compare_exposure(
+    exposure_a_h: npt.ArrayLike,
+    x_a_h: npt.ArrayLike,
+    exposure_b_h: npt.ArrayLike,
+    x_b_h: npt.ArrayLike,
+    *,
+    confidence: float = DEFAULTS.confidence,
+    min_days: int = DEFAULTS.min_days,
+) -> ChangeEstimate:
+    """Return the change in people in view per open hour from period A (before) to period B (after).
+
+    The rate is sum over cameras of person-hours over recorded open hours: the mean number of people in view.
+
+    Args:
+        exposure_a_h: Person-hours of A in the camera-hours compared, shape (n_cameras, n_pairs).
+        x_a_h: Recorded open hours of A that were compared, same shape.
+        exposure_b_h: Person-hours of B, same shape.
+        x_b_h: Recorded open hours of B that were compared, same shape.
+        confidence: Confidence level.
+        min_days: Pairs of days an interval needs.
+
+    Returns:
+        As `compare_how_often`; `n_a` and `n_b` are person-hours, the rates mean numbers of people.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+    """
+    return _compare(
+        exposure_a_h, x_a_h, exposure_b_h, x_b_h, kind="person-hours", confidence=confidence, min_days=min_days
+    )
+
+
+def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: ChangeEstimate) -> ChangeSplit:
+    """Split a change in how often into more people and more violations per person-hour.
+
+    theta_often = theta_people theta_risk rest; people_share = ln theta_people / ln theta_often.
+
+    Args:
+        often: From `compare_how_often`.
+        people: From `compare_exposure` over the same camera-hours.
+        risky: From `compare_how_risky` over the same camera-hours.
+
+    Returns:
+        The three changes, the rest, and the share people explain (None unless `often` is a clear fall or rise).
+    """
+    rest = share = None
+    if often.theta and people.theta and risky.theta:
+        rest = often.theta / (people.theta * risky.theta)
+        if often.verdict in {"clear fall", "clear rise"}:
+            share = math.log(people.theta) / math.log(often.theta)
+    return ChangeSplit(often=often, people=people, risky=risky, rest=rest, people_share=share)
+
+
+def _compare(
+    n_a: npt.ArrayLike,
+    x_a: npt.ArrayLike,
+    n_b: npt.ArrayLike,
+    x_b: npt.ArrayLike,
+    *,
+    kind: Kind,
+    confidence: float,
+    min_days: int,
+    min_exposure_h: float = 0.0,
+) -> ChangeEstimate:
+    hours_a, hours_b = np.asarray(x_a, dtype=np.float64), np.asarray(x_b, dtype=np.float64)
+    if hours_a.shape != hours_b.shape:
+        raise ValueError(f"periods {hours_a.shape} and {hours_b.shape} must have the same cameras and pairs of days")
+    in_both = (np.nan_to_num(hours_a) > 0) & (np.nan_to_num(hours_b) > 0)
+    a, b = as_counts(n_a, x_a, mask=in_both), as_counts(n_b, x_b, mask=in_both)
+    events_a, events_b = float(a.n.sum()), float(b.n.sum())
+    least_h = min(float(a.x.sum()), float(b.x.sum()))
+    if a.n_days < min_days:
+        return _too_little(a, b, f"a change needs at least {min_days} pairs of days recorded in both, has {a.n_days}")
+    if least_h < min_exposure_h:
+        reason = f"a change needs at least {min_exposure_h:g} person-hours in each period, has {least_h:.1f}"
+        return _too_little(a, b, reason)
+    if kind == "person-hours":
+        if min(events_a, events_b) == 0:
+            return _too_little(a, b, "nobody was seen in one of the periods")
+    elif max(events_a, events_b) < MIN_EVENTS:
+        reason = f"a change needs at least {MIN_EVENTS} violations, has {events_a:g} and {events_b:g}"
+        return _too_little(a, b, reason)
+    elif min(events_a, events_b) < MIN_EVENTS:
+        return _one_small_side(a, b, confidence=confidence, min_days=min_days)
+
+    before, after = influence(a), influence(b)
+    noise = before.noise + after.noise
+    factor, df = small_sample(equal_weights(a), shares=(before.shares + after.shares) / 2, noise=noise)
+    if not math.isfinite(factor):
+        return _too_little(a, b, "a change needs a camera with violations that recorded two days in both periods")
+    by_day = after.by_day - before.by_day
+    log_se = math.sqrt(factor * float(by_day @ by_day))
+    half = t_quantile(df, confidence=confidence) * log_se
+    if kind == "violations" and min(events_a, events_b) < SMALL_COUNT:
+        half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(noise.sum())))
+    theta = after.rate / before.rate
+    lo, hi = theta * math.exp(-half), theta * math.exp(half)
+    return _change(a, b, lo=lo, hi=hi, verdict=verdict_of(lo, hi), state="ok", df=df, log_se=log_se)
+
+
+def _one_small_side(a: Counts, b: Counts, *, confidence: float, min_days: int) -> ChangeEstimate:
+    """Return a change of which one side has fewer than `MIN_EVENTS` violations (Bonferroni over the two limits)."""
+    (lo_a, hi_a), (lo_b, hi_b) = (
+        _limits(counts, confidence=(1 + confidence) / 2, min_days=min_days) for counts in (a, b)
+    )
+    lo, hi = (lo_b / hi_a), (hi_b / lo_a if lo_a > 0 else None)
+    verdict = verdict_of(lo, hi)
+    small = int(min(a.n.sum(), b.n.sum()))
+    if verdict == "no clear change":
+        return _too_little(a, b, f"only {small} violations in one of the periods")
+    reason = f"only {small} violations in one of the periods: interval from exact Poisson limits"
+    return _change(a, b, lo=lo, hi=hi, verdict=verdict, state="ok", reason=reason, is_conservative=True)
+
+
+def _limits(counts: Counts, *, confidence: float, min_days: int) -> tuple[float, float]:
+    n_events = float(counts.n.sum())
+    hours = counts.x.sum(axis=1)
+    if n_events >= MIN_EVENTS:
+        estimate = level(counts, unit="hours", confidence=confidence, min_days=min_days)
+        return estimate.lo or 0.0, math.inf if estimate.hi is None else estimate.hi
+    rate_per_event = float((counts.n.sum(axis=1) / hours).sum()) / n_events if n_events else 1 / float(hours.min())
+    lo, hi = poisson_limits(n_events, confidence=confidence)
+    return lo * rate_per_event, hi * rate_per_event
+
+
+def _too_little(a: Counts, b: Counts, reason: str) -> ChangeEstimate:
+    return _change(a, b, lo=None, hi=None, verdict="too little data", state="not_enough_data", reason=reason)
+
+
+def _change(
+    a: Counts,
+    b: Counts,
+    *,
+    lo: float | None,
+    hi: float | None,
+    verdict: Verdict,
+    state: State,
+    reason: str | None = None,
+    df: float | None = None,
+    log_se: float | None = None,
+    is_conservative: bool = False,
+) -> ChangeEstimate:
+    rate_a, rate_b = (
+        float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum()) if counts.kept else None for counts in (a, b)
+    )
+    return ChangeEstimate(
+        theta=rate_b / rate_a if rate_a and rate_b is not None else None, lo=lo, hi=hi, rate_a=rate_a, rate_b=rate_b,
+        n_a=float(a.n.sum()), n_b=float(b.n.sum()), exposure_a_h=float(a.x.sum()), exposure_b_h=float(b.x.sum()),
+        n_days=a.n_days, df=df, log_se=log_se, verdict=verdict, state=state, reason=reason,
+        is_conservative=is_conservative, left_out=a.left_out,
+    )  # fmt: skip

@@ -1,0 +1,229 @@
+"""Levels with intervals: how often (M0) and how risky (M7), day-clustered.
+
+The unit of replication is the day: violations of one day share its weather, staff and crowds, so intervals come from
+how days differ (formula and sources: `vsd_analytics.stats.influence`), never from the number of records. Coverage by
+simulation: docs/statistics.md. Changes between periods: `vsd_analytics.stats.changes`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsd_analytics.settings import Settings
+from vsd_analytics.stats.estimates import RateEstimate, State
+from vsd_analytics.stats.influence import (
+    Bools,
+    Counts,
+    Floats,
+    as_counts,
+    as_history,
+    equal_weights,
+    influence,
+    small_sample,
+    weekday_shares,
+)
+from vsd_analytics.stats.quantiles import t_quantile, z_quantile, zero_events_limit
+
+DEFAULTS: Final = Settings()
+MIN_EVENTS: Final = 5  # fewer violations get no interval from days
+MIN_HISTORY_WEEKS: Final = 4  # weekday profiles need that many weeks before the period
+SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never narrower than a Poisson count's
+
+
+def how_often(
+    n: npt.ArrayLike,
+    x_h: npt.ArrayLike,
+    *,
+    weekday: npt.ArrayLike | None = None,
+    history_n: npt.ArrayLike | None = None,
+    history_x_h: npt.ArrayLike | None = None,
+    history_weekday: npt.ArrayLike | None = None,
+    confidence: float = DEFAULTS.confidence,
+    min_days: int = DEFAULTS.min_days,
+    min_history_weeks: int = MIN_HISTORY_WEEKS,
+) -> RateEstimate:
+    """Return how often violations happen: M0, violations per open hour of a place, with its interval.
+
+    rate = sum over cameras of n_c / x_c, so that a camera that was down half the week does not pull it down;
+    interval rate * exp(+-t_df sqrt(k sum_d i_d^2)) with i_d, k and df of `vsd_analytics.stats.influence`. With four
+    weeks of history the influences are measured from each camera's weekday profile; without, differences between
+    weekdays are in the interval, which is then conservative and says so.
+
+    Args:
+        n: Violations that each camera owns, shape (n_cameras, n_days).
+        x_h: Recorded open hours, same shape; 0 or NaN = not recorded (its violations are not counted either).
+        weekday: Weekday of each day, shape (n_days,), any integers; needed with a history.
+        history_n: Violations of the weeks before, shape (n_cameras, n_history_days).
+        history_x_h: Recorded open hours of the weeks before, same shape.
+        history_weekday: Weekday of each history day, shape (n_history_days,). Leave out weekdays on which the site
+            was closed in the period: a weekday the history knows and the period lacks counts as missed.
+        confidence: Confidence level.
+        min_days: Recorded days an interval needs.
+        min_history_weeks: Weeks of history a weekday profile needs.
+
+    Returns:
+        The rate in violations per open hour, and its interval. Without violations: 0, lo 0 and hi by the rule of
+        three, 3 / x with x the recorded hours of the camera that recorded least. With fewer than `min_days` days or 5
+        violations: the rate without an interval, and the reason.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+
+    Example:
+        >>> estimate = how_often([[40, 44, 37, 52, 61, 80, 30]], [[13, 13, 13, 13, 13, 13, 8]])
+        >>> print(f"{estimate.rate:.2f} ({estimate.lo:.2f} to {estimate.hi:.2f})")
+        4.00 (3.03 to 5.28)
+    """
+    counts = as_counts(n, x_h)
+    if not counts.kept:
+        return _without_interval(counts, reason="no open hour was recorded", rate=None)
+    shares = _profile(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
+    return level(counts, shares=shares, confidence=confidence, min_days=min_days, unit="open hours")
+
+
+def how_risky(
+    n: npt.ArrayLike,
+    exposure_h: npt.ArrayLike | None,
+    *,
+    weekday: npt.ArrayLike | None = None,
+    history_n: npt.ArrayLike | None = None,
+    history_exposure_h: npt.ArrayLike | None = None,
+    history_weekday: npt.ArrayLike | None = None,
+    confidence: float = DEFAULTS.confidence,
+    min_days: int = DEFAULTS.min_days,
+    min_exposure_h: float = DEFAULTS.min_exposure_h,
+    min_history_weeks: int = MIN_HISTORY_WEEKS,
+) -> RateEstimate:
+    """Return how risky a person-hour is: M7, violations per person-hour of exposure, with its interval.
+
+    r = sum_d n_d / sum_d x_d; var(ln r) = D/(D-1) sum_d (n_d - r x_d)^2 / (sum n)^2; r * exp(+-t_{D-1} sqrt(var)):
+    the ratio estimator with days as clusters. Weekday profiles as for `how_often`.
+
+    Args:
+        n: Violations, shape (n_days,).
+        exposure_h: Person-hours in view, same shape; 0 or NaN = nobody, or not recorded: the day says nothing. None =
+            the engine sends no positions.
+        weekday: Weekday of each day, shape (n_days,); needed with a history.
+        history_n: Violations of the weeks before, shape (n_history_days,).
+        history_exposure_h: Person-hours of the weeks before, same shape.
+        history_weekday: Weekday of each history day, same shape.
+        confidence: Confidence level.
+        min_days: Days with exposure an interval needs.
+        min_exposure_h: Person-hours the rate needs.
+        min_history_weeks: Weeks of history a weekday profile needs.
+
+    Returns:
+        The rate in violations per person-hour and its interval; `rate` is None below `min_exposure_h`.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+    """
+    if exposure_h is None:
+        return RateEstimate(
+            rate=None, lo=None, hi=None, n_events=None, exposure_h=0.0, n_days=0, df=None, log_se=None,
+            state="not_measurable", reason="the engine sends no positions", is_conservative=False,
+        )  # fmt: skip
+    counts = as_counts(n, exposure_h)
+    total_h = float(counts.x.sum())
+    if not counts.kept or total_h < min_exposure_h:
+        reason = f"needs at least {min_exposure_h:g} person-hours, has {total_h:.1f}"
+        return _without_interval(counts, reason=reason, rate=None)
+    shares = _profile(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
+    return level(counts, shares=shares, confidence=confidence, min_days=min_days, unit="person-hours")
+
+
+def level(
+    counts: Counts,
+    *,
+    unit: str,
+    confidence: float,
+    min_days: int,
+    shares: tuple[Floats, Floats, Bools] | None = None,
+) -> RateEstimate:
+    """Return the rate of checked counts with its interval: what `how_often` and `how_risky` have in common.
+
+    Args:
+        counts: Cameras with exposure, at least one.
+        unit: What exposure is measured in, in words; stands in reasons.
+        confidence: Confidence level.
+        min_days: Days with exposure an interval needs.
+        shares: What `weekday_shares` returned; None = no history.
+    """
+    n_events, n_days = float(counts.n.sum()), counts.n_days
+    rate = float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum())
+    if n_days < min_days:
+        reason = f"an interval needs at least {min_days} recorded days, has {n_days}"
+        return _without_interval(counts, reason=reason, rate=rate)
+    if n_events == 0:
+        least_h = float(counts.x.sum(axis=1).min())
+        hi = zero_events_limit(confidence=confidence) / least_h
+        reason = f"no violation in {least_h:.1f} {unit}: upper limit by the rule of three"
+        return _estimate(counts, rate=0.0, lo=0.0, hi=hi, state="ok", reason=reason)
+    if n_events < MIN_EVENTS:
+        reason = f"an interval needs at least {MIN_EVENTS} violations, has {n_events:g}"
+        return _without_interval(counts, reason=reason, rate=rate)
+
+    expected, scale, has_profile = shares or (None, None, np.zeros(len(counts.n), dtype=bool))
+    days = influence(counts, expected=expected, scale=scale)
+    weights = equal_weights(counts)
+    if expected is not None:
+        weights = np.where(has_profile[:, None], expected, weights)
+    factor, df = small_sample(weights, shares=days.shares, noise=days.noise)
+    if not math.isfinite(factor):
+        reason = "an interval needs a camera with violations that recorded two days"
+        return _without_interval(counts, reason=reason, rate=rate)
+    log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
+    half = t_quantile(df, confidence=confidence) * log_se
+    if n_events < SMALL_COUNT:
+        half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
+    is_conservative = not bool(has_profile[days.totals > 0].all())
+    return _estimate(
+        counts, rate=rate, lo=rate * math.exp(-half), hi=rate * math.exp(half), state="ok", reason=None, df=df,
+        log_se=log_se, is_conservative=is_conservative,
+    )  # fmt: skip
+
+
+def _profile(
+    counts: Counts,
+    weekday: npt.ArrayLike | None,
+    history_n: npt.ArrayLike | None,
+    history_x_h: npt.ArrayLike | None,
+    history_weekday: npt.ArrayLike | None,
+    min_weeks: int,
+) -> tuple[Floats, Floats, Bools] | None:
+    if history_n is None or history_x_h is None:
+        return None
+    if weekday is None or history_weekday is None:
+        raise ValueError("a history needs the weekdays of the period and its own")
+    history = as_history(history_n, history_x_h, of=counts)
+    now, then = np.asarray(weekday, dtype=np.int64), np.asarray(history_weekday, dtype=np.int64)
+    if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
+        raise ValueError("every day needs a weekday")
+    return weekday_shares(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
+
+
+def _without_interval(counts: Counts, *, reason: str, rate: float | None) -> RateEstimate:
+    return _estimate(counts, rate=rate, lo=None, hi=None, state="not_enough_data", reason=reason)
+
+
+def _estimate(
+    counts: Counts,
+    *,
+    rate: float | None,
+    lo: float | None,
+    hi: float | None,
+    state: State,
+    reason: str | None,
+    df: float | None = None,
+    log_se: float | None = None,
+    is_conservative: bool = False,
+) -> RateEstimate:
+    return RateEstimate(
+        rate=rate, lo=lo, hi=hi, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
+        n_days=counts.n_days, df=df, log_se=log_se, state=state, reason=reason, is_conservative=is_conservative,
+        left_out=counts.left_out,
+    )  # fmt: skip

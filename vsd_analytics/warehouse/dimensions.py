@@ -1,0 +1,220 @@
+"""The small relations every query may join: params, cameras, calibrations, owner cells, quarters, calendar, areas."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from datetime import UTC, date, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from vsd_analytics.site import Camera, Site
+
+if TYPE_CHECKING:
+    import duckdb
+
+QUARTER_MS = 900_000
+_FOREVER_MS = 2**53
+
+_CAMERAS = pa.schema([("camera_id", pa.string()), ("camera_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string()), ("interval_ms", pa.int64())])
+_CALIBRATIONS = pa.schema(
+    [("camera_id", pa.string()), ("from_ms", pa.int64()), ("to_ms", pa.int64())]
+    + [(f"h{i}{j}", pa.float64()) for i in (1, 2, 3) for j in (1, 2, 3)]
+    + [("w_sign", pa.float64())]
+)
+_OWNERS = pa.schema([("floor_id", pa.string()), ("camera_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
+_AREA_CELLS = pa.schema([("floor_id", pa.string()), ("area_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
+_AREAS = pa.schema([("area_id", pa.string()), ("area_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string())])
+
+
+def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
+    """Return the one-row relation `params`: settings in the integer units SQL uses.
+
+    Args:
+        site: Its settings are used.
+        heat_cell_m: Side of the cells of the mart `heatmap`, a multiple of `cell_m`.
+    """
+    s = site.settings
+    return {
+        "distance_mm": round(s.distance_m * 1000),
+        "pair_max_mm": round(s.pair_max_m * 1000),
+        "episode_gap_ms": round(s.episode_gap_s * 1000),
+        "episode_min_ms": round(s.episode_min_s * 1000),
+        "coverage_gap_ms": round(s.coverage_gap_s * 1000),
+        "coordinate_max_mm": round(s.coordinate_max_m * 1000),
+        "cell_mm": round(s.cell_m * 1000),
+        "owner_cell_mm": round(s.owner_cell_m * 1000),
+        "heat_cell_mm": round(heat_cell_m * 1000),
+        "bucket_quarters": bucket_quarters(site),
+        "full_hour_share": float(s.full_hour_share),
+        "partial_hour_share": float(s.partial_hour_share),
+        "outage_min_ms": 600_000,
+    }
+
+
+def bucket_quarters(site: Site) -> int:
+    """Return 4 where local hours and opening times fall on UTC hours, else 1 (zones at :30 or :45, doors at half past)."""
+    edges = [m for day in site.opening or () for span in day for m in span]
+    year = 366 * 24
+    offsets = {
+        datetime.fromtimestamp(1_577_836_800 + h * 3600, tz=UTC).astimezone(site.zone).utcoffset() for h in range(0, 10 * year, 168)
+    }
+    whole = all(o is not None and o.total_seconds() % 3600 == 0 for o in offsets)
+    return 4 if whole and all(m % 60 == 0 for m in edges) else 1
+
+
+def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
+    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas` and `area_cells` on a connection."""
+    _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
+    _create(
+        con,
+        "cameras",
+        _table(
+            _CAMERAS,
+            [
+                (c.camera_id, i, c.name, c.floor_id, None if c.hz is None else round(1000 / c.hz))
+                for i, c in enumerate(site.cameras)
+            ],
+        ),
+    )
+    _create(con, "calibrations", _table(_CALIBRATIONS, [row for c in site.cameras for row in _calibrations(c)]))
+    _create(con, "owner_cells", owner_cells(site))
+    _create(con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id) for i, a in enumerate(site.areas)]))
+    _create(con, "area_cells", area_cells(site))
+
+
+def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
+    """Create `quarters`: every UTC quarter-hour number of the hours in [first_hour, last_hour]."""
+    _create(con, "quarters", pa.table({"quarter": np.arange(first_hour * 4, last_hour * 4 + 4, dtype="int64")}))
+
+
+def site_digest(site: Site) -> str:
+    """Return a hash of what facts depend on besides records, settings and SQL: cameras, calibrations, owner cells."""
+    cells = owner_cells(site)
+    h = hashlib.blake2b(digest_size=8)
+    for camera in site.cameras:
+        told = (camera.camera_id, camera.floor_id, camera.hz, [(c.calibration_id, str(c.valid_from)) for c in camera.calibrations])
+        h.update(json.dumps(told).encode())
+    for column in cells.columns:
+        for value in column.to_pylist():
+            h.update(f"{value};".encode())
+    h.update(str(bucket_quarters(site)).encode())
+    return h.hexdigest()
+
+
+def owner_cells(site: Site) -> pa.Table:
+    """Return which camera counts where the views of several overlap (`geometry.owner_cells`)."""
+    from vsd_analytics import geometry
+
+    if len(site.cameras) < 2:
+        return _OWNERS.empty_table()
+    cells = geometry.owner_cells(site.cameras, cell_m=site.settings.owner_cell_m)
+    floors = {c.camera_id: c.floor_id for c in site.cameras}
+    ids = [str(c) for c in cells["camera_id"]]
+    return pa.table(
+        [pa.array([floors[c] for c in ids], pa.string()), pa.array(ids, pa.string()), pa.array(cells["cx"]), pa.array(cells["cy"])],
+        schema=_OWNERS,
+    )
+
+
+def area_cells(site: Site) -> pa.Table:
+    """Return the floor cells whose centre lies in each area; a cell in several areas belongs to the first of vsd.toml."""
+    import shapely
+
+    cell_m = site.settings.cell_m
+    taken: set[tuple[str, int, int]] = set()
+    rows: list[tuple[Any, ...]] = []
+    for area in site.areas:
+        polygon = shapely.Polygon(area.polygon)
+        x0, y0, x1, y1 = polygon.bounds
+        cx, cy = np.meshgrid(
+            np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)), np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m))
+        )
+        inside = shapely.contains_xy(polygon, (cx + 0.5) * cell_m, (cy + 0.5) * cell_m)
+        for x, y in zip(cx[inside].astype(int), cy[inside].astype(int), strict=True):
+            if (area.floor_id, x, y) not in taken:
+                taken.add((area.floor_id, x, y))
+                rows.append((area.floor_id, area.area_id, int(x), int(y)))
+    return _table(_AREA_CELLS, rows)
+
+
+def calendar(site: Site, first: date, last: date) -> pa.Table:
+    """Return the site's calendar: one row per UTC quarter-hour of the local days from `first` to `last`.
+
+    Columns: quarter (UTC quarter-hours since 1970), local_date, local_hour (0 to 23), fold (1 in the second of two
+    equal hours), weekday (1 Monday to 7 Sunday), hour_start_ms (UTC instant the local hour starts), offset_min,
+    is_open. A day has 92, 96 or 100 rows; rows come from `zoneinfo`, so SQL needs no time-zone function.
+    """
+    zone = site.zone
+    start = _quarter_at(first, site)
+    end = _quarter_at(last + timedelta(days=1), site)
+    columns: dict[str, list[Any]] = {
+        k: [] for k in ("quarter", "local_date", "local_hour", "fold", "weekday", "hour_start_ms", "offset_min", "is_open")
+    }
+    previous: tuple[date, int, int] | None = None
+    hour_start_ms = 0
+    for quarter in range(start, end):
+        local = datetime.fromtimestamp(quarter * 900, tz=zone)
+        day, minute = local.date(), local.hour * 60 + local.minute
+        if previous != (day, local.hour, local.fold):
+            previous = (day, local.hour, local.fold)
+            hour_start_ms = quarter * QUARTER_MS
+        offset = local.utcoffset() or timedelta()
+        for name, value in zip(
+            columns,
+            (quarter, day, local.hour, local.fold, local.isoweekday(), hour_start_ms, int(offset.total_seconds() // 60), is_open(site, day, minute)),
+            strict=True,
+        ):
+            columns[name].append(value)
+    return pa.table(
+        {
+            "quarter": pa.array(columns["quarter"], pa.int64()),
+            "local_date": pa.array(columns["local_date"], pa.date32()),
+            "local_hour": pa.array(columns["local_hour"], pa.int32()),
+            "fold": pa.array(columns["fold"], pa.int32()),
+            "weekday": pa.array(columns["weekday"], pa.int32()),
+            "hour_start_ms": pa.array(columns["hour_start_ms"], pa.int64()),
+            "offset_min": pa.array(columns["offset_min"], pa.int32()),
+            "is_open": pa.array(columns["is_open"], pa.bool_()),
+        }
+    )
+
+
+def is_open(site: Site, day: date, minute: int) -> bool:
+    """Tell whether the site is open at `minute` minutes after local midnight of `day`."""
+    if day in site.closed:
+        return False
+    if site.opening is None:
+        return True
+    return any(start <= minute < end for start, end in site.opening[day.weekday()])
+
+
+def _quarter_at(day: date, site: Site) -> int:
+    midnight = datetime(day.year, day.month, day.day, tzinfo=site.zone)
+    return int(midnight.timestamp()) // 900
+
+
+def _calibrations(camera: Camera) -> list[tuple[Any, ...]]:
+    rows = []
+    for i, c in enumerate(camera.calibrations):
+        following = camera.calibrations[i + 1] if i + 1 < len(camera.calibrations) else None
+        from_ms = -_FOREVER_MS if i == 0 or c.valid_from is None else round(c.valid_from.timestamp() * 1000)
+        to_ms = _FOREVER_MS if following is None or following.valid_from is None else round(following.valid_from.timestamp() * 1000)
+        u, v = (camera.picture_px[0] / 2, camera.picture_px[1]) if camera.picture_px else (0.0, 1e4)
+        h = c.homography
+        w = h[2][0] * u + h[2][1] * v + h[2][2]
+        rows.append((camera.camera_id, from_ms, to_ms, *h[0], *h[1], *h[2], 1.0 if w >= 0 else -1.0))
+    return rows
+
+
+def _table(schema: pa.Schema, rows: list[tuple[Any, ...]]) -> pa.Table:
+    columns = list(zip(*rows, strict=True)) if rows else [()] * len(schema)
+    return pa.table([pa.array(c, type=f.type) for c, f in zip(columns, schema, strict=True)], schema=schema)
+
+
+def _create(con: duckdb.DuckDBPyConnection, name: str, table: pa.Table) -> None:
+    con.register(f"_{name}", table)
+    con.execute(f"create or replace temp table {name} as select * from _{name}")
+    con.unregister(f"_{name}")
