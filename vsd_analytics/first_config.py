@@ -55,13 +55,27 @@ def write_first_config(folder: Path, *, answers: Answers) -> Site:
     """
     path = folder / FILE
     if path.exists():
-        raise UsageError(f"{path} is already there", code="E104", mend="edit it, or pick another folder: vsd -C DIR init")
+        raise UsageError(f"{path} is already there", code="E104", mend="edit it, or pick a folder: vsd -C DIR init")
     text = render(answers)
     site = site_of(TomlText(FILE, text), folder=folder.absolute())
     from vsd_analytics.store.durable import publish
 
     publish(path, text.encode())
     return site
+
+
+def check_zone(name: str) -> None:
+    """Raise UsageError (E101) unless `name` is an IANA time zone."""
+    from vsd_analytics.config.values import is_zone, nearest_zone
+
+    if not is_zone(name):
+        raise UsageError(f"there is no time zone {name!r}", mend=f"such as {nearest_zone(name) or 'Europe/Rome'}")
+
+
+def check_opening(words: str) -> None:
+    """Raise UsageError (E101) unless `words` are opening hours or "always"."""
+    if words.strip().lower() != ALWAYS:
+        parse_opening_words(words)
 
 
 def parse_opening_words(words: str) -> dict[str, str | list[str]]:
@@ -91,7 +105,7 @@ def _unreadable(why: str, mend: str) -> UsageError:
 
 def render(answers: Answers) -> str:
     """Return the text of `vsd.toml`, with the lines a site may want later as comments."""
-    opening = "# opening = { mon-sat = \"08:00-21:00\", sun = \"10:00-18:00\" }   # absent = always open"
+    opening = '# opening = { mon-sat = "08:00-21:00", sun = "10:00-18:00" }   # absent = always open'
     if answers.opening.strip().lower() != ALWAYS:
         opening = f"opening = {_inline(parse_opening_words(answers.opening))}"
     lines = [
@@ -126,6 +140,8 @@ def render(answers: Answers) -> str:
         '# name = "Checkout queue"',
         "# polygon = [[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]",
     ]
+    if answers.distance_m > BY_NAME["pair_max_m"].default:  # pairs must be kept a little beyond the distance
+        lines += ["", "[rule]", f"pair_max_m = {answers.distance_m + 0.5:g}"]
     text = "\n".join(lines) + "\n"
     tomllib.loads(text)  # every answer is quoted: this cannot fail
     return text

@@ -1,64 +1,61 @@
-"""Camera picture <-> floor plane: homographies, what cameras see, and which camera owns a cell seen by several.
+"""What cameras see of a floor, and which one owns a cell that several see.
 
-A homography H maps pixels to metres: (x, y, w) = H (u, v, 1), floor position (x/w, y/w). Its w is proportional to one
-over the depth of the floor point, changes sign at the horizon, and has on the ground in front of the camera the sign
-it has at the bottom centre of the picture (Hartley and Zisserman, Multiple View Geometry, 2nd ed., 8.6). Points on
-the other side are not on the floor: they are NaN here, never a wrong place.
+The maps themselves are in `vsd_analytics.homography` and can be had from here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vsd_analytics.errors import CalibrationError
+from vsd_analytics.homography import (
+    Array,
+    Fit,
+    as_matrix,
+    fit_homography,
+    ground_resolution,
+    ground_sign,
+    project,
+    to_floor,
+    to_image,
+)
 
 if TYPE_CHECKING:
     from shapely import Polygon
 
     from vsd_analytics.site import Calibration, Camera, Floor
 
-Array = NDArray[np.float64]
+__all__ = [
+    "Bounds",
+    "Fit",
+    "OwnerCell",
+    "fit_homography",
+    "ground_resolution",
+    "ground_sign",
+    "owner_cells",
+    "plan_bounds",
+    "seen_floor",
+    "to_floor",
+    "to_image",
+    "unseen",
+    "view_polygon",
+]
+
 Bounds = tuple[float, float, float, float]
 """(x_min, y_min, x_max, y_max) in floor metres."""
 
 VIEW_REACH_M = 30.0
 """No camera is taken to see farther than this from the nearest floor it sees."""
 
-NOMINAL_BOTTOM_PX = (1000.0, 2000.0)
-"""Stands for the bottom centre of a picture of unknown size: below the horizon of any camera that looks ahead, and
-above the inverted horizon of one that looks straight down within about 25 degrees."""
-
 NEAREST_TO_FARTHEST = 1000.0
 """Depth ratio at which the view is cut off before it reaches the horizon."""
 
-DEGENERATE_SHARE = 0.01
-"""Points whose spread across is less than this share of their spread along lie on a line."""
-
 VOTE_CELLS = 5
 """Side of the square of cells that vote on the owner of their middle."""
-
-MIN_POINTS = 4
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """A homography made from point pairs.
-
-    Attributes:
-        homography: 3x3, rows, pixels to metres, last entry 1 unless it is 0.
-        rmse_m: Root mean square over the points of the distance between where they are and where they are mapped.
-        errors_m: That distance for each point, shape (n,).
-    """
-
-    homography: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
-    rmse_m: float
-    errors_m: Array
 
 
 class OwnerCell(NamedTuple):
@@ -73,113 +70,6 @@ class OwnerCell(NamedTuple):
     camera_id: str
     cx: int
     cy: int
-
-
-def ground_sign(homography: ArrayLike, *, picture_px: tuple[int, int] | None = None) -> float:
-    """Return the sign (1.0 or -1.0) that w = h31 u + h32 v + h33 has on the floor in front of the camera.
-
-    It is the sign at the bottom centre of the picture, or at `NOMINAL_BOTTOM_PX` when the size is unknown.
-
-    Args:
-        homography: 3x3, pixels to metres.
-        picture_px: Width and height of the picture.
-    """
-    h = _matrix(homography)
-    u, v = (picture_px[0] / 2, float(picture_px[1])) if picture_px else NOMINAL_BOTTOM_PX
-    return -1.0 if h[2, 0] * u + h[2, 1] * v + h[2, 2] < 0 else 1.0
-
-
-def to_floor(homography: ArrayLike, uv: ArrayLike, *, picture_px: tuple[int, int] | None = None) -> Array:
-    """Map picture points to the floor: (x/w, y/w) with (x, y, w) = H (u, v, 1).
-
-    Args:
-        homography: 3x3, pixels to metres.
-        uv: Pixels, shape (n, 2); points outside the picture are mapped too.
-        picture_px: Width and height of the picture; decides which side of the horizon is floor (`ground_sign`).
-
-    Returns:
-        Metres, shape (n, 2); NaN for points at or above the horizon and for NaN.
-    """
-    h = _matrix(homography)
-    return _project(h, uv, sign=ground_sign(h, picture_px=picture_px))
-
-
-def to_image(homography: ArrayLike, xy: ArrayLike, *, picture_px: tuple[int, int] | None = None) -> Array:
-    """Map floor points to the picture, the inverse of `to_floor`.
-
-    Args:
-        homography: 3x3, pixels to metres.
-        xy: Metres, shape (n, 2).
-        picture_px: Width and height of the picture.
-
-    Returns:
-        Pixels, shape (n, 2); NaN for points at or behind the plane of the camera.
-    """
-    h = _matrix(homography)
-    # H (u, v, 1) = w (x, y, 1), so the third entry of H^-1 (x, y, 1) is 1/w and has the sign of w
-    return _project(_inverse(h), xy, sign=ground_sign(h, picture_px=picture_px))
-
-
-def ground_resolution(homography: ArrayLike, xy: ArrayLike, *, picture_px: tuple[int, int] | None = None) -> Array:
-    """Return how finely the picture shows the floor: sqrt |det J| of the map from metres to pixels.
-
-    With G = H^-1 and w' the third entry of G (x, y, 1): det J = det G / w'^3.
-
-    Args:
-        homography: 3x3, pixels to metres.
-        xy: Metres, shape (n, 2).
-        picture_px: Width and height of the picture.
-
-    Returns:
-        Pixels per metre (geometric mean over directions), shape (n,); NaN at or behind the plane of the camera.
-    """
-    h = _matrix(homography)
-    g = _inverse(h)
-    w = _points(xy) @ g[2, :2] + g[2, 2]
-    w = np.where(w * ground_sign(h, picture_px=picture_px) > 0, np.abs(w), np.nan)
-    return np.asarray(np.sqrt(np.abs(np.linalg.det(g)) / w**3))
-
-
-def fit_homography(points: Sequence[tuple[float, float, float, float]] | ArrayLike) -> Fit:
-    """Return the homography with the least squared error on the floor over pairs of picture and floor points.
-
-    `cv2.findHomography` works in single precision, so pixels and metres are centred and scaled first.
-
-    Args:
-        points: (u, v, x, y) per point, pixels and metres, shape (n, 4), n >= 4.
-
-    Raises:
-        CalibrationError: Fewer than four different points (E401); points that lie on a line, in the picture or on the
-            floor, or that no view from one side of the floor can show (E402).
-    """
-    import cv2
-
-    pairs = np.unique(np.asarray(points, dtype=np.float64).reshape(-1, 4), axis=0)
-    uv, xy = pairs[:, :2], pairs[:, 2:]
-    if min(len(np.unique(uv, axis=0)), len(np.unique(xy, axis=0))) < MIN_POINTS:
-        raise CalibrationError(
-            f"{len(pairs)} different points are too few for a calibration",
-            code="E401",
-            why="four points fix it, a fifth and sixth show how good it is",
-            mend="add points spread over the floor: u,v in the picture and x,y on the floor plan",
-        )
-    for side, where in ((uv, "in the picture"), (xy, "on the floor")):
-        spread = np.linalg.svd(side - side.mean(axis=0), compute_uv=False)
-        if spread[1] < DEGENERATE_SHARE * spread[0]:
-            raise _degenerate(f"the points lie on one line {where}")
-    from_uv, from_xy = _centring(uv), _centring(xy)
-    fitted, _ = cv2.findHomography(_project(from_uv, uv), _project(from_xy, xy), 0)
-    if fitted is None or np.linalg.cond(fitted) > 1e8:
-        raise _degenerate("three of the four points lie on one line")
-    h = _inverse(from_xy) @ fitted @ from_uv
-    h = h / (h[2, 2] if abs(h[2, 2]) > 1e-12 * np.abs(h).max() else np.abs(h).max())
-    w = uv @ h[2, :2] + h[2, 2]
-    if not (np.all(w > 0) or np.all(w < 0)):
-        raise _degenerate("the points lie on both sides of the horizon they define")
-    given = np.asarray(points, dtype=np.float64).reshape(-1, 4)
-    errors = np.hypot(*(_project(h, given[:, :2]) - given[:, 2:]).T)
-    (a, b, c), (d, e, f), (g, i, j) = h.tolist()
-    return Fit(((a, b, c), (d, e, f), (g, i, j)), float(np.sqrt(np.mean(errors**2))), errors)
 
 
 def plan_bounds(floor: Floor) -> Bounds | None:
@@ -230,15 +120,15 @@ def seen_floor(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Polygon
     """
     import shapely
 
-    h = _matrix(homography)
+    h = as_matrix(homography)
     width, height = map(float, picture_px)
     sign = ground_sign(h, picture_px=picture_px)
     nearest = np.array([[width / 2, height]])
     corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
     w_corners, w_nearest = (sign * (uv @ h[2, :2] + h[2, 2]) for uv in (corners, nearest))
     ground = _cut(corners, w_corners - w_nearest[0] / NEAREST_TO_FARTHEST)
-    reach = shapely.Point(*_project(h, nearest, sign=sign)[0]).buffer(VIEW_REACH_M, quad_segs=32)
-    return _as_polygon(shapely.Polygon(_project(h, ground, sign=sign)).intersection(reach))
+    reach = shapely.Point(*project(h, nearest, sign=sign)[0]).buffer(VIEW_REACH_M, quad_segs=32)
+    return _as_polygon(shapely.Polygon(project(h, ground, sign=sign)).intersection(reach))
 
 
 def _cut(polygon: Array, height: Array) -> Array:
@@ -355,40 +245,3 @@ def _as_polygon(shape: object) -> Polygon:
 
     parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
     return max(parts, key=lambda part: part.area, default=shapely.Polygon())
-
-
-def _matrix(homography: ArrayLike) -> Array:
-    return np.asarray(homography, dtype=np.float64).reshape(3, 3)
-
-
-def _inverse(matrix: Array) -> Array:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def _points(points: ArrayLike) -> Array:
-    return np.asarray(points, dtype=np.float64).reshape(-1, 2)
-
-
-def _project(matrix: Array, points: ArrayLike, *, sign: float = 0.0) -> Array:
-    """Apply a 3x3 projective map; with a sign, points whose third coordinate has another are NaN."""
-    mapped = _points(points) @ matrix[:, :2].T + matrix[:, 2]
-    w = mapped[:, 2:]
-    w = np.where(w * sign > 0, w, np.nan) if sign else w
-    return np.asarray(mapped[:, :2] / w)
-
-
-def _centring(points: Array) -> Array:
-    """Return the similarity that moves points to mean 0 and root mean square distance sqrt 2."""
-    middle = points.mean(axis=0)
-    scale = np.sqrt(2.0) / np.sqrt(np.mean(np.sum((points - middle) ** 2, axis=1)))
-    return np.array([[scale, 0.0, -scale * middle[0]], [0.0, scale, -scale * middle[1]], [0.0, 0.0, 1.0]])
-
-
-def _degenerate(why: str) -> CalibrationError:
-    return CalibrationError(
-        "these points cannot fix a calibration",
-        code="E402",
-        why=why,
-        mend="choose points far apart, not three of four on a line, and check that u,v (picture) and x,y (floor) of "
-        "each row are the same spot",
-    )

@@ -133,6 +133,13 @@ def test_the_user_overrules_rate_and_first_frame(tmp_path: Path) -> None:
     assert tables["frames"]["ts_ms"].to_pylist()[0] == START - 5000
 
 
+def test_a_tracker_that_counts_from_zero_keeps_its_first_frame(tmp_path: Path) -> None:
+    path = sequence(tmp_path, "hall", ["0,1,0,0,9,9", "2,1,0,0,9,9"], ini="frameRate=10\nseqLength=4")
+    tables, batches = read(path, IngestOptions(start=START, first_frame=0.0))
+    assert frames(tables) == [(0, 1), (100, 0), (200, 1), (300, 0)]
+    assert not rejected(batches)
+
+
 @pytest.mark.parametrize("packed", [False, True])
 def test_every_sequence_becomes_the_camera_of_its_name(tmp_path: Path, packed: bool) -> None:
     root = tmp_path / "set"
@@ -266,7 +273,7 @@ def test_an_archive_without_sequences_is_neither_claimed_nor_read(tmp_path: Path
     assert not ADAPTER.detects(Source(path))
     with pytest.raises(InputError) as caught:
         read(path)
-    assert caught.value.code == "E202"
+    assert caught.value.code == "E204"
 
 
 @pytest.mark.realdata

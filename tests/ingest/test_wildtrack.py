@@ -25,7 +25,11 @@ CLOCK = IngestOptions(start=START)
 
 
 def person(identity: object, cell: object) -> dict[str, object]:
-    return {"personID": identity, "positionID": cell, "views": [{"viewNum": 0, "xmin": 1, "ymin": 1, "xmax": 2, "ymax": 2}]}
+    return {
+        "personID": identity,
+        "positionID": cell,
+        "views": [{"viewNum": 0, "xmin": 1, "ymin": 1, "xmax": 2, "ymax": 2}],
+    }
 
 
 FILES: Mapping[str, bytes] = {
@@ -120,7 +124,17 @@ def test_an_unreadable_file_is_quarantined_and_claims_no_empty_frame(
 
 @pytest.mark.parametrize(
     "bad",
-    [person(4, -1), person(4, 480 * 1440), person(4, 1.0), person("4", 1), person(True, 1), person(10**30, 1), [], None, {}],
+    [
+        person(4, -1),
+        person(4, 480 * 1440),
+        person(4, 1.0),
+        person("4", 1),
+        person(True, 1),
+        person(10**30, 1),
+        [],
+        None,
+        {},
+    ],
 )
 def test_a_person_off_the_grid_is_quarantined_but_was_seen(tmp_path: Path, bad: object) -> None:
     files = {"00000000.json": json.dumps([person(1, 1), bad, person(2, 2)]).encode()}
@@ -131,7 +145,10 @@ def test_a_person_off_the_grid_is_quarantined_but_was_seen(tmp_path: Path, bad: 
 
 
 def test_files_before_damage_are_kept(tmp_path: Path) -> None:
-    files = {f"{n * 5:08}.json": json.dumps([person(p, (n * 7919 + p * 104729) % 691200) for p in range(30)]).encode() for n in range(100)}  # fmt: skip
+    files = {
+        f"{n * 5:08}.json": json.dumps([person(p, (n * 7919 + p * 104729) % 691200) for p in range(30)]).encode()
+        for n in range(100)
+    }
     path = tarred(tmp_path / "a.tar.gz", files)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     kept: list[pa.Table] = []
@@ -187,7 +204,7 @@ def test_other_json_files_are_not_claimed(tmp_path: Path, data: bytes) -> None:
     assert not ADAPTER.detects(Source(tmp_path / "00000000.json"))
     with pytest.raises(InputError) as caught:
         read(tarred(tmp_path / "a.tar", {}, mode="w"))
-    assert caught.value.code == "E202"
+    assert caught.value.code == "E204"
 
 
 @pytest.mark.realdata

@@ -11,6 +11,7 @@ from scipy import stats
 
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky, split_change
 from vsd_analytics.stats.estimates import verdict_of
+from vsd_analytics.stats.rates import how_often
 
 HOURS = np.array([[13.0] * 6 + [8.0]] * 2)
 PROFILE = np.array([20, 22, 25, 28, 35, 60, 15])
@@ -187,3 +188,11 @@ def test_verdict_is_clear_only_when_the_interval_excludes_no_change(
     lo: float | None, hi: float | None, verdict: str
 ) -> None:
     assert verdict_of(lo, hi) == verdict
+
+
+def test_one_sided_limits_split_the_error_between_the_two_periods() -> None:
+    before = how_often([PROFILE], HOURS[:1], confidence=0.975)
+    change = compare_how_often([PROFILE], HOURS[:1], [[0, 0, 1, 0, 0, 1, 0]], HOURS[:1])
+    upper = stats.chi2.ppf(1 - 0.0125, 2 * 2 + 2) / 2 / 86
+    lower = stats.chi2.ppf(0.0125, 2 * 2) / 2 / 86
+    assert (change.lo, change.hi) == pytest.approx((lower / before.hi, upper / before.lo))

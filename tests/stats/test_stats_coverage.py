@@ -32,6 +32,13 @@ def test_level_intervals_hold_the_truth_with_a_camera_down_four_days(world: Worl
         assert scores[name].coverage >= 0.93, name
 
 
+@pytest.mark.parametrize("episodes", [300, 3000])
+def test_level_intervals_hold_the_whole_week_when_the_largest_camera_missed_the_busy_days(episodes: float) -> None:
+    scores = run_levels(World(episodes, 0.05, is_weekend_down=True), weeks=500, seed=7)
+    for name in ("M0, four weeks of history", "M0, four weeks, truth of recorded hours", "M0, first weeks"):
+        assert scores[name].coverage >= 0.93, name
+
+
 @pytest.mark.parametrize("world", WORLDS, ids=str)
 def test_week_over_week_intervals_hold_the_truth_as_often_as_they_say(world: World) -> None:
     scores = run_changes(world, weeks=WEEKS, seed=3)

@@ -165,7 +165,7 @@ def test_weekday_differences_leave_the_interval_with_four_weeks_of_history() -> 
     same(how_often(now, HOURS, history_n=past[:, :21], **three), plain)
 
 
-def test_camera_that_missed_a_weekday_keeps_weekday_differences_in() -> None:
+def test_interval_reaches_to_the_usual_rate_with_the_weekdays_a_camera_missed() -> None:
     profile = np.array([20, 22, 25, 28, 35, 60, 15])
     past, x = np.tile(profile, (3, 4)), HOURS.copy()
     x[2, 5] = 0
@@ -174,7 +174,8 @@ def test_camera_that_missed_a_weekday_keeps_weekday_differences_in() -> None:
         history_x_h=np.tile(HOURS, 4),
     )  # fmt: skip
     assert estimate.is_conservative
-    assert estimate.log_se > 0
+    assert estimate.lo == pytest.approx(2 * 205 / 86 + 145 / 73)
+    assert estimate.hi == pytest.approx(3 * 205 / 86)
 
 
 def test_history_in_another_order_changes_nothing() -> None:
@@ -283,3 +284,27 @@ def test_poisson_limits_leave_the_stated_tails(n: int) -> None:
 def test_rule_of_three_is_three_at_95_percent() -> None:
     assert zero_events_limit(confidence=0.95) == 3.0
     assert zero_events_limit(confidence=0.99) > 4.6
+
+
+def test_small_sample_correction_covers_a_thin_camera_whose_violations_come_independently() -> None:
+    noise = np.array([0.01, 0.0001])
+    weights = np.array([[0.5, 0.5, 0, 0, 0, 0, 0], [1 / 7] * 7])
+    k, _ = small_sample(weights, shares=np.array([0.1, 0.9]), noise=noise)
+    assert k == pytest.approx(noise.sum() / (noise * [1 / 2, 6 / 7]).sum())
+
+
+def test_interval_with_history_equals_its_formula_written_with_loops() -> None:
+    rng = np.random.default_rng(12)
+    profile = np.array([20, 22, 25, 28, 35, 60, 15])
+    past, past_x, x = rng.poisson(np.tile(profile, 5)), rng.uniform(6, 13, 35), rng.uniform(6, 13, 7)
+    n = rng.poisson(profile)
+    estimate = how_often(n, x, weekday=WEEK, history_n=past, history_x_h=past_x, history_weekday=np.tile(WEEK, 5))
+    usual = [sum(past[w::7]) / sum(past_x[w::7]) for w in range(7)]
+    expected = [x[w] * usual[w] / sum(x[v] * usual[v] for v in range(7)) for w in range(7)]
+    total, second, third = sum(n), sum(q**2 for q in expected), sum(q**3 for q in expected)
+    var = sum(((n[w] - total * expected[w]) / total) ** 2 / (1 + x[w] / sum(past_x[w::7])) for w in range(7))
+    k = max(second / (second - 2 * third + second**2), 1 / (1 - second))
+    assert estimate.log_se == pytest.approx(np.sqrt(k * var))
+    spread = np.linalg.svd(np.diag(expected) - np.outer(expected, expected), compute_uv=False) ** 2
+    assert estimate.df == pytest.approx(spread.sum() ** 2 / (spread**2).sum())
+    assert not estimate.is_conservative

@@ -102,10 +102,14 @@ def doctor(project: Project, show_config: bool, as_json: bool) -> int:
     if as_json:
         told: dict[str, Any] = {
             "ok": not needs_you,
-            "findings": [{"subject": f.subject, "state": f.state, "detail": f.detail, "mend": f.mend} for f in findings],
+            "findings": [
+                {"subject": f.subject, "state": f.state, "detail": f.detail, "mend": f.mend} for f in findings
+            ],
         }
         if show_config:
-            told["settings"] = [{"name": s.name, "value": s.value, "unit": s.unit, "source": s.source} for s in settings]
+            told["settings"] = [
+                {"name": s.name, "value": s.value, "unit": s.unit, "source": s.source} for s in settings
+            ]
         emit_json(told)
         return int(needs_you)
     for finding in findings:

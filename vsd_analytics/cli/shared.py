@@ -61,7 +61,7 @@ class Project:
         """Return the site as its vsd.toml describes it."""
         from vsd_analytics.config import load_site
 
-        return load_site(self.root)
+        return load_site(self.root, environ=os.environ)
 
     def say(self, text: str) -> None:
         """Talk to the user on standard error."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,17 +48,28 @@ def init(
       vsd init
       vsd -C shop init --no-input --name "Riverside Store" --timezone Europe/Rome --camera cam-1=Entrance
     """
-    from vsd_analytics.first_config import ALWAYS, Answers, write_first_config
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.first_config import ALWAYS, Answers, check_opening, check_zone, write_first_config
 
-    def ask(question: str, given: str | None, default: str) -> str:
+    def ask(question: str, given: str | None, default: str, *, check: Callable[[str], object] = str) -> str:
         if given is not None or no_input:
             return default if given is None else given
-        return str(click.prompt(question, default=default, err=True)).strip()
+
+        def checked(answer: str) -> str:
+            try:
+                check(answer.strip())
+            except UsageError as error:  # asked again
+                raise click.UsageError(f"{error.why or error.what}; {error.mend}") from None
+            return answer.strip()
+
+        return str(click.prompt(question, default=default, value_proc=checked, err=True))
 
     folder = Path(project.folder)
     name = ask("1 Name of the site", name, folder.absolute().name or "Site")
-    timezone = ask("2 Time zone", timezone, "UTC")
-    opening = ask('3 Opening hours ("mon-sat 08:00-21:00, sun 10:00-18:00", or always)', opening, ALWAYS)
+    timezone = ask("2 Time zone", timezone, "UTC", check=check_zone)
+    opening = ask(
+        '3 Opening hours ("mon-sat 08:00-21:00, sun 10:00-18:00", or always)', opening, ALWAYS, check=check_opening
+    )
     named = ask("4 Cameras (ids, with =NAME where you like, separated by commas)", ",".join(cameras) or None, "cam-1")
     plan = ask("5 Floor plan picture (empty: none yet)", plan, "") or None
     if plan is not None and plan_m_per_px is None and not no_input:
@@ -69,12 +81,16 @@ def init(
         emit_json({"ok": True, "file": str(folder / "vsd.toml"), "site": site.site_id})
         return
     click.echo(str(folder / "vsd.toml"))
-    project.say("Next: vsd ingest FILES...   (engine output)\n      vsd calibrate CAMERA     (if the engine sends pixels)")
+    project.say(
+        "Next: vsd ingest FILES...   (engine output)\n      vsd calibrate CAMERA     (if the engine sends pixels)"
+    )
 
 
 @click.command()
 @click.argument("camera")
-@click.option("--matrix", type=click.Path(path_type=Path), metavar="FILE", help="3x3 homography, picture px to floor m.")
+@click.option(
+    "--matrix", type=click.Path(path_type=Path), metavar="FILE", help="3x3 homography, picture px to floor m."
+)
 @click.option("--points", type=click.Path(path_type=Path), metavar="FILE", help="CSV of u,v,x,y: four spots or more.")
 @click.option("--from", "valid_from", metavar="INSTANT", help="When the camera was put there (default: since ever).")
 @json_option
@@ -114,7 +130,11 @@ def _told(done: Calibrated) -> list[str]:
     if done.error_m is not None and done.worst_m is not None:
         rms, worst = f"{done.error_m * 100:.1f} cm (root mean square)", f"{done.worst_m * 100:.1f} cm"
         lines = [f"{done.camera_id}: {done.n_points} points, error {rms}, worst {worst} at point {done.worst_point}"]
-    return [*lines, f"{done.file}   calibration {done.calibration_id}", f"{done.overlay}   look: 1 m squares on the floor"]
+    return [
+        *lines,
+        f"{done.file}   calibration {done.calibration_id}",
+        f"{done.overlay}   look: 1 m squares on the floor",
+    ]
 
 
 def _calibrated(done: Calibrated) -> dict[str, object]:

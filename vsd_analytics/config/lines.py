@@ -53,12 +53,13 @@ class TomlText:
         for number in _statement_lines(self.text):
             line = self.lines[number - 1]
             if header := _HEADER.fullmatch(line):
-                table = _indexed(_keys(header[2]), counts, grows=header[1] == "[[")
-                places.setdefault(table, number)
+                path = table = _indexed(_keys(header[2]), counts, grows=header[1] == "[[")
             elif key := _KEY.match(line):
-                keys = _keys(key[1])
-                for length in range(1, len(keys) + 1):
-                    places.setdefault(table + keys[:length], number)
+                path = table + _keys(key[1])
+            else:
+                continue
+            for length in range(1, len(path) + 1):  # a table around it begins where its first part does
+                places.setdefault(path[:length], number)
         return places
 
     def where(self, path: KeyPath, *, note: str | None = None) -> Where:

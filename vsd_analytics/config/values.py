@@ -20,9 +20,7 @@ def zone(table: TableReader, key: str, *, required: bool = False) -> str | None:
     name = table.text(key, example='"Europe/Rome"', required=required)
     if name is None:
         return None
-    try:
-        ZoneInfo(name)
-    except (KeyError, ValueError, OSError):
+    if not is_zone(name):
         close = nearest_zone(name)
         note = f"did you mean {close}?" if close else None
         table.fault(
@@ -33,6 +31,15 @@ def zone(table: TableReader, key: str, *, required: bool = False) -> str | None:
         )
         return None
     return name
+
+
+def is_zone(name: str) -> bool:
+    """Tell whether `name` is an IANA time zone this machine knows."""
+    try:
+        ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        return False
+    return True
 
 
 def nearest_zone(name: str) -> str | None:

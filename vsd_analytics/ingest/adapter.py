@@ -78,7 +78,7 @@ class IngestOptions:
         period_s: Sampling period: times are floored to it, so that records of one period are one frame.
         fps: Frames per second, for files that have frame numbers.
         start: Instant of frame 0 (UTC milliseconds), for files that have frame numbers.
-        first_frame: Number of the frame that stands at `start`.
+        first_frame: Number of the frame that stands at `start`; None = the first number of the format (0, MOTChallenge 1).
         frame_zone: IANA zone of times without an offset.
         coordinates: "floor" or "image", for formats that carry both (MOTChallenge: world columns or boxes).
         method: smart-social-distancing: "center-points" or "four-corner".
@@ -94,7 +94,7 @@ class IngestOptions:
     period_s: float | None = None
     fps: float | None = None
     start: int | None = None
-    first_frame: float = 0.0
+    first_frame: float | None = None
     frame_zone: str = "UTC"
     coordinates: str | None = None
     method: str = "center-points"

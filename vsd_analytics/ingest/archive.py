@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import IO, Literal
 
@@ -45,13 +46,20 @@ class Member:
 
 
 def archive_kind(source: Source) -> Kind | None:
-    """Return what holds several files here, by first bytes: "folder", "zip", "tar" (compressed or not) or None."""
+    """Return what holds several files here, by first bytes: "folder", "zip", "tar" (plain, gz or bz2) or None.
+
+    An archive damaged before its first byte comes out is told by its name, so that reading it can say so.
+    """
     if source.path.is_dir():
         return "folder"
     head = source.head(512)
     if head[:4] in (b"PK\x03\x04", b"PK\x05\x06"):
         return "zip"
-    return "tar" if head[257:262] == b"ustar" else None
+    if head[257:262] == b"ustar" or (
+        not head and source.path.name.lower().endswith((".tar", ".tar.gz", ".tgz", ".tar.bz2"))
+    ):
+        return "tar"
+    return None
 
 
 @contextmanager
@@ -59,7 +67,7 @@ def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Mem
     """Open a folder or archive and hand out its files whose names `wanted` finds something in.
 
     Args:
-        source: A folder, a zip, or a tar, plain or compressed.
+        source: A folder, a zip, or a tar, plain, gz or bz2.
         wanted: Searched in each member's path, in which slashes are forward.
 
     Yields:
@@ -79,12 +87,12 @@ def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Mem
             yield _zip_members(source, archive, wanted)
     elif kind == "tar":
         limit = max(FREE_BYTES, min(MAX_BYTES, MAX_RATIO * source.size_bytes))
-        with source.open() as raw, io.BufferedReader(_Guarded(raw, source.name, limit)) as stream:
-            yield _tar_members(source.name, stream, wanted)
+        with source.path.open("rb") as packed:
+            yield _tar_members(source.name, packed, wanted, limit)
     else:
         raise InputError(
             f"{source.path.name} is neither a folder nor a zip or tar archive",
-            code="E202",
+            code="E204",
             where=Where(source.name),
             mend="name the folder or the archive the files came in",
         )
@@ -118,15 +126,20 @@ def _zip_members(source: Source, archive: zipfile.ZipFile, wanted: re.Pattern[st
     return [Member(i.filename, opener(i)) for i in found]
 
 
-def _tar_members(name: str, stream: IO[bytes], wanted: re.Pattern[str]) -> Iterator[Member]:
-    with _translated(name), tarfile.open(fileobj=stream, mode="r|", tarinfo=_TarInfo) as archive:
+def _tar_members(name: str, packed: IO[bytes], wanted: re.Pattern[str], limit: int) -> Iterator[Member]:
+    with _translated(name), tarfile.open(fileobj=packed, mode="r|*", tarinfo=_TarInfo) as archive:
         for info in archive:
             archive.members = []  # type: ignore[attr-defined]  # else every header of the stream is kept
-            if info.isreg() and wanted.search(info.name):
-                raw = archive.extractfile(info)
-                if raw is not None:
-                    guarded = io.BufferedReader(_Guarded(raw, f"{name}/{info.name}", info.size))
-                    yield Member(info.name, lambda opened=guarded: opened)  # type: ignore[misc]
+            if info.offset_data + info.size > limit:
+                raise _too_large(name, limit)
+            raw = archive.extractfile(info) if info.isreg() and wanted.search(info.name) else None
+            if raw is not None:
+                stream = io.BufferedReader(_Guarded(raw, f"{name}/{info.name}", info.size))
+                yield Member(info.name, partial(_same, stream))
+
+
+def _same(stream: IO[bytes]) -> IO[bytes]:
+    return stream
 
 
 class _TarInfo(tarfile.TarInfo):

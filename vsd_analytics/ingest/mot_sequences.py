@@ -87,7 +87,7 @@ def _chosen(source: Source, found: list[Sequence], options: IngestOptions) -> li
 def _no_sequences(source: Source) -> InputError:
     return InputError(
         f"{source.path.name} holds no gt/gt.txt and no det/det.txt",
-        code="E202",
+        code="E204",
         where=Where(source.name),
         mend="name a sequence folder, or a zip of sequences, as MOTChallenge packs them",
     )

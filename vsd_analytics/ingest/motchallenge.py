@@ -85,13 +85,15 @@ class MotChallenge:
         """Stream the sequences of a source, one after the other, as one camera each.
 
         Frame n stands at `start + (n - first_frame) / fps`; frame 1 is the first unless `options.first_frame` says
-        otherwise. Every frame from 1 to the sequence's length (or its highest frame) is a heartbeat.
+        otherwise, such as 0 for trackers that count from 0. Every frame from 1 (or 0) to the sequence's length, or its
+        highest frame, is a heartbeat.
 
         Raises:
             InputError: E207 when the frame rate or the start is unknown, E208 when floor metres are asked for and the
                 file has none, E205 and E206 as `vsd_analytics.ingest.archive` says.
             UsageError: E101 when `options.camera` names none of several sequences.
         """
+        lowest = 0 if options.first_frame is not None and options.first_frame < 1 else 1
         is_floor, size = options.coordinates == "floor", source.size_bytes
         with sequences(source, options) as found:
             usable = []
@@ -109,20 +111,20 @@ class MotChallenge:
             for number, (sequence, clock) in enumerate(zip(usable, clocks, strict=True), 1):
                 prefix = f"{sequence.title}: " if len(found) > 1 else ""
                 done = (size * (number - 1) // len(usable), size * number // len(usable))
-                yield from _read(sequence, clock, is_floor=is_floor, prefix=prefix, done=done)
+                yield from _read(sequence, clock, is_floor=is_floor, lowest=lowest, prefix=prefix, done=done)
             if notes:
                 yield RawBatch(notes=notes, done_bytes=size)
 
 
 def _read(
-    sequence: Sequence, clock: Callable[[int], int], *, is_floor: bool, prefix: str, done: tuple[int, int]
+    sequence: Sequence, clock: Callable[[int], int], *, is_floor: bool, lowest: int, prefix: str, done: tuple[int, int]
 ) -> Iterator[RawBatch]:
-    rows, n_persons, damage = _Rows(), array("i", [0]), None
+    rows, n_persons, damage = _Rows(), array("i"), None
     with sequence.open() as stream:
         try:
             for number, line in bounded_lines(stream, max_bytes=int(BY_NAME["line_max_bytes"].default)):
                 try:
-                    _take(line, sequence=sequence, is_floor=is_floor, rows=rows, n_persons=n_persons)
+                    _take(line, sequence=sequence, is_floor=is_floor, lowest=lowest, rows=rows, n_persons=n_persons)
                 except BadRowError as bad:
                     reason, detail = bad.args
                     rows.rejected.append(rejected(number, reason=reason, detail=prefix + detail, record=line or b""))
@@ -135,8 +137,8 @@ def _read(
         except InputError as error:
             damage = error
     yield rows.batch(sequence.camera, clock, is_floor=is_floor, done_bytes=done[0])
-    last = max(len(n_persons) - 1, sequence.n_frames)
-    for first in range(1, last + 1, BATCH_ROWS):
+    last = max(len(n_persons) - 1, sequence.n_frames + lowest - 1)
+    for first in range(lowest, last + 1, BATCH_ROWS):
         seen = {f: n_persons[f] if f < len(n_persons) else 0 for f in range(first, min(first + BATCH_ROWS, last + 1))}
         if damage is not None:  # what follows the damage is unknown, not empty
             seen = {f: n for f, n in seen.items() if n}
@@ -147,7 +149,9 @@ def _read(
         raise damage
 
 
-def _take(line: bytes | None, *, sequence: Sequence, is_floor: bool, rows: _Rows, n_persons: array[int]) -> None:
+def _take(
+    line: bytes | None, *, sequence: Sequence, is_floor: bool, lowest: int, rows: _Rows, n_persons: array[int]
+) -> None:
     """Add one line to the rows; a person that cannot be used still counts as seen in its frame."""
     if line is None:
         raise BadRowError("line-too-long", "the line is longer than any record of this format")
@@ -155,8 +159,10 @@ def _take(line: bytes | None, *, sequence: Sequence, is_floor: bool, rows: _Rows
         return
     cells = line.split(b",")
     frame = _number(cells[0])
-    if not frame.is_integer() or not 1 <= frame <= MAX_FRAMES:
-        raise BadRowError("bad-frame", f"frames are whole numbers from 1 to {MAX_FRAMES:,}; this one is {frame:g}")
+    if not frame.is_integer() or not lowest <= frame <= MAX_FRAMES:
+        raise BadRowError(
+            "bad-frame", f"frames are whole numbers from {lowest} to {MAX_FRAMES:,}; this one is {frame:g}"
+        )
     index = int(frame)
     n_persons.frombytes(bytes(n_persons.itemsize * max(0, index + 1 - len(n_persons))))
     n_persons[index] += 1
@@ -221,7 +227,7 @@ def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callab
             why="MOTChallenge files have frame numbers and no times; only seqinfo.ini may give the frame rate",
             mend="give both, for example --fps 25 --start 2026-01-05T09:00:00+01:00",
         )
-    first = options.first_frame or 1.0
+    first = 1.0 if options.first_frame is None else options.first_frame
     return lambda frame: start + round((frame - first) * 1000 / fps)
 
 

@@ -55,7 +55,7 @@ def parsed(stream: IO[bytes], *, source_name: str, prefix: str) -> Iterator[LogR
         prefix: Put before the details of rejected rows, to tell several logs apart.
 
     Raises:
-        InputError: E202 when the header lacks a needed column; E205 from the stream.
+        InputError: E203 when the header lacks a needed column; E205 from the stream.
     """
     csv.field_size_limit(max(csv.field_size_limit(), MAX_BYTES))
     columns: dict[str, int] | None = None
@@ -122,7 +122,7 @@ def _columns(cells: list[str], source_name: str) -> dict[str, int]:
             near = difflib.get_close_matches(name, columns, 1)
             raise InputError(
                 f"the object log has no column {name}",
-                code="E202",
+                code="E203",
                 where=Where(source_name, 1, ",".join(cells)[:500]),
                 why=f"nearest found: {near[0]}" if near else "no column has a name like it",
                 mend="name a file of the engine's folder objects_log, with its header line",

@@ -125,7 +125,8 @@ class SmartSocialDistancing:
         many rows agree with the pairs rebuilt at `options.method`, `resolution_px` and `threshold_m`.
 
         Raises:
-            InputError: E202 when a needed column is missing or a folder has no logs, E205 when the file is damaged.
+            InputError: E203 when a needed column is missing, E204 when a folder has no logs, E205 when a file is
+                damaged.
             UsageError: E101 for a method, resolution, threshold or zone that cannot be.
         """
         agreement, zone, damage = Agreement(_setting(options)), _zone(options.frame_zone), None
@@ -139,7 +140,7 @@ class SmartSocialDistancing:
                     damage = error
                     break
         if is_empty:
-            raise InputError(f"{source.path.name} holds no objects_log/*.csv", code="E202", where=Where(source.name))
+            raise InputError(f"{source.path.name} holds no objects_log/*.csv", code="E204", where=Where(source.name))
         note = agreement.note()
         yield RawBatch(notes=(note,) if note else (), done_bytes=source.size_bytes)
         if damage is not None:

@@ -257,7 +257,7 @@ def _batch(plan: Plan, chunk: pa.RecordBatch, options: IngestOptions, *, first_l
             rejected.append(Rejected(int(lines[i]), "not-a-time", detail, _excerpt(rows, i)))
         bad |= wrong
     else:
-        seconds = (values["frame"] - options.first_frame) / (options.fps or 1.0)
+        seconds = (values["frame"] - (options.first_frame or 0.0)) / (options.fps or 1.0)
         times, notes = np.rint((options.start or 0) + np.nan_to_num(seconds) * 1000), ()
         bad |= np.isnan(seconds)
     if options.period_s:

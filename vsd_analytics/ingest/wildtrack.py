@@ -93,7 +93,7 @@ class Wildtrack:
         and makes no frame. The line of a record is the number of its file in reading order.
 
         Raises:
-            InputError: E207 without `options.start` or with an impossible frame rate, E202 without annotations, E205
+            InputError: E207 without `options.start` or with an impossible frame rate, E204 without annotations, E205
                 and E206 as `vsd_analytics.ingest.archive` says.
         """
         fps = VIDEO_FPS if options.fps is None else options.fps
@@ -115,7 +115,7 @@ class Wildtrack:
                     frame = int(number[1]) if number else 0
                     with member.open() as stream:
                         text = stream.read(MAX_FILE_BYTES + 1)
-                    ts_ms = options.start + round((frame - options.first_frame) * 1000 / fps)
+                    ts_ms = options.start + round((frame - (options.first_frame or 0.0)) * 1000 / fps)
                     _take(text, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows)
                     if len(rows.persons) + len(rows.frames) + 10 * len(rows.rejected) >= BATCH_ROWS:
                         yield rows.batch(camera)
@@ -128,7 +128,7 @@ class Wildtrack:
         if not n_files:
             raise InputError(
                 f"{source.path.name} holds no annotations_positions/<frame>.json",
-                code="E202",
+                code="E204",
                 where=Where(source.name),
                 mend="name the folder annotations_positions, or the archive it came in",
             )

@@ -18,6 +18,10 @@ PAD: Final = 12
 FONT: Final = 15
 FONT_PHONE: Final = 34
 _FOOT: Final = 52
+MAX_FOOT_RADIUS: Final = 45
+MARK_RADIUS: Final = 17
+MARK_RADIUS_PHONE: Final = 30
+_Box = tuple[float, float, float, float]
 
 
 class _Frame:
@@ -53,7 +57,7 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     """
     frame = _Frame(shown)
     hatch = f"hat{index}"
-    foot = _FOOT if frame.is_metric else PAD
+    foot = _foot_height(frame, rules) if frame.is_metric else PAD
     box = f"{-PAD} {-PAD} {frame.width + 2 * PAD} {frame.height + PAD + foot}"
     clip = f"clip{index}"
     whole: dict[str, float] = {"x": 0, "y": 0, "width": frame.width, "height": frame.height}
@@ -99,12 +103,13 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     ]
     parts.append(el("g", Markup("").join(drawn), clip_path=f"url(#{clip})"))
     parts.append(el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1.5, **whole))
-    parts += _area_labels(shown.areas, frame)
+    labels, boxes = _area_labels(shown.areas, frame)
+    parts += labels
     for camera in shown.cameras:
         x, y = frame.at(camera.at)
         parts.append(el("circle", class_="cm", fill=ACCENT, cx=x, cy=y, r=6))
         parts.append(_text(camera.label, x, y + 22, class_="cmt", fill=ACCENT, anchor="middle"))
-    parts += _spots(shown, frame)
+    parts += _spots(shown, frame, boxes)
     if frame.is_metric:
         parts += _scale(shown, frame, rules)
     kind = "map-pic" if shown.kind == "picture" else "map-floor"
@@ -134,9 +139,13 @@ def _text(
     return el("text", text, class_=class_, fill=fill, font_size=size, text_anchor=anchor, x=round(x), y=round(y))
 
 
-def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> list[Markup]:
-    """Name each area at its upper left; a name that would run into another or off the map is left to the table."""
-    taken: dict[int, list[tuple[float, float, float, float]]] = {FONT: [], FONT_PHONE: []}
+def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> tuple[list[Markup], list[tuple[_Box, float]]]:
+    """Name each area at its upper left; a name that would run into another or off the map is left to the table.
+
+    Returns:
+        The names, and the boxes they fill with the radius of the marks that must keep clear of them.
+    """
+    taken: dict[int, list[_Box]] = {FONT: [], FONT_PHONE: []}
     labels = []
     for area in areas:
         ring = frame.ring(area.ring)
@@ -154,22 +163,27 @@ def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> list[Markup]:
                 boxes.append(here)
         if fits[FONT]:
             labels.append(_text(area.name, left, y, class_="pt halo" if fits[FONT_PHONE] else "pt halo x", fill=INK))
-    return labels
+    small = [(box, float(MARK_RADIUS)) for box in taken[FONT]]
+    large = [(box, float(MARK_RADIUS_PHONE)) for box in taken[FONT_PHONE]]
+    return labels, small + large
 
 
-def _spots(shown: FloorMap, frame: _Frame) -> list[Markup]:
+def _spots(shown: FloorMap, frame: _Frame, boxes: Sequence[tuple[_Box, float]]) -> list[Markup]:
     """Draw the numbered spots: a dot at the peak, a line, and the number where it covers least."""
     peaks = [frame.at(s.at) for s in shown.spots]
+    heat = [[frame.ring(polygon[0]) for polygon in band.polygons] for band in shown.bands]
     placed: list[Point] = []
     parts = []
     for spot, (x, y) in zip(shown.spots, peaks, strict=True):
         choices = []
-        for k in range(16):
-            angle = 2 * math.pi * k / 16
-            at = (x + 88 * math.cos(angle), y - 88 * math.sin(angle))
+        for k in range(48):
+            angle, reach = 2 * math.pi * (k % 16) / 16, (88, 64, 116)[k // 16]
+            at = (x + reach * math.cos(angle), y - reach * math.sin(angle))
             inside = 34 <= at[0] <= frame.width - 34 and 34 <= at[1] <= frame.height - 34
+            clear = -sum(_touches(at, box, radius) for box, radius in boxes)
             near = min((math.dist(at, other) for other in [*placed, *(p for p in peaks if p != (x, y))]), default=400.0)
-            choices.append((inside, min(near, 120.0), round(math.sin(angle), 3), -k, at))
+            cool = -sum(any(_inside(at, ring) for ring in rings) for rings in heat)
+            choices.append((inside, min(near, 70.0), clear, cool, round(math.sin(angle), 3), -k, at))
         at = max(choices)[-1]
         placed.append(at)
         (a, b) = round(at[0]), round(at[1])
@@ -194,21 +208,48 @@ def _spots(shown: FloorMap, frame: _Frame) -> list[Markup]:
     return parts
 
 
+def _inside(at: Point, ring: Sequence[Point]) -> bool:
+    """Tell whether a point lies in a ring (even-odd rule)."""
+    x, y = at
+    crossings = 0
+    for (x0, y0), (x1, y1) in zip(ring, [*ring[1:], ring[0]], strict=True):
+        crossings += (y0 > y) != (y1 > y) and x < (x1 - x0) * (y - y0) / (y1 - y0) + x0
+    return crossings % 2 == 1
+
+
+def _touches(at: Point, box: _Box, radius: float) -> bool:
+    dx = max(box[0] - at[0], 0.0, at[0] - box[2])
+    dy = max(box[1] - at[1], 0.0, at[1] - box[3])
+    return math.hypot(dx, dy) < radius + 3
+
+
+def _circle_radius(frame: _Frame, rules: Rules) -> float:
+    """Return the radius of a circle whose diameter is the legal distance."""
+    return rules.distance_m * frame.scale / 2
+
+
+def _foot_height(frame: _Frame, rules: Rules) -> int:
+    """Return the height of the strip below the map that holds scale bar and circle."""
+    radius = _circle_radius(frame, rules)
+    return max(_FOOT, round(2 * radius) + 24) if radius <= MAX_FOOT_RADIUS else _FOOT
+
+
 def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
-    y = frame.height + 30
-    radius = rules.distance_m * frame.scale / 2
-    shown_radius = max(radius, 1.0)
-    x = max(shown_radius, 14) + 2
+    """Draw the scale bar and the circle of the legal distance; a large circle lies inside the map's corner."""
+    y = frame.height + _foot_height(frame, rules) // 2
+    radius = _circle_radius(frame, rules)
     line: dict[str, str | float] = {"class_": "sc", "fill": "none", "stroke": INK, "stroke_width": 2}
-    parts = []
-    if shown_radius <= 20:
-        parts.append(el("circle", cx=round(x, 1), cy=y, r=round(shown_radius, 1), **line))
-        if shown_radius > 5:
-            parts.append(el("path", d=f"M{x - shown_radius:.1f} {y}h{2 * shown_radius:.1f}", **line))
-        parts.append(_text(fmt.metres(rules.distance_m), x + shown_radius + 10, y + 5, class_="pt i", fill=INK))
+    x, centre = radius + 3, float(y)
+    if radius > MAX_FOOT_RADIUS:
+        x, centre = frame.width - radius - 8, frame.height - radius - 8
+    parts = [el("circle", cx=round(x, 1), cy=round(centre, 1), r=round(max(radius, 1.5), 1), **line)]
+    said = f"{fmt.metres(rules.distance_m)} across"
+    if radius > MAX_FOOT_RADIUS:
+        parts.append(_text(said, x, centre + 5, class_="pt i halo", fill=INK, anchor="middle"))
     else:
-        parts.append(el("path", d=f"M2 {y - 4}v8M2 {y}h{2 * radius:.1f}M{2 + 2 * radius:.1f} {y - 4}v8", **line))
-        parts.append(_text(fmt.metres(rules.distance_m), 2 * radius + 12, y + 5, class_="pt i", fill=INK))
+        if radius > 6:
+            parts.append(el("path", d=f"M{x - radius:.1f} {y}h{2 * radius:.1f}", **line))
+        parts.append(_text(said, x + radius + 10, y + 5, class_="pt i", fill=INK))
     if shown.scale_bar_m:
         width = shown.scale_bar_m * frame.scale
         right = frame.width - 1

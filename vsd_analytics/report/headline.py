@@ -98,10 +98,8 @@ def _headline(report: WeekReport) -> tuple[str, str]:
             pass
     keys = often_key(report), risk_key(report)
     rule = "/".join(k.removeprefix("clear_") for k in keys)
-    people = report.level.people.change
-    said = ""
-    if people is not None and abs(people) >= 0.005:
-        said = f", with {fmt.fewer_more(people)} people"
+    people = words.with_people(report.level.people.change, report.level.people.verdict)
+    said = f", {people}" if people and "about as many" not in people else ""
     moved = words.moved(often.change) if often.change is not None else "changed"
     text = SENTENCES[keys].format(moved=moved, people=said)
     if words.n_words(text) > MAX_WORDS:
@@ -229,21 +227,16 @@ def _normal_lead(report: WeekReport) -> list[Span]:
 
 def _risk_spans(report: WeekReport) -> list[Span]:
     risky, people = report.level.risky, report.level.people
-    with_people = ""
-    if people.change is not None:
-        many = fmt.fewer_more(people.change)
-        with_people = " with as many people" if many == "about the same" else f" with {many} people"
+    said = words.with_people(people.change, people.verdict)
+    with_people = f", {said}" if said else ""
     if risky.state == "not_measurable":
         return [Span(text=f"How risky is not measurable: {risky.reason or 'the engine sends no positions'}. ")]
     if risky.state == "not_enough_data" or risky.value is None:
         return [Span(text=f"There is too little data to say how risky: {risky.reason or 'few people were seen'}. ")]
-    spans = [
-        Span(text="For every hour that people spent here there were "),
-        Span(text=fmt.number(risky.value), is_strong=True),
-    ]
+    spans = [Span(text="Per person-hour there were "), Span(text=fmt.number(risky.value), is_strong=True)]
     match risky.verdict:
         case "clear_fall" | "clear_rise":
-            tail = f", {fmt.fewer_more(risky.change)}{with_people} ({fmt.likely_change(risky)}). "
+            tail = f", {fmt.fewer_more(risky.change)} ({fmt.likely_change(risky)}){with_people}. "
         case "no_clear_change":
             tail = f": no clear change{with_people}. "
         case _:
@@ -284,7 +277,7 @@ def _missing_notes(report: WeekReport) -> list[str]:
         who = (
             "all cameras"
             if len(outage.camera_ids) == len(names)
-            else words.joined(names.get(c, c) for c in outage.camera_ids)
+            else words.joined(words.camera_name(names.get(c, c)) for c in outage.camera_ids)
         )
         lines.append(f"{fmt.instant_short(outage.start)} to {fmt.instant_short(outage.end)}, {who}")
     return [f"Missing: {'; '.join(lines)}."] if lines else []

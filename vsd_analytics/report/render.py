@@ -171,7 +171,7 @@ def make_page(report: WeekReport) -> Page:
         is_ranked=is_ranked,
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
-        down=words.joined(names.get(c, c) for c in _down(report)),
+        down=words.joined(words.camera_name(names.get(c, c)) for c in _down(report)),
         masked_hours=any(c.is_masked for c in report.when.cells),
         second=any(row.is_second for row in timetable.rows),
         is_compared=is_compared,

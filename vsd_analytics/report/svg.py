@@ -19,7 +19,7 @@ from vsd_analytics.report.model import CameraDay, Estimate, Point
 RAMP_LIGHT: Final = ("#fff4cf", "#ffd58e", "#ffa656", "#e76f3f", "#934444")
 RAMP_DARK: Final = ("#7b414e", "#b45447", "#f28337", "#ffc059", "#fff3b3")
 INK, MUTED, RULE, WHITE, HATCH, ACCENT = "#1b2430", "#525d68", "#ddd7ca", "#fff", "#8b8577", "#0f4c81"
-FEWER, MORE, BAR = "#1f6f9f", "#b8553f", "#a39d90"
+FEWER, MORE, BAR, RECORDED = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0"
 
 
 def el(tag: str, content: str | Markup = "", /, **attributes: str | float | None) -> Markup:
@@ -162,12 +162,20 @@ def strip(day: CameraDay, *, first_hour: int, last_hour: int) -> Markup:
         if share > 0:
             _extend(on_runs, x, x + slot * min(1.0, share))
     parts = [
-        el("rect", class_="off", fill="url(#hat)", x=a, width=round(b - a, 1), height=12)
+        el(
+            "rect",
+            class_="off",
+            fill="url(#hat)",
+            stroke=HATCH,
+            stroke_width=0.7,
+            x=a,
+            width=round(b - a, 1),
+            height=12,
+        )
         for a, b in _rounded(open_runs)
     ]
     parts += [
-        el("rect", class_="on", fill="#1d5f86", fill_opacity=".72", x=a, width=round(b - a, 1), height=12)
-        for a, b in _rounded(on_runs)
+        el("rect", class_="on", fill=RECORDED, x=a, width=round(b - a, 1), height=12) for a, b in _rounded(on_runs)
     ]
     return el(
         "svg",

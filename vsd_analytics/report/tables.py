@@ -74,13 +74,19 @@ def timetable(report: WeekReport) -> Timetable:
     if rows:
         inner = {(h, 0) for h in range(rows[0][0], rows[-1][0] + 1)}
         rows = sorted(inner | set(rows))
+    is_whole_week = len(cells) >= 7 * 24 - 1
+
+    def absent(fold: int) -> Cell:
+        """An hour that is not in the report: skipped by the clocks, or closed where only open hours are given."""
+        return Cell("nx", "", "no such hour") if fold or is_whole_week else Cell("cl", fmt.MISSING, "closed")
+
     means = {m.hour: m.value for m in report.when.hour_means}
     largest = max((v for v in means.values() if v is not None), default=0.0)
     out = [
         TimetableRow(
             label=f"{hour:02d}",
             is_second=bool(fold),
-            cells=tuple(_cell(at.get((d, hour, fold)), report) for d in days),
+            cells=tuple(_cell(at[key], report) if (key := (d, hour, fold)) in at else absent(fold) for d in days),
             mean=None if fold else means.get(hour),
             bar=svg.mean_bar(None if fold else means.get(hour), largest=largest),
         )
@@ -102,8 +108,8 @@ def step_of(value: float, steps: tuple[float, ...]) -> int:
     return 0 if value <= 0 else min(5, max(1, sum(value >= s for s in steps)))
 
 
-def _cell(cell: HourCell | None, report: WeekReport) -> Cell:
-    if cell is None or cell.state == "closed":
+def _cell(cell: HourCell, report: WeekReport) -> Cell:
+    if cell.state == "closed":
         return Cell("cl", fmt.MISSING, "closed")
     if cell.state == "no_data":
         return Cell("hatch", "", "no data")

@@ -33,9 +33,13 @@ def weakest_camera(report: WeekReport) -> CameraRecord | None:
 def things(report: WeekReport) -> tuple[Thing, ...]:
     """Return what worked, what to watch and what not to trust, each with the anchor of its proof."""
     if report.state == "no_data":
-        return ()
+        text = "Neither that the floor was quiet nor that it was busy. The next week has nothing to compare with."
+        title = f"Nothing can be said about week {report.week.number}"
+        return (Thing(kind="distrust", title=title, text=text, target="data"),)
     if report.state == "too_incomplete":
-        return (_distrust(report),)
+        title = f"Cameras recorded {fmt.percent(report.coverage.share)} of open hours"
+        text = "The recorded hours may be unlike the others. Do not read a level, a ranking or a trend from this page."
+        return (Thing(kind="distrust", title=title, text=text, target="data"),)
     if report.state == "normal":
         return _worked(report), _watch(report), _distrust(report)
     worked = Thing(
@@ -126,7 +130,7 @@ def _distrust(report: WeekReport) -> Thing:
         seen = f" It sees {words.joined(areas[:2])}: do not read a trend there." if areas else ""
         return Thing(
             kind="distrust",
-            title=f"{camera.name} recorded {fmt.percent(camera.share)} of its open hours",
+            title=f"{words.camera_name(camera.name)} recorded {fmt.percent(camera.share)} of its open hours",
             text=f"What it alone sees is hard to compare this week.{seen}",
             target="data",
         )
@@ -163,8 +167,10 @@ def question(report: WeekReport) -> str:
     spot = report.busiest_spot
     row = next((a for a in report.areas if spot is not None and a.area_id == spot.area_id), None)
     owns_spot = row is not None and camera is not None and row.cameras == (camera.camera_id,)
+    if report.state == "too_incomplete" and (camera is None or (camera.share or 0.0) > report.coverage.share - 0.1):
+        return "What would keep the cameras recording all week?"
     if camera is not None and (report.state == "too_incomplete" or owns_spot):
-        return f"What would keep {camera.name} recording all week?"
+        return f"What would keep {words.camera_name(camera.name)} recording all week?"
     rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.area_id is not None]
     if rises and report.state == "normal":
         top = max(rises, key=lambda a: a.often.change or 0.0)

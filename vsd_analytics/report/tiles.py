@@ -19,6 +19,7 @@ class Tile:
         title: What it is.
         value: The figure, formatted.
         note: One or two short sentences.
+        unit: What the value counts, set small beside it.
         delta: Change or verdict in words; empty for none.
         direction: good, bad or same; colours the delta.
         is_large: One of the two headline numbers.
@@ -31,6 +32,7 @@ class Tile:
     title: str
     value: str
     note: str
+    unit: str = ""
     delta: str = ""
     direction: str = "same"
     is_large: bool = False
@@ -62,8 +64,11 @@ def tiles(report: WeekReport) -> tuple[Tile, ...]:
 
 
 def _framed(items: tuple[Tile, ...]) -> tuple[Tile, ...]:
-    """Set the first two large and mark the first of each row."""
-    return tuple(replace(t, is_large=i < 2, is_first=i in (0, 2)) for i, t in enumerate(items))
+    """Set the headline numbers large (all, when there are at most three) and mark the first of each row."""
+    few = len(items) <= 3
+    return tuple(
+        replace(t, is_large=few or i < 2, is_first=i == 0 or (i == 2 and not few)) for i, t in enumerate(items)
+    )
 
 
 def sentences(parts: Iterable[str]) -> str:
@@ -91,7 +96,8 @@ def _often(report: WeekReport) -> Tile:
     delta, direction = _change(report, often)
     note = sentences([*_against(report, often), "same hours compared" if often.change is not None else ""])
     return Tile(
-        title="How often: violations per open hour",
+        title="How often",
+        unit="violations per open hour",
         value=fmt.number(often.value),
         note=note,
         delta=delta,
@@ -101,18 +107,24 @@ def _often(report: WeekReport) -> Tile:
 
 def _risky(report: WeekReport) -> Tile:
     risky, exposure = report.level.risky, report.level.exposure_h
-    title = "How risky: violations per person-hour"
+    title = "How risky"
     if risky.state == "not_measurable" or risky.value is None:
         value = "Not measurable" if risky.state == "not_measurable" else "Too little data"
         return Tile(title=title, value=value, note=sentences([risky.reason or ""]), is_wordy=True)
     delta, direction = _change(report, risky)
-    people = report.level.people.change
+    people = words.with_people(report.level.people.change, report.level.people.verdict)
     seen = f"{fmt.count(exposure)} person-hours seen" if exposure is not None else ""
-    if seen and people is not None and report.state == "normal":
-        many = fmt.fewer_more(people)
-        seen += ", about as many people" if many == "about the same" else f", {many} people"
+    if seen and people and report.state == "normal":
+        seen += f", {people.removeprefix('with ')}"
     note = sentences([*_against(report, risky), seen])
-    return Tile(title=title, value=fmt.number(risky.value), note=note, delta=delta, direction=direction)
+    return Tile(
+        title=title,
+        unit="violations per person-hour",
+        value=fmt.number(risky.value),
+        note=note,
+        delta=delta,
+        direction=direction,
+    )
 
 
 def _spot(report: WeekReport) -> Tile | None:
@@ -144,7 +156,7 @@ def _recorded(report: WeekReport) -> Tile:
     if camera is not None and report.state == "normal":
         lost = camera.scheduled_h - camera.recorded_h
         if lost >= 1:
-            note.append(f"{camera.name} missed most")
+            note.append(f"{words.camera_name(camera.name)} missed most")
     if coverage.is_inferred:
         note.append("Inferred from gaps")
     return Tile(
@@ -160,7 +172,8 @@ def _rough(report: WeekReport) -> Tile:
     often = report.level.often
     value = f"about {fmt.number(often.value)}" if often.value is not None else "Too little data"
     return Tile(
-        title="How often: violations per recorded hour",
+        title="How often",
+        unit="violations per recorded hour",
         value=value,
         note=sentences([often.reason or "Rough, and not compared"]),
         is_wordy=often.value is None,
@@ -170,7 +183,7 @@ def _rough(report: WeekReport) -> Tile:
 def _none(report: WeekReport) -> Tile:
     often = report.level.often
     note = f"likely fewer than {fmt.one_in(often.hi)} open hours" if often.hi else ""
-    return Tile(title="How often: violations per open hour", value="0", note=sentences([note]))
+    return Tile(title="How often", unit="violations per open hour", value="0", note=sentences([note]))
 
 
 def _seen(report: WeekReport) -> Tile:

@@ -56,5 +56,5 @@ def data(report: WeekReport) -> str:
         return "The week is nearly complete"
     rest = [c for c in coverage.cameras if c is not camera]
     if rest and all((c.share or 0.0) >= report.rules.full_hour_share for c in rest):
-        return f"{camera.name} missed some of its hours; the rest is nearly complete"
+        return f"{words.camera_name(camera.name)} missed some of its hours; the rest is nearly complete"
     return f"Cameras recorded {fmt.percent(coverage.share)} of open hours"

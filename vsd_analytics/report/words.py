@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
+from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Estimate, Verdict
 
 # Words and phrases that must not stand on a page, in a message or in a template.
@@ -81,6 +82,23 @@ def direction(verdict: Verdict | None) -> str:
 def verdict_words(estimate: Estimate) -> str:
     """Return the verdict in words; too little data where there is none."""
     return VERDICT_WORDS[estimate.verdict or "too_little_data"]
+
+
+def camera_name(name: str) -> str:
+    """Return how a sentence speaks of a camera: Camera “Aisles”; names that already say camera stay as they are."""
+    return name if name.casefold().startswith(("cam", "sensor")) else f"Camera \u201c{name}\u201d"
+
+
+def with_people(change: float | None, verdict: Verdict | None) -> str:
+    """Say how many more people there were: with 15% more people; empty when it is not known.
+
+    Small changes that are not clear are "about as many people".
+    """
+    if change is None:
+        return ""
+    if abs(change) < 0.005 or (abs(change) < 0.05 and verdict not in ("clear_fall", "clear_rise")):
+        return "with about as many people"
+    return f"with {fmt.fewer_more(change)} people"
 
 
 def joined(names: Iterable[str]) -> str:

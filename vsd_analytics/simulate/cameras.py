@@ -67,7 +67,9 @@ class PinholeCamera:
 
     def project(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return pixel u, pixel v and depth in metres of points of the room; only depth > 0 is before the camera."""
-        uw, vw, w = np.tensordot(self.projection, np.stack([x_m, y_m, z_m, np.ones_like(x_m)]), axes=1)
+        points = np.stack([x_m, y_m, z_m, np.ones_like(x_m)])
+        image: FloatArray = np.tensordot(self.projection, points, axes=1)
+        uw, vw, w = image[0], image[1], image[2]
         safe = np.where(np.abs(w) < 1e-9, 1e-9, w)
         return uw / safe, vw / safe, w
 
@@ -82,7 +84,8 @@ CAMERAS: tuple[PinholeCamera, ...] = (
 
 def seen_by_any(x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
     """Tell which floor positions at least one camera sees."""
-    return np.logical_or.reduce([camera.sees(x_m, y_m) for camera in CAMERAS])
+    seen: NDArray[np.bool_] = np.logical_or.reduce([camera.sees(x_m, y_m) for camera in CAMERAS])
+    return seen
 
 
 _COLOURS = {

@@ -16,7 +16,8 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from vsd_analytics.simulate.cameras import NOISE_SD_M, PinholeCamera
-from vsd_analytics.simulate.people import Day, IntArray
+from vsd_analytics.simulate.people import Day
+from vsd_analytics.simulate.positions import IntArray
 from vsd_analytics.simulate.shop import FloatArray
 
 ENGINE = "vsd-demo 1.0"
@@ -100,7 +101,8 @@ def track_ids(person: IntArray, frame: IntArray) -> IntArray:
     run = np.cumsum(begins) - 1
     ids = np.empty(run[-1] + 1, dtype=np.int64)
     ids[np.argsort(frame[begins], kind="stable")] = np.arange(1, run[-1] + 2)
-    return ids[run]
+    tracks: IntArray = ids[run]
+    return tracks
 
 
 def _persons(track: IntArray, x: FloatArray, y: FloatArray, counts: IntArray) -> pa.Array:

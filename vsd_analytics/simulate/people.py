@@ -15,8 +15,8 @@ from random import Random
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vsd_analytics.simulate.positions import IntArray, rows_of
 from vsd_analytics.simulate.shop import (
     CHECKOUT,
     DOOR_IN,
@@ -33,8 +33,6 @@ from vsd_analytics.simulate.shop import (
 from vsd_analytics.simulate.walking import Routes, Walker, serve
 from vsd_analytics.site import Point
 
-IntArray = NDArray[np.int64]
-
 MARGIN_S = 900
 """The engine starts this long before opening and stops this long after closing."""
 
@@ -48,9 +46,7 @@ _GROUP_SIZES, _GROUP_SHARES = (1, 2, 3, 4), (0.84, 0.13, 0.02, 0.01)
 _PHARMACY_SHARE = 0.08
 _SERVICE_S, _PHARMACY_S = 74.0, 110.0
 _LAST_ENTRY_S = 480.0
-_APART_M = 0.5
 _ELBOW_ROOM_M = 2.2
-_FAR_S = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +128,9 @@ def simulate_day(
     interval_ms = round(interval_s * 1000)
     n_frames = int((open_s + 2 * MARGIN_S) * 1000 // interval_ms)
     first_ms = round(opens.timestamp() * 1000) - MARGIN_S * 1000
-    party, person, frame, x, y = _positions(walkers, interval_ms / 1000, n_frames, noise)
-    x, y = _apart(frame, x, y)
-    x, y = shop.nearest_free(x, y)
+    rows = rows_of(
+        shop, walkers, first_frame_s=-MARGIN_S, interval_s=interval_ms / 1000, n_frames=n_frames, noise=noise
+    )
     entered = np.array([w.t_s[0] for w in walkers for _ in range(w.size)], dtype=np.float64)
     return Day(
         day=day,
@@ -144,11 +140,11 @@ def simulate_day(
         interval_ms=interval_ms,
         n_frames=n_frames,
         shop=shop,
-        person=person,
-        party=party,
-        frame=frame,
-        x_m=x,
-        y_m=y,
+        person=rows.person,
+        party=rows.party,
+        frame=rows.frame,
+        x_m=rows.x_m,
+        y_m=rows.y_m,
         entered_ms=first_ms + MARGIN_S * 1000 + np.round(entered * 1000).astype(np.int64),
     )
 
@@ -246,97 +242,6 @@ def _dwell(draw: Random, mean_s: float) -> float:
 
 def _within(rect: Rect, draw: Random) -> Point:
     return draw.uniform(rect[0], rect[2]), draw.uniform(rect[1], rect[3])
-
-
-def _positions(
-    walkers: list[Walker], interval_s: float, n_frames: int, noise: np.random.Generator
-) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
-    """Return party, person, frame, x, y of everybody at every frame, by one interpolation over the whole day."""
-    if not walkers:
-        none = np.zeros(0, dtype=np.int64)
-        return none, none, none, np.zeros(0), np.zeros(0)
-    begin = np.array([w.t_s[0] for w in walkers])
-    end = np.array([w.t_s[-1] for w in walkers])
-    sizes = np.array([w.size for w in walkers])
-    shift = _FAR_S * np.arange(len(walkers))
-    knots_t = np.concatenate([np.asarray(w.t_s) + s for w, s in zip(walkers, shift, strict=True)])
-    knots_x = np.concatenate([w.x_m for w in walkers])
-    knots_y = np.concatenate([w.y_m for w in walkers])
-
-    member_party = np.repeat(np.arange(len(walkers)), sizes)
-    rank = np.arange(len(member_party)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    first = np.ceil((begin + MARGIN_S) / interval_s).astype(np.int64)[member_party]
-    last = np.minimum(np.floor((end + MARGIN_S) / interval_s).astype(np.int64), n_frames - 1)[member_party]
-    counts = np.maximum(last - first + 1, 0)
-    person = np.repeat(np.arange(len(member_party)), counts)
-    frame = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(first, counts)
-    party = member_party[person]
-
-    at = frame * interval_s - MARGIN_S
-    moved = shift[party]
-    x, y = np.interp(at + moved, knots_t, knots_x), np.interp(at + moved, knots_t, knots_y)
-    aside, ahead = _beside(at, person, party, begin, end, moved, (knots_t, knots_x, knots_y))
-    side, back = _formation(rank, noise)
-    x += side[person] * aside[0] + back[person] * ahead[0]
-    y += side[person] * aside[1] + back[person] * ahead[1]
-
-    n = len(member_party)
-    phase, period = noise.uniform(0, 2 * np.pi, (2, n)), noise.uniform(9.0, 25.0, (2, n))
-    x += 0.07 * np.sin(2 * np.pi * at / period[0, person] + phase[0, person])
-    y += 0.07 * np.sin(2 * np.pi * at / period[1, person] + phase[1, person])
-    return party, person, frame, x, y
-
-
-def _beside(
-    at: FloatArray,
-    person: IntArray,
-    party: IntArray,
-    begin: FloatArray,
-    end: FloatArray,
-    moved: FloatArray,
-    knots: tuple[FloatArray, FloatArray, FloatArray],
-) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Return the unit vectors to the left of and along each row's way; somebody standing faces where they walked."""
-    before = np.maximum(at - 1.0, begin[party]) + moved
-    after = np.minimum(at + 1.0, end[party]) + moved
-    dx = np.interp(after, knots[0], knots[1]) - np.interp(before, knots[0], knots[1])
-    dy = np.interp(after, knots[0], knots[2]) - np.interp(before, knots[0], knots[2])
-    length = np.hypot(dx, dy)
-    keep = (length > 0.3) | np.concatenate(([True], np.diff(person) != 0))
-    known = np.maximum.accumulate(np.where(keep, np.arange(len(at)), 0))
-    length = np.maximum(length, 1e-9)
-    ux, uy = (dx / length)[known], (dy / length)[known]
-    return (-uy, ux), (ux, uy)
-
-
-def _formation(rank: IntArray, noise: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Return how far each person walks to the left and ahead of the group's leader, metres (0, 0 for the leader)."""
-    side = np.array([0.0, 0.85, -0.85, 0.3])[rank] + noise.normal(0, 0.08, len(rank)) * (rank > 0)
-    back = np.array([0.0, -0.1, -0.2, -0.95])[rank] + noise.normal(0, 0.08, len(rank)) * (rank > 0)
-    group = np.cumsum(rank == 0) - 1
-    flip = np.where(noise.random(len(rank)) < 0.5, -1.0, 1.0)[group]
-    return side * flip, back
-
-
-def _apart(frame: IntArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions with people of one frame who are closer than half a metre stepping apart to half a metre."""
-    order = np.lexsort((x, frame))
-    f, xs, ys = frame[order], x[order].copy(), y[order].copy()
-    for lag in range(1, 5):
-        dx, dy = xs[lag:] - xs[:-lag], ys[lag:] - ys[:-lag]
-        distance = np.hypot(dx, dy)
-        near = np.flatnonzero((f[lag:] == f[:-lag]) & (distance < _APART_M))
-        d = distance[near]
-        ux = np.where(d > 1e-6, dx[near] / np.maximum(d, 1e-6), 1.0)
-        uy = np.where(d > 1e-6, dy[near] / np.maximum(d, 1e-6), 0.0)
-        push = (_APART_M - d) / 2
-        np.add.at(xs, near + lag, ux * push)
-        np.add.at(ys, near + lag, uy * push)
-        np.add.at(xs, near, -ux * push)
-        np.add.at(ys, near, -uy * push)
-    moved_x, moved_y = np.empty_like(x), np.empty_like(y)
-    moved_x[order], moved_y[order] = xs, ys
-    return moved_x, moved_y
 
 
 def people_inside(day: Day) -> IntArray:

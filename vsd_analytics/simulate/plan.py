@@ -32,7 +32,7 @@ def plan_svg(shop: Shop) -> str:
     ]
     if shop.display != DISPLAY_BEFORE:
         parts.append(_rect(DISPLAY_BEFORE, 'fill="none" stroke="#8b8577" stroke-width="1.5" stroke-dasharray="3 4"'))
-        parts.append(_label(DISPLAY_BEFORE, "Old place", 11))
+        parts.append(_label(DISPLAY_BEFORE, "Old place", 9.5))
     for fixture in shop.fixtures:
         stroke = "#4a4f57" if fixture.kind in {"room", "display"} else "#a39d90"
         line = 4 if fixture.kind == "room" else 1.5

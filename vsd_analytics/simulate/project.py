@@ -1,4 +1,4 @@
-"""Writes a whole made-up project: `vsd.toml`, plan, calibrations, pictures, change log, engine output, and its truth."""
+"""Writes a whole made-up project: `vsd.toml`, plan, calibrations, pictures, change log, engine output, truth."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ DETAILED_S = 2.0
 COARSE_S = 3.0
 """Seconds from frame to frame in earlier weeks.
 
-With the rule of episodes (gap max(3 s, 2.5 intervals), at least 3 s long) an interval of 3 s counts 2 % more violations in
-this world than one of 2 s; 4 s counts 14 % fewer and 10 s 39 % fewer, which would look like a change of the shop.
+With the rule of episodes (gap max(3 s, 2.5 intervals), at least 3 s long) an interval of 3 s counts 2 % more
+violations in this world than one of 2 s; 4 s counts 13 % fewer, which would look like a change of the shop.
 """
 HOTSPOT_AREA, REDESIGN_AREA = "checkout-queue", "entrance"
 REDESIGN_TEXT = "Seasonal display moved from inside the main door to the far end of the front aisle."
@@ -69,19 +69,20 @@ def write_demo_project(
     detailed_weeks: int = 2,
     progress: Callable[[int, int], None] | None = None,
 ) -> DemoTruth:
-    """Make a project folder with a made-up shop and some weeks of engine output; the same arguments give the same bytes.
+    """Make a project folder with a made-up shop and some weeks of engine output.
 
-    Written are `vsd.toml`, `plans/`, `calibration/`, `pictures/`, `log.jsonl`, `engine/<camera>_<date>.jsonl.zst` (VSD frame
-    messages, one file per camera and day) and `truth.json`. The last week holds an outage of one camera, an hour without
-    data, an hour with little data, and a display that was moved before it began.
+    The same arguments give the same bytes. Written are `vsd.toml`, `plans/`, `calibration/`, `pictures/`, `log.jsonl`,
+    `engine/<camera>_<date>.jsonl.zst` (VSD frame messages, one file per camera and day) and `truth.json`. The last week
+    holds an outage of one camera, an hour without data, an hour with little data, and a display that was moved before
+    it began.
 
     Args:
         folder: Project folder; made when missing.
         seed: Seed of the world.
         weeks: ISO weeks to make, the last being `last_week`.
         last_week: Last week, such as "2026-W46".
-        detailed_weeks: How many of the last weeks have a frame every 2 s; earlier ones have one every 3 s and are about a
-            third smaller. When both occur, `vsd.toml` gives no `hz`.
+        detailed_weeks: How many of the last weeks have a frame every 2 s; earlier ones have one every 3 s and are
+            about a third smaller. Unless all have one every 2 s, `vsd.toml` gives no `hz`.
         progress: Called after each day with days done and days in all.
 
     Returns:
@@ -246,7 +247,7 @@ def _write_log(path: Path, planted: _Planted) -> None:
         {"at": planted.moved_at.isoformat(), "text": REDESIGN_TEXT, "area": REDESIGN_AREA},
         {
             "at": planted.missing.start.isoformat(),
-            "text": "Planned network work for an hour. All cameras off.",
+            "text": "Network work for an hour, all cameras off.",
             "area": None,
         },
     )
@@ -273,13 +274,13 @@ def _toml(hz: float | None) -> str:
         f'[[floor]]\nid = "ground"\nname = "Ground floor"\nplan = "plans/ground.svg"\nplan_m_per_px = {M_PER_PX}\n'
         "plan_origin_m = [0.0, 0.0]",
     ]
-    for camera in CAMERAS:
-        blocks.append(
-            f'[[camera]]\nid = "{camera.camera_id}"\nname = "{camera.name}"\nfloor = "ground"\n'
-            f'homography = "calibration/{camera.camera_id}.txt"\n'
-            f'picture = "pictures/{camera.camera_id}.png"   # {WIDTH_PX} x {HEIGHT_PX} px'
-            + (f"\nhz = {hz}" if hz else "")
-        )
+    rate = f"\nhz = {hz}" if hz else ""
+    blocks += [
+        f'[[camera]]\nid = "{camera.camera_id}"\nname = "{camera.name}"\nfloor = "ground"\n'
+        f'homography = "calibration/{camera.camera_id}.txt"\n'
+        f'picture = "pictures/{camera.camera_id}.png"   # {WIDTH_PX} x {HEIGHT_PX} px{rate}'
+        for camera in CAMERAS
+    ]
     for area in AREAS:
         corners = ", ".join(f"[{x:g}, {y:g}]" for x, y in area.polygon)
         blocks.append(

@@ -137,6 +137,16 @@ class Shop:
         off = blocked[j, i] | (x_m < 0) | (x_m > WIDTH_M) | (y_m < 0) | (y_m > DEPTH_M)
         return np.where(off, near_x[j, i], x_m), np.where(off, near_y[j, i], y_m)
 
+    def is_clear(self, x_m: FloatArray, y_m: FloatArray, to_x_m: FloatArray, to_y_m: FloatArray) -> NDArray[np.bool_]:
+        """Tell from which first positions one can step straight to the second ones, at most about 1.5 m away."""
+        blocked = _raster(self.fixtures)[0]
+        clear = np.ones(len(x_m), dtype=np.bool_)
+        for share in (0.25, 0.5, 0.75, 1.0):
+            x, y = x_m + share * (to_x_m - x_m), y_m + share * (to_y_m - y_m)
+            i, j = _cells(x, y)
+            clear &= ~blocked[j, i]
+        return clear
+
     def is_free(self, x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
         """Tell which positions are inside the walls and on no fixture (exact, not on the raster)."""
         free = (x_m >= 0) & (x_m <= WIDTH_M) & (y_m >= 0) & (y_m <= DEPTH_M)

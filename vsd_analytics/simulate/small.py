@@ -22,7 +22,7 @@ START_MS = 1_794_211_200_000
 
 
 def make_empty(
-    *, start_ms: int = START_MS, duration_s: float, interval_s: float = 1.0, camera: str = "cam-1"
+    duration_s: float, *, start_ms: int = START_MS, interval_s: float = 1.0, camera: str = "cam-1"
 ) -> list[Message]:
     """Return heartbeats: frames with nobody in view, the first at `start_ms`, the last at most `duration_s` later."""
     return [frame_message(camera, ms) for ms in _instants(start_ms, duration_s, interval_s)]
@@ -186,7 +186,7 @@ def simulate_frames(
     interval_s: float = 2.0,
     display_moved: bool = False,
     busy: float = 1.0,
-    cameras: Sequence[str] = tuple(c.camera_id for c in CAMERAS),
+    cameras: Sequence[str] = ("cam-1", "cam-2", "cam-3", "cam-4"),
 ) -> Iterator[Message]:
     """Yield the demo shop's messages of one day, camera by camera, as dictionaries; see `people.simulate_day`."""
     day = simulate_day(opens, closes=closes, seed=seed, interval_s=interval_s, display_moved=display_moved, busy=busy)

@@ -10,7 +10,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.simulate.people import Day, IntArray, people_inside
+from vsd_analytics.simulate.people import Day, people_inside
+from vsd_analytics.simulate.positions import IntArray
 from vsd_analytics.simulate.shop import FloatArray, Rect
 
 DISTANCE_M = 2.0
@@ -57,7 +58,8 @@ class PlantedRedesign:
         at: When it was moved, while the shop was closed.
         area_id: Area it was moved out of.
         text: Text of the change log.
-        effect: Violations per open hour in the area, last week over the week before (0.4 = 60 % fewer); None when there is no week before.
+        effect: Violations per open hour in the area, last week over the week before (0.4 = 60 % fewer); None when there
+            is no week before.
     """
 
     at: datetime
@@ -189,7 +191,7 @@ def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, 
 
 
 def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
-    """Return a day's violations: records of one pair at most max(3 s, 2.5 intervals) apart, lasting at least `min_s`."""
+    """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more."""
     first, second = close_pairs(day, distance_m=distance_m)
     swap = day.person[first] > day.person[second]
     first, second = np.where(swap, second, first), np.where(swap, first, second)

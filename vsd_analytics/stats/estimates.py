@@ -27,7 +27,7 @@ class RateEstimate:
         state: "ok" when the figure with its interval stands.
         reason: Words for a person: why not, or what is special.
         is_conservative: The interval is wider than it need be: differences between weekdays are in it, because
-            there are not yet four weeks of history, or because a camera missed a weekday.
+            there are not yet four weeks of history, or it reaches to the usual rate with the weekdays a camera missed.
         left_out: Indices of cameras without one recorded hour.
     """
 

@@ -72,6 +72,23 @@ class Influence:
         return np.divide(self.shares**2, self.totals, out=np.zeros_like(self.shares), where=self.totals > 0)
 
 
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """What earlier weeks expect of each day of a period.
+
+    Attributes:
+        expected: q_cd, share of camera c's violations expected on day d, shape (n_cameras, n_days), rows summing to 1.
+        scale: g_cd, what takes the profile's own error out of a residual, same shape.
+        is_known: Cameras with a profile, shape (n_cameras,); the others have their share of exposure and 1.
+        gap: Usual rate of camera c over a whole week / on the weekdays it recorded, same shape; 1 where it missed none.
+    """
+
+    expected: Floats
+    scale: Floats
+    is_known: Bools
+    gap: Floats
+
+
 def as_counts(n: npt.ArrayLike, x_h: npt.ArrayLike, *, mask: npt.ArrayLike | None = None) -> Counts:
     """Check counts and exposure, blank what was not recorded, and drop cameras without exposure.
 
@@ -181,19 +198,20 @@ def small_sample(weights: Floats, *, shares: Floats, noise: Floats) -> tuple[flo
     return factor, round(trace**2 / float((gram * gram).sum()), 9)  # rounded: 6, not 6.000000000000002
 
 
-def weekday_shares(
+def weekday_profile(
     counts: Counts,
     history: Counts,
     *,
     weekday: npt.NDArray[np.int64],
     history_weekday: npt.NDArray[np.int64],
     min_weeks: int,
-) -> tuple[Floats, Floats, Bools]:
-    """Return the share of violations expected on each day from the cameras' own weekday profiles.
+) -> Profile:
+    """Return what the cameras' own weekday profiles expect of each day of the period.
 
-    h_cw = violations over exposure of camera c on weekday w of the history; q_cd = x_cd h_cw / sum_d x_cd h_cw. The
-    profile is itself measured, so a residual is too wide by 1 + x_cd / X_cw (X_cw: exposure in the history):
-    g_cd = (1 + x_cd / X_cw)^(-1/2) takes that out.
+    h_cw = violations over exposure of camera c on weekday w of the history, X_cw that exposure, and q_cd = x_cd h_cw /
+    sum_d x_cd h_cw. The profile is itself measured, so a residual is too wide by 1 + x_cd / X_cw: g_cd = (1 + x_cd /
+    X_cw)^(-1/2) takes that out. The gap of a camera that missed weekdays is its usual rate over a whole week, each
+    weekday weighted by its usual exposure, over its usual rate on what it recorded.
 
     Args:
         counts: The period, all cameras of which are in `history` too.
@@ -201,29 +219,35 @@ def weekday_shares(
         weekday: Weekday of each day of the period.
         history_weekday: Weekday of each day of the history.
         min_weeks: A weekday's profile needs that many days in the history, all but one of them recorded.
-
-    Returns:
-        q_cd and g_cd, shape (n_cameras, n_days), and which cameras have a profile. A camera has none, and gets its
-        share of exposure and 1, when its history is too short, or when it missed a weekday in the period that it
-        recorded in the history: then which weekdays it saw matters, and their differences belong into the interval.
     """
     share = counts.x / counts.x.sum(axis=1, keepdims=True)
     rate, known = np.zeros_like(counts.x), np.zeros_like(counts.x)
     has_profile: Bools = np.ones(len(counts.x), dtype=bool)
+    has_missed: Bools = np.zeros(len(counts.x), dtype=bool)
+    week_n, week_x = np.zeros(len(counts.x)), np.zeros(len(counts.x))
     for day in np.unique(np.concatenate([weekday, history_weekday])):
         now, then = weekday == day, history_weekday == day
         is_recorded = (counts.x[:, now] > 0).any(axis=1)
-        was_recorded = (history.x[:, then] > 0).sum(axis=1)
-        is_known = (was_recorded >= min_weeks - 1) & bool(then.sum() >= min_weeks)
-        has_profile &= np.where(is_recorded, is_known, was_recorded == 0)
-        hours = history.x[:, then].sum(axis=1)
-        usual = np.divide(history.n[:, then].sum(axis=1), hours, out=np.zeros_like(hours), where=hours > 0)
-        rate[:, now], known[:, now] = usual[:, None], hours[:, None]
+        n_recorded = (history.x[:, then] > 0).sum(axis=1)
+        has_profile &= ~is_recorded | ((n_recorded >= min_weeks - 1) & bool(then.sum() >= min_weeks))
+        has_missed |= ~is_recorded & (n_recorded > 0)
+        n_then, x_then = history.n[:, then].sum(axis=1), history.x[:, then].sum(axis=1)
+        rate[:, now], known[:, now] = _ratio(n_then, x_then)[:, None], x_then[:, None]
+        week_n, week_x = week_n + _ratio(n_then, n_recorded), week_x + _ratio(x_then, n_recorded)
     expected = counts.x * rate
-    total = expected.sum(axis=1, keepdims=True)
+    total = expected.sum(axis=1)
     # violations on a weekday that never had any would have no place in the profile
-    has_profile &= (total[:, 0] > 0) & ~((counts.n > 0) & (expected == 0)).any(axis=1)
+    has_profile &= (total > 0) & ~((counts.n > 0) & (expected == 0)).any(axis=1)
+    gap = np.where(has_profile & has_missed, _ratio(_ratio(week_n, week_x), _ratio(total, counts.x.sum(axis=1))), 1.0)
     with_profile = has_profile[:, None]
-    expected = np.where(with_profile, np.divide(expected, total, out=share.copy(), where=total > 0), share)
-    thinner = np.divide(counts.x, known, out=np.zeros_like(known), where=known > 0)
-    return expected, np.where(with_profile, 1 / np.sqrt(1 + thinner), 1.0), has_profile
+    return Profile(
+        expected=np.where(with_profile, _ratio(expected, np.broadcast_to(total[:, None], expected.shape)), share),
+        scale=np.where(with_profile, 1 / np.sqrt(1 + _ratio(counts.x, known)), 1.0),
+        is_known=has_profile,
+        gap=gap,
+    )
+
+
+def _ratio(top: Floats, bottom: npt.NDArray[Any]) -> Floats:
+    quotient: Floats = np.divide(top, bottom, out=np.zeros(np.shape(top)), where=bottom > 0)
+    return quotient

@@ -16,15 +16,14 @@ import numpy.typing as npt
 from vsd_analytics.settings import Settings
 from vsd_analytics.stats.estimates import RateEstimate, State
 from vsd_analytics.stats.influence import (
-    Bools,
     Counts,
-    Floats,
+    Profile,
     as_counts,
     as_history,
     equal_weights,
     influence,
     small_sample,
-    weekday_shares,
+    weekday_profile,
 )
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile, zero_events_limit
 
@@ -51,7 +50,8 @@ def how_often(
     rate = sum over cameras of n_c / x_c, so that a camera that was down half the week does not pull it down;
     interval rate * exp(+-t_df sqrt(k sum_d i_d^2)) with i_d, k and df of `vsd_analytics.stats.influence`. With four
     weeks of history the influences are measured from each camera's weekday profile; without, differences between
-    weekdays are in the interval, which is then conservative and says so.
+    weekdays are in the interval, which is then conservative and says so. Where a camera missed weekdays, the interval
+    also reaches to what the rate would usually be with them: rate * exp(ln sum_c p_c gap_c), p_c the camera's share.
 
     Args:
         n: Violations that each camera owns, shape (n_cameras, n_days).
@@ -81,8 +81,8 @@ def how_often(
     counts = as_counts(n, x_h)
     if not counts.kept:
         return _without_interval(counts, reason="no open hour was recorded", rate=None)
-    shares = _profile(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
-    return level(counts, shares=shares, confidence=confidence, min_days=min_days, unit="open hours")
+    profile = _profile(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
+    return level(counts, profile=profile, confidence=confidence, min_days=min_days, unit="open hours")
 
 
 def how_risky(
@@ -132,8 +132,8 @@ def how_risky(
     if not counts.kept or total_h < min_exposure_h:
         reason = f"needs at least {min_exposure_h:g} person-hours, has {total_h:.1f}"
         return _without_interval(counts, reason=reason, rate=None)
-    shares = _profile(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
-    return level(counts, shares=shares, confidence=confidence, min_days=min_days, unit="person-hours")
+    profile = _profile(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
+    return level(counts, profile=profile, confidence=confidence, min_days=min_days, unit="person-hours")
 
 
 def level(
@@ -142,7 +142,7 @@ def level(
     unit: str,
     confidence: float,
     min_days: int,
-    shares: tuple[Floats, Floats, Bools] | None = None,
+    profile: Profile | None = None,
 ) -> RateEstimate:
     """Return the rate of checked counts with its interval: what `how_often` and `how_risky` have in common.
 
@@ -151,7 +151,7 @@ def level(
         unit: What exposure is measured in, in words; stands in reasons.
         confidence: Confidence level.
         min_days: Days with exposure an interval needs.
-        shares: What `weekday_shares` returned; None = no history.
+        profile: What earlier weeks expect of each day; None = no history.
     """
     n_events, n_days = float(counts.n.sum()), counts.n_days
     rate = float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum())
@@ -167,11 +167,13 @@ def level(
         reason = f"an interval needs at least {MIN_EVENTS} violations, has {n_events:g}"
         return _without_interval(counts, reason=reason, rate=rate)
 
-    expected, scale, has_profile = shares or (None, None, np.zeros(len(counts.n), dtype=bool))
-    days = influence(counts, expected=expected, scale=scale)
-    weights = equal_weights(counts)
-    if expected is not None:
-        weights = np.where(has_profile[:, None], expected, weights)
+    weights, missed = equal_weights(counts), 0.0
+    if profile is None:
+        days = influence(counts)
+    else:
+        days = influence(counts, expected=profile.expected, scale=profile.scale)
+        weights = np.where(profile.is_known[:, None], profile.expected, weights)
+        missed = math.log1p(float(days.shares @ (profile.gap - 1)))
     factor, df = small_sample(weights, shares=days.shares, noise=days.noise)
     if not math.isfinite(factor):
         reason = "an interval needs a camera with violations that recorded two days"
@@ -180,10 +182,10 @@ def level(
     half = t_quantile(df, confidence=confidence) * log_se
     if n_events < SMALL_COUNT:
         half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
-    is_conservative = not bool(has_profile[days.totals > 0].all())
+    is_plain = profile is None or not bool(profile.is_known[days.totals > 0].all())
     return _estimate(
-        counts, rate=rate, lo=rate * math.exp(-half), hi=rate * math.exp(half), state="ok", reason=None, df=df,
-        log_se=log_se, is_conservative=is_conservative,
+        counts, rate=rate, lo=rate * math.exp(min(missed, 0.0) - half), hi=rate * math.exp(max(missed, 0.0) + half),
+        state="ok", reason=None, df=df, log_se=log_se, is_conservative=is_plain or missed != 0,
     )  # fmt: skip
 
 
@@ -194,7 +196,7 @@ def _profile(
     history_x_h: npt.ArrayLike | None,
     history_weekday: npt.ArrayLike | None,
     min_weeks: int,
-) -> tuple[Floats, Floats, Bools] | None:
+) -> Profile | None:
     if history_n is None or history_x_h is None:
         return None
     if weekday is None or history_weekday is None:
@@ -203,7 +205,7 @@ def _profile(
     now, then = np.asarray(weekday, dtype=np.int64), np.asarray(history_weekday, dtype=np.int64)
     if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
         raise ValueError("every day needs a weekday")
-    return weekday_shares(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
+    return weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
 
 
 def _without_interval(counts: Counts, *, reason: str, rate: float | None) -> RateEstimate:

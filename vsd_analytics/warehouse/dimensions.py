@@ -108,15 +108,12 @@ def owner_cells(site: Site) -> pa.Table:
     """Return which camera counts where the views of several overlap (`geometry.owner_cells`)."""
     from vsd_analytics import geometry
 
-    if len(site.cameras) < 2:
-        return _OWNERS.empty_table()
-    cells = geometry.owner_cells(site.cameras, cell_m=site.settings.owner_cell_m)
-    floors = {c.camera_id: c.floor_id for c in site.cameras}
-    ids = [str(c) for c in cells["camera_id"]]
-    return pa.table(
-        [pa.array([floors[c] for c in ids], pa.string()), pa.array(ids, pa.string()), pa.array(cells["cx"]), pa.array(cells["cy"])],
-        schema=_OWNERS,
-    )
+    rows: list[tuple[Any, ...]] = [
+        (floor.floor_id, cell.camera_id, cell.cx, cell.cy)
+        for floor in site.floors
+        for cell in geometry.owner_cells(site.cameras, cell_m=site.settings.owner_cell_m, floor=floor)
+    ]
+    return _table(_OWNERS, rows)
 
 
 def area_cells(site: Site) -> pa.Table:
@@ -197,15 +194,16 @@ def _quarter_at(day: date, site: Site) -> int:
 
 
 def _calibrations(camera: Camera) -> list[tuple[Any, ...]]:
+    from vsd_analytics import geometry
+
     rows = []
     for i, c in enumerate(camera.calibrations):
         following = camera.calibrations[i + 1] if i + 1 < len(camera.calibrations) else None
         from_ms = -_FOREVER_MS if i == 0 or c.valid_from is None else round(c.valid_from.timestamp() * 1000)
         to_ms = _FOREVER_MS if following is None or following.valid_from is None else round(following.valid_from.timestamp() * 1000)
-        u, v = (camera.picture_px[0] / 2, camera.picture_px[1]) if camera.picture_px else (0.0, 1e4)
         h = c.homography
-        w = h[2][0] * u + h[2][1] * v + h[2][2]
-        rows.append((camera.camera_id, from_ms, to_ms, *h[0], *h[1], *h[2], 1.0 if w >= 0 else -1.0))
+        sign = geometry.ground_sign(h, picture_px=camera.picture_px)
+        rows.append((camera.camera_id, from_ms, to_ms, *h[0], *h[1], *h[2], sign))
     return rows
 
 

@@ -1,0 +1,83 @@
+-- name: marts/area_hours
+-- One row per area, camera and local hour in which the camera counted anybody in the area; area null is the rest of the floor.
+-- grain: floor_id, area_id, camera_id, hour_start_ms
+-- reads: floor_cells, violations, area_cells, cameras, calendar
+-- columns:
+--   floor_id
+--   area_id            null for the rest of the floor
+--   camera_id
+--   hour_start_ms      UTC instant the local hour starts
+--   local_date
+--   weekday            1 Monday to 7 Sunday
+--   exposure_open_s    person-seconds of this camera in the area in opening hours
+--   violation_open_s   person-seconds in violation
+--   n_violations_open  violations in the area that started in opening hours
+-- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+with stood as (
+    select
+        cameras.floor_id,
+        area_cells.area_id,
+        floor_cells.camera_id,
+        calendar.hour_start_ms,
+        sum(floor_cells.exposure_ms) / 1000.0 as exposure_open_s,
+        sum(floor_cells.violation_ms) / 1000.0 as violation_open_s
+    from floor_cells
+    inner join calendar on floor_cells.bucket_quarter = calendar.quarter
+    inner join cameras on floor_cells.camera_id = cameras.camera_id
+    left join area_cells
+        on cameras.floor_id = area_cells.floor_id and floor_cells.cx = area_cells.cx and floor_cells.cy = area_cells.cy
+    where calendar.is_open
+    group by cameras.floor_id, area_cells.area_id, floor_cells.camera_id, calendar.hour_start_ms
+),
+
+counted as (
+    select
+        floor_id,
+        area_id,
+        camera_id,
+        hour_start_ms,
+        count(*) as n_violations_open
+    from violations
+    where is_open
+    group by floor_id, area_id, camera_id, hour_start_ms
+),
+
+hour_days as (
+    select distinct
+        hour_start_ms,
+        local_date,
+        weekday
+    from calendar
+),
+
+joined as (
+    select
+        coalesce(stood.floor_id, counted.floor_id) as floor_id,
+        coalesce(stood.area_id, counted.area_id) as area_id,
+        coalesce(stood.camera_id, counted.camera_id) as camera_id,
+        coalesce(stood.hour_start_ms, counted.hour_start_ms) as hour_start_ms,
+        coalesce(stood.exposure_open_s, 0) as exposure_open_s,
+        coalesce(stood.violation_open_s, 0) as violation_open_s,
+        coalesce(counted.n_violations_open, 0) as n_violations_open
+    from stood
+    full outer join counted
+        on
+            stood.floor_id = counted.floor_id
+            and stood.area_id is not distinct from counted.area_id
+            and stood.camera_id = counted.camera_id
+            and stood.hour_start_ms = counted.hour_start_ms
+)
+
+select
+    joined.floor_id,
+    joined.area_id,
+    joined.camera_id,
+    joined.hour_start_ms,
+    hour_days.local_date,
+    hour_days.weekday,
+    joined.exposure_open_s,
+    joined.violation_open_s,
+    joined.n_violations_open
+from joined
+inner join hour_days on joined.hour_start_ms = hour_days.hour_start_ms
+order by joined.floor_id, joined.area_id, joined.hour_start_ms, joined.camera_id

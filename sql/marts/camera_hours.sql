@@ -1,0 +1,109 @@
+-- name: marts/camera_hours
+-- One row per camera and local hour of the calendar, also where nothing was recorded.
+-- grain: camera_id, hour_start_ms
+-- reads: calendar, cameras, coverage, exposure, violation_time, violations
+-- columns:
+--   camera_id
+--   camera_no            position in vsd.toml
+--   floor_id
+--   hour_start_ms        UTC instant the local hour starts
+--   local_date
+--   local_hour           0 to 23
+--   fold                 1 in the second of two equal local hours
+--   weekday              1 Monday to 7 Sunday
+--   length_s             length of the local hour
+--   open_s               opening time in it
+--   recorded_s           recorded time
+--   recorded_open_s      recorded time in opening hours
+--   is_inferred          recorded time is concluded from silences; null without data
+--   person_records       person records
+--   exposure_s           person-seconds in view
+--   exposure_open_s      person-seconds in opening hours
+--   violation_records    violation records
+--   violation_s          person-seconds in violation
+--   n_violations         violations that started in it
+--   n_violations_open    those that started in opening hours
+-- assumes: where nothing was recorded every count is null, never 0
+with spine as (
+    select
+        cameras.camera_id,
+        cameras.camera_no,
+        cameras.floor_id,
+        calendar.*
+    from calendar
+    cross join cameras
+),
+
+per_quarter as (
+    select
+        spine.*,
+        coalesce(coverage.recorded_ms, 0) as recorded_ms,
+        coverage.is_inferred,
+        coalesce(exposure.person_records, 0) as person_records,
+        coalesce(exposure.exposure_ms, 0) as exposure_ms,
+        coalesce(violation_time.violation_records, 0) as violation_records,
+        coalesce(violation_time.violation_ms, 0) as violation_ms
+    from spine
+    left join coverage on spine.camera_id = coverage.camera_id and spine.quarter = coverage.quarter
+    left join exposure on spine.camera_id = exposure.camera_id and spine.quarter = exposure.quarter
+    left join violation_time on spine.camera_id = violation_time.camera_id and spine.quarter = violation_time.quarter
+),
+
+per_hour as (
+    select
+        camera_id,
+        camera_no,
+        floor_id,
+        hour_start_ms,
+        min(local_date) as local_date,
+        min(local_hour) as local_hour,
+        min(fold) as fold,
+        min(weekday) as weekday,
+        count(*) * 900 as length_s,
+        count(*) filter (where is_open) * 900 as open_s,
+        sum(recorded_ms) / 1000.0 as recorded_s,
+        coalesce(sum(recorded_ms) filter (where is_open), 0) / 1000.0 as recorded_open_s,
+        bool_or(is_inferred) as is_inferred,
+        sum(person_records)::bigint as person_records,
+        sum(exposure_ms) / 1000.0 as exposure_s,
+        coalesce(sum(exposure_ms) filter (where is_open), 0) / 1000.0 as exposure_open_s,
+        sum(violation_records)::bigint as violation_records,
+        sum(violation_ms) / 1000.0 as violation_s
+    from per_quarter
+    group by camera_id, camera_no, floor_id, hour_start_ms
+),
+
+counted as (
+    select
+        camera_id,
+        hour_start_ms,
+        count(*) as n_violations,
+        count(*) filter (where is_open) as n_violations_open
+    from violations
+    group by camera_id, hour_start_ms
+)
+
+select
+    per_hour.camera_id,
+    per_hour.camera_no,
+    per_hour.floor_id,
+    per_hour.hour_start_ms,
+    per_hour.local_date,
+    per_hour.local_hour,
+    per_hour.fold,
+    per_hour.weekday,
+    per_hour.length_s,
+    per_hour.open_s,
+    per_hour.recorded_s,
+    per_hour.recorded_open_s,
+    per_hour.is_inferred,
+    case when per_hour.recorded_s > 0 then per_hour.person_records end as person_records,
+    case when per_hour.recorded_s > 0 then per_hour.exposure_s end as exposure_s,
+    case when per_hour.recorded_open_s > 0 then per_hour.exposure_open_s end as exposure_open_s,
+    case when per_hour.recorded_s > 0 then per_hour.violation_records end as violation_records,
+    case when per_hour.recorded_s > 0 then per_hour.violation_s end as violation_s,
+    case when per_hour.recorded_s > 0 then coalesce(counted.n_violations, 0) end as n_violations,
+    case when per_hour.recorded_open_s > 0 then coalesce(counted.n_violations_open, 0) end as n_violations_open
+from per_hour
+left join counted on per_hour.camera_id = counted.camera_id and per_hour.hour_start_ms = counted.hour_start_ms
+order by per_hour.hour_start_ms, per_hour.camera_no

@@ -1,0 +1,87 @@
+-- name: marts/outages
+-- One row per camera and interval of at least ten minutes of opening time without data.
+-- grain: camera_id, started_ms
+-- reads: recorded_spans, calendar, cameras
+-- params: outage_min_ms
+-- columns:
+--   camera_id
+--   camera_no    position in vsd.toml
+--   started_ms   end of the last recorded time before, or start of opening, milliseconds since 1970, UTC
+--   ended_ms     start of the next recorded time, or end of opening
+--   open_s       opening time lost
+--   is_inferred  concluded from silence, as the engine sends no heartbeat
+-- assumes: time the calendar does not hold, and time the site is closed, is not missed
+with bounds as (
+    select
+        min(quarter) * 900000 as first_ms,
+        (max(quarter) + 1) * 900000 as last_ms
+    from calendar
+),
+
+edges as (
+    select
+        camera_id,
+        started_ms,
+        ended_ms,
+        is_inferred
+    from recorded_spans
+    union all
+    select
+        cameras.camera_id,
+        bounds.first_ms as started_ms,
+        bounds.first_ms as ended_ms,
+        false as is_inferred
+    from cameras
+    cross join bounds
+    union all
+    select
+        cameras.camera_id,
+        bounds.last_ms as started_ms,
+        bounds.last_ms as ended_ms,
+        false as is_inferred
+    from cameras
+    cross join bounds
+),
+
+gaps as (
+    select
+        edges.camera_id,
+        max(edges.ended_ms) over earlier as from_ms,
+        edges.started_ms as to_ms,
+        edges.is_inferred
+    from edges
+    window
+        earlier as (
+            partition by edges.camera_id order by edges.started_ms, edges.ended_ms
+            rows between unbounded preceding and 1 preceding
+        )
+),
+
+missed as (
+    select
+        gaps.camera_id,
+        gaps.from_ms,
+        gaps.is_inferred,
+        min(greatest(gaps.from_ms, calendar.quarter * 900000)) as started_ms,
+        max(least(gaps.to_ms, (calendar.quarter + 1) * 900000)) as ended_ms,
+        sum(least(gaps.to_ms, (calendar.quarter + 1) * 900000) - greatest(gaps.from_ms, calendar.quarter * 900000)) as open_ms
+    from gaps
+    inner join calendar
+        on calendar.quarter * 900000 < gaps.to_ms and (calendar.quarter + 1) * 900000 > gaps.from_ms and calendar.is_open
+    cross join params
+    where gaps.to_ms - gaps.from_ms >= params.outage_min_ms
+    group by gaps.camera_id, gaps.from_ms, gaps.to_ms, gaps.is_inferred
+)
+
+select
+    missed.camera_id,
+    cameras.camera_no,
+    missed.started_ms,
+    missed.ended_ms,
+    missed.open_ms / 1000.0 as open_s,
+    missed.is_inferred
+from missed
+inner join cameras on missed.camera_id = cameras.camera_id
+cross join params
+where missed.open_ms >= params.outage_min_ms
+order by missed.started_ms, cameras.camera_no

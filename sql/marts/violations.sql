@@ -1,0 +1,45 @@
+-- name: marts/violations
+-- One row per violation: an episode of at least episode_min_s, counted by the camera that owns its place.
+-- grain: camera_id, started_ms, track_a, track_b
+-- reads: episodes, area_cells, cameras
+-- columns:
+--   camera_id
+--   floor_id
+--   track_a          the lesser track id
+--   track_b          the greater track id
+--   started_ms       milliseconds since 1970, UTC
+--   duration_s       (last - first record) + one frame interval
+--   x_m              mean midpoint, floor metres
+--   y_m              mean midpoint, floor metres
+--   cx               floor(x / cell_m)
+--   cy               floor(y / cell_m)
+--   area_id          area of vsd.toml it lies in; null for the rest of the floor
+--   min_distance_m   closest approach
+--   hour_start_ms    UTC instant of its local hour
+--   local_date
+--   local_hour
+--   is_open          it started in opening hours
+-- assumes: what reports call a violation is this row
+select
+    episodes.camera_id,
+    cameras.floor_id,
+    episodes.track_a,
+    episodes.track_b,
+    episodes.started_ms,
+    episodes.duration_s,
+    episodes.x_m,
+    episodes.y_m,
+    episodes.cx,
+    episodes.cy,
+    area_cells.area_id,
+    episodes.min_distance_m,
+    episodes.hour_start_ms,
+    episodes.local_date,
+    episodes.local_hour,
+    episodes.is_open
+from episodes
+inner join cameras on episodes.camera_id = cameras.camera_id
+left join area_cells
+    on cameras.floor_id = area_cells.floor_id and episodes.cx = area_cells.cx and episodes.cy = area_cells.cy
+where episodes.is_violation and episodes.is_owned
+order by episodes.started_ms, episodes.camera_id, episodes.track_a, episodes.track_b

@@ -1,0 +1,33 @@
+"""One simulated Saturday before and one after the display was moved, and one small project, shared by these tests."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from vsd_analytics.simulate import DemoTruth, simulate_day, write_demo_project
+from vsd_analytics.simulate.people import Day
+from vsd_analytics.simulate.project import opening
+
+
+def _saturday(day: date, *, moved: bool) -> Day:
+    opens, closes = opening(day)
+    return simulate_day(opens, closes=closes, seed=1, interval_s=2.0, display_moved=moved)
+
+
+@pytest.fixture(scope="session")
+def before() -> Day:
+    return _saturday(date(2026, 11, 7), moved=False)
+
+
+@pytest.fixture(scope="session")
+def after() -> Day:
+    return _saturday(date(2026, 11, 14), moved=True)
+
+
+@pytest.fixture(scope="session")
+def project(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, DemoTruth]:
+    folder = tmp_path_factory.mktemp("demo") / "shop"
+    return folder, write_demo_project(folder, seed=1, weeks=2)

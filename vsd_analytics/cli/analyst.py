@@ -1,0 +1,59 @@
+"""`vsd sql`: a query of one's own over facts and marts, read only."""
+
+from __future__ import annotations
+
+import click
+
+from vsd_analytics.cli.ranges import range_options, warehouse_of
+from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project
+
+
+@click.command()
+@click.argument("query", required=False)
+@range_options
+@click.option("--show", "relation", metavar="NAME", help="Print the SQL file of a relation instead.")
+@click.option("--list", "as_list", is_flag=True, help="List the relations that can be queried.")
+@click.option("--format", "kind", type=click.Choice(["table", "csv"]), default="table", show_default=True)
+@json_option
+@pass_project
+def sql(
+    project: Project, query: str | None, week: str | None, days: str | None, relation: str | None, as_list: bool, kind: str, as_json: bool
+) -> None:
+    """Run a query over the facts and marts of a range; nothing can be written.
+
+    \b
+    Example:
+      vsd sql --list
+      vsd sql --show hours
+      vsd sql "select local_hour, sum(n_violations) from hours group by all order by 1" --week last
+    """
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.warehouse.sqlfiles import relations
+
+    known = {r.name: r for layer in ("facts", "marts") for r in relations(layer).values()}
+    if as_list:
+        if as_json:
+            emit_json({"relations": [{"name": r.name, "layer": r.layer, "row": r.description, "columns": dict(r.columns)} for r in known.values()]})
+            return
+        for r in known.values():
+            click.echo(f"{r.layer:<6} {r.name:<18} {r.description}")
+        return
+    if relation is not None:
+        if relation not in known:
+            raise UsageError(f"no relation is called {relation!r}", mend="vsd sql --list")
+        click.echo(known[relation].path.read_text(encoding="utf-8"), nl=False)
+        return
+    if query is None:
+        raise UsageError("which query?", mend='vsd sql "select * from hours"')
+    from vsd_analytics.warehouse.analyst import run_query
+
+    with warehouse_of(project, week=week, days=days) as warehouse:
+        frame = run_query(warehouse, query)
+    if as_json:
+        import json
+
+        emit_json({"rows": json.loads(frame.to_json(orient="records", date_format="iso"))})
+    elif kind == "csv":
+        click.echo(frame.to_csv(index=False, lineterminator="\n"), nl=False)
+    else:
+        click.echo(frame.to_string(index=False, max_rows=200))

@@ -1,0 +1,239 @@
+"""`vsd ingest`, `vsd check`, `vsd build`: from files to facts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.shared import (
+    F,
+    Project,
+    emit_json,
+    instant,
+    json_option,
+    pass_project,
+    plain,
+    progress,
+    render_error,
+)
+
+if TYPE_CHECKING:
+    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.pipeline import IngestResult, SourceResult
+
+
+def _file_options(command: F) -> F:
+    options: list[Callable[[Any], Any]] = [
+        click.argument("files", nargs=-1, required=True, metavar="FILES..."),
+        click.option("--format", "kind", metavar="NAME", help="frames, table, positions, pairs, smart-social-distancing, motchallenge, wildtrack (default: detected)."),
+        click.option("--camera", metavar="ID", help="Camera of records that name none."),
+        click.option("--columns", metavar="NAMES", help="Headerless table: our names in the file's order; _ for one to ignore."),
+        click.option("--map", "renames", metavar="OURS=THEIRS", multiple=True, help="Column renames; repeat or separate by commas."),
+        click.option("--period", "period_s", type=float, metavar="SECONDS", help="Sampling period: records of one period are one frame."),
+        click.option("--fps", type=float, metavar="N", help="Frames per second, for files with frame numbers."),
+        click.option("--start", metavar="INSTANT", help="Time of the first frame, for files with frame numbers."),
+        click.option("--first-frame", type=float, metavar="N", help="Number of the frame that stands at --start (default: the format's first)."),
+        click.option("--coordinates", type=click.Choice(["floor", "image"]), help="Which of a format's coordinates to use."),
+        click.option("--method", type=click.Choice(["center-points", "four-corner"]), default="center-points", show_default=True, help="smart-social-distancing: its distance method."),
+        click.option("--resolution", metavar="WxH", default="640x480", show_default=True, help="smart-social-distancing: resolution boxes were logged at."),
+        click.option("--threshold", "threshold_m", type=float, default=1.5, show_default=True, metavar="METRES", help="smart-social-distancing: its distance limit."),
+        click.option("--engine", metavar="NAME", help="Engine name and version, where the files do not say."),
+    ]  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+@click.command()
+@_file_options
+@click.option("--dry-run", is_flag=True, help="Read and check everything, write nothing.")
+@json_option
+@pass_project
+def ingest(project: Project, files: tuple[str, ...], dry_run: bool, as_json: bool, **given: Any) -> int:
+    """Read engine output into the store. Records already stored are recognised; bad ones are quarantined.
+
+    \b
+    Example:
+      vsd ingest frames.jsonl
+      vsd ingest day1.csv.gz --format positions --columns ts,track_id,x_m,y_m --camera cam-1 --period 1
+      vsd ingest export.csv --map ts=time --map x_m=px --dry-run
+    """
+    return _read(project, files, given, is_dry_run=dry_run, as_json=as_json)
+
+
+@click.command()
+@_file_options
+@json_option
+@pass_project
+def check(project: Project, files: tuple[str, ...], as_json: bool, **given: Any) -> int:
+    """Validate files and change nothing: format, columns, times, cameras, numbers.
+
+    \b
+    Example:
+      vsd check export/*.csv
+    """
+    return _read(project, files, given, is_dry_run=True, as_json=as_json)
+
+
+@click.command()
+@json_option
+@pass_project
+def build(project: Project, as_json: bool) -> None:
+    """Compute the facts that are stale, and say why each was. Figures and reports do this by themselves.
+
+    \b
+    Example:
+      vsd build
+    """
+    from vsd_analytics.store import Store
+    from vsd_analytics.warehouse.build import build as build_facts
+
+    site = project.site
+    Store(site.root / "store", site_id=site.site_id).fold()
+    with progress(None, total=None, label="facts", unit="h", quiet=project.quiet) as bar:
+        def plan(n_hours: int) -> None:
+            bar.total = n_hours
+
+        result = build_facts(site, on_plan=plan, on_hours=bar.update)
+    if as_json:
+        emit_json({"n_fresh": result.n_fresh, "n_built": result.n_built, "reasons": dict(result.reasons)})
+        return
+    for reason, n in sorted(result.reasons.items()):
+        click.echo(f"{n:>8,} hours  {reason}")
+    click.echo(f"{result.n_built:,} hours computed, {result.n_fresh:,} were fresh")
+
+
+def _read(project: Project, files: tuple[str, ...], given: dict[str, Any], *, is_dry_run: bool, as_json: bool) -> int:
+    from pathlib import Path
+
+    from vsd_analytics.ingest.adapter import Source
+    from vsd_analytics.ingest.pipeline import ingest as ingest_files
+
+    options = _options(project, given)
+    paths = [Path(f) for f in files]
+    total = sum(Source(p).size_bytes for p in paths if p.exists())
+    with progress(None, total=total, label="reading", unit="B", quiet=project.quiet or as_json) as bar:
+        result = ingest_files(
+            project.site, paths, options, now=project.now, is_dry_run=is_dry_run, on_bytes=bar.update
+        )
+    if as_json:
+        emit_json(_as_dict(project, result, is_dry_run=is_dry_run))
+    else:
+        for source in result.sources:
+            _tell_source(project, source)
+        _tell_total(result, is_dry_run=is_dry_run)
+    if any(s.error for s in result.sources):
+        return 2
+    warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)
+    return 1 if result.n_rejected or warned else 0
+
+
+def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
+    import re
+
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.ingest.adapter import IngestOptions
+
+    renames = {}
+    for text in (part for r in given["renames"] for part in r.split(",")):
+        ours, equals, theirs = text.partition("=")
+        if not equals or not ours.strip() or not theirs.strip():
+            raise UsageError(f"--map {text!r} is not OURS=THEIRS", mend="--map ts=time")
+        renames[ours.strip()] = theirs.strip()
+    size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", given["resolution"])
+    if size is None:
+        raise UsageError(f"--resolution {given['resolution']!r} is not WIDTHxHEIGHT", mend="--resolution 640x480")
+    for name in ("period_s", "fps", "threshold_m"):
+        if given[name] is not None and not 0 < given[name] < 1e6:
+            raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
+    start = None
+    if given["start"] is not None:
+        start = round(instant(given["start"], zone=project.site.timezone, what="--start").timestamp() * 1000)
+    columns = given["columns"]
+    return IngestOptions(
+        format=given["kind"],
+        camera=given["camera"],
+        columns=None if columns is None else tuple(c.strip() for c in columns.split(",")),
+        map=renames,
+        period_s=given["period_s"],
+        fps=given["fps"],
+        start=start,
+        first_frame=given["first_frame"],
+        coordinates=given["coordinates"],
+        method=given["method"],
+        resolution_px=(int(size[1]), int(size[2])),
+        threshold_m=given["threshold_m"],
+        engine=given["engine"],
+    )
+
+
+def _tell_source(project: Project, source: SourceResult) -> None:
+    n = source.n_records
+    if not source.error or n:
+        parts = [f"{n['observations']:,} person records"] if n["observations"] else []
+        parts += [f"{n['pairs']:,} pair records"] if n["pairs"] else []
+        parts += [f"{n['frames']:,} frames"] if n["frames"] else []
+        click.echo(plain(f"{source.source}  [{source.format}]  {', '.join(parts) or 'no records'}"))
+        if source.first_ms is not None and source.last_ms is not None:
+            first, last = (_local(project, ms) for ms in (source.first_ms, source.last_ms))
+            click.echo(f"    from {first} to {last}")
+    for reason, count in sorted(source.n_dropped.items()):
+        click.echo(f"    left out: {count:,} {reason}{'s' if count != 1 and reason == 'unknown field' else ''}")
+    for note in source.notes:
+        click.echo(plain(f"    {note.removeprefix('info:').strip()}" if note.startswith("info:") else f"warning[W209]: {note}"), err=not note.startswith("info:"))
+    for reason, count in sorted(source.n_rejected.items()):
+        example = source.examples[reason]
+        click.echo(plain(f"warning[W210]: {count:,} records quarantined: {reason}"), err=True)
+        click.echo(plain(f"  --> {source.source}, line {example.line}"), err=True)
+        if example.text:
+            click.echo(f"   |  {plain(example.text).replace(chr(10), ' ')[:160]}", err=True)
+        click.echo(plain(f"  why: {example.detail[:300]}"), err=True)
+    if source.error is not None:
+        click.echo(render_error(source.error), err=True)
+
+
+def _local(project: Project, ms: int) -> str:
+    from datetime import datetime
+
+    return datetime.fromtimestamp(ms / 1000, tz=project.site.zone).isoformat(sep=" ", timespec="seconds")
+
+
+def _tell_total(result: IngestResult, *, is_dry_run: bool) -> None:
+    if is_dry_run:
+        click.echo("nothing was written")
+        return
+    tables = result.fold.tables
+    n_new = sum(c.n_new for c in tables.values())
+    n_known = sum(c.n_known for c in tables.values())
+    n_second = sum(c.n_second for c in tables.values())
+    said = [f"{n_new:,} new records stored"]
+    said += [f"{n_known:,} were known already"] if n_known else []
+    said += [f"{n_second:,} second sightings left out"] if n_second else []
+    said += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
+    click.echo(", ".join(said))
+
+
+def _as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dict[str, Any]:
+    return {
+        "ok": not any(s.error for s in result.sources),
+        "dry_run": is_dry_run,
+        "sources": [
+            {
+                "source": s.source,
+                "format": s.format,
+                "records": dict(s.n_records),
+                "quarantined": dict(s.n_rejected),
+                "left_out": dict(s.n_dropped),
+                "notes": s.notes,
+                "first": None if s.first_ms is None else _local(project, s.first_ms).replace(" ", "T"),
+                "last": None if s.last_ms is None else _local(project, s.last_ms).replace(" ", "T"),
+                "error": None if s.error is None else s.error.as_dict(),
+            }
+            for s in result.sources
+        ],
+        "stored": {
+            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second} for t, c in result.fold.tables.items()
+        },
+    }

@@ -1,0 +1,137 @@
+"""`vsd coverage`, `vsd hours`, `vsd heatmap`: exact figures for the operator."""
+
+from __future__ import annotations
+
+import click
+
+from vsd_analytics.cli.ranges import range_options, warehouse_of
+from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project
+
+
+@click.command()
+@range_options
+@click.option("--by", type=click.Choice(["camera", "area"]), help="One row per camera or area as well.")
+@json_option
+@pass_project
+def hours(project: Project, week: str | None, days: str | None, by: str | None, as_json: bool) -> None:
+    """Print hourly counts: people, violations, recorded time, state of the hour.
+
+    An hour without data has state no_data: nothing is known about it, which is not the same as nothing happened.
+
+    \b
+    Example:
+      vsd hours --week last
+      vsd hours --range 2026-11-09..2026-11-15 --by camera --json
+    """
+    from vsd_analytics.warehouse import figures
+
+    with warehouse_of(project, week=week, days=days) as warehouse:
+        frame = figures.hours(warehouse, by=by)  # type: ignore[arg-type]
+    if as_json:
+        emit_json({"hours": _records(frame)})
+        return
+    if by is None:
+        frame = frame[(frame["recorded_s"] > 0) | (frame["state"] == "no_data")]
+    columns = [c for c in ("start", "camera_id", "area_id", "person_records", "violation_records", "n_violations", "recorded_s", "state") if c in frame]
+    click.echo(_text(frame[columns]))
+
+
+@click.command()
+@range_options
+@click.option("--cell", "cell_m", type=float, default=1.0, show_default=True, help="Side of a cell in metres, a multiple of 0.25.")
+@click.option("--at", type=click.Choice(["midpoint", "person"]), default="midpoint", show_default=True, help="Count a record at the pair's midpoint, or where each person stands.")
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@click.option("--format", "kind", type=click.Choice(["csv", "json", "png", "svg"]), default="csv", show_default=True)
+@click.option("--out", metavar="FILE", help="Write here (pictures need it); default: standard output.")
+@json_option
+@pass_project
+def heatmap(
+    project: Project, week: str | None, days: str | None, cell_m: float, at: str, floor_id: str | None, kind: str, out: str | None, as_json: bool
+) -> None:
+    """Print or draw violation records per floor cell.
+
+    Columns cx and cy are floor(x / cell) and floor(y / cell) in floor metres.
+
+    \b
+    Example:
+      vsd heatmap --cell 1 --at midpoint --format csv
+      vsd heatmap --week last --cell 0.5 --format png --out where.png
+    """
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.warehouse import figures
+
+    stored_m = project.site.settings.cell_m
+    if cell_m <= 0 or cell_m > 1000 or abs(cell_m / stored_m - round(cell_m / stored_m)) > 1e-9:
+        raise UsageError(f"--cell {cell_m:g} is not a multiple of {stored_m:g} m", mend="--cell 0.5")
+    if kind in ("png", "svg") and out is None:
+        raise UsageError("a picture needs a file to go to", mend=f"--out where.{kind}")
+    with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m) as warehouse:
+        frame = figures.heatmap(warehouse, floor_id=floor_id, at=at)  # type: ignore[arg-type]
+        if kind in ("png", "svg"):
+            from vsd_analytics.report.plots import draw_heatmap
+
+            draw_heatmap(frame, project.site, floor_id=floor_id, cell_m=cell_m, path=str(out), title=f"Violation records, {warehouse.first} to {warehouse.last}")
+            project.say(f"wrote {out}")
+            return
+    if kind == "json" or as_json:
+        emit_json({"cell_m": cell_m, "at": at, "cells": _records(frame)})
+        return
+    text = frame[frame["records"] > 0].drop(columns="exposure_s").to_csv(index=False, lineterminator="\n")
+    if out is None:
+        click.echo(text, nl=False)
+    else:
+        from pathlib import Path
+
+        Path(out).write_text(text, encoding="utf-8")
+        project.say(f"wrote {out}")
+
+
+@click.command()
+@range_options
+@json_option
+@pass_project
+def coverage(project: Project, week: str | None, days: str | None, as_json: bool) -> None:
+    """Print how much of the opening hours each camera recorded, and what is missing.
+
+    \b
+    Example:
+      vsd coverage --week last
+    """
+    from vsd_analytics.warehouse import figures
+
+    with warehouse_of(project, week=week, days=days) as warehouse:
+        found = figures.coverage(warehouse)
+    if as_json:
+        emit_json(found)
+        return
+    for camera in found["cameras"]:
+        strip = " ".join("   –" if d["share"] is None else f"{d['share']:4.0%}" for d in camera["days"][-14:])
+        share = "no opening hours" if camera["share"] is None else f"{camera['share']:.0%} of {camera['scheduled_h']:.0f} open hours"
+        click.echo(f"{camera['camera_id']:<16} {share:<28} {strip}")
+    if found["outages"]:
+        click.echo("\nmissing (10 minutes or more of opening hours):")
+    for o in found["outages"]:
+        inferred = "  inferred: the engine sends no heartbeat" if o["is_inferred"] else ""
+        click.echo(f"  {o['camera_id']:<14} {o['start']} to {o['end']}  {o['open_h']:.1f} open h{inferred}")
+
+
+def _records(frame: object) -> list[dict[str, object]]:
+    import math
+
+    rows: list[dict[str, object]] = frame.to_dict(orient="records")  # type: ignore[attr-defined]
+    return [{k: None if isinstance(v, float) and math.isnan(v) or v is _na() else _plain(v) for k, v in r.items()} for r in rows]
+
+
+def _na() -> object:
+    import pandas as pd
+
+    return pd.NA
+
+
+def _plain(value: object) -> object:
+    return value.item() if hasattr(value, "item") else value
+
+
+def _text(frame: object) -> str:
+    text: str = frame.to_string(index=False, na_rep="–", float_format=lambda v: f"{v:,.0f}")  # type: ignore[attr-defined]
+    return text

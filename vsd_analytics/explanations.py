@@ -1,0 +1,199 @@
+"""`vsd explain CODE`: what each message means, what usually causes it, how to mend it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from vsd_analytics.errors import UsageError
+
+EXPLANATIONS: Final[dict[str, str]] = {
+    "E100": """\
+Something could not be done.
+The message itself says what and where; this code is used only where no closer one exists.""",
+    "E101": """\
+The command was called with something it cannot use.
+Common causes: a misspelt command, option, camera or area; a week that is not like 2026-W46; a range whose end comes
+before its start; a time that is not ISO, such as 2026-11-11T12:00.
+Mend: the message shows the form; vsd COMMAND --help has an example of every option.""",
+    "E102": """\
+No project: there is no vsd.toml in this folder or any folder above it.
+vsd.toml says which site, cameras and opening hours records belong to; nothing works without it but vsd demo.
+Mend: change into the project folder, pass it with -C DIR, or write one with vsd init.""",
+    "E103": """\
+vsd.toml has mistakes. All of them are listed at once, each with its line, its own code and a mend.
+Nothing was read or changed. Mend them in an editor, then: vsd doctor.""",
+    "E104": """\
+There is a vsd.toml already, and vsd init never writes over one.
+Mend: edit that file, or start another project in another folder: vsd -C DIR init.""",
+    "E110": """\
+A line of the change log (log.jsonl) is not an entry, so the whole log is refused rather than read in part.
+Common causes: the file was edited by hand; a copy broke off in the middle of its last line.
+Mend: correct or delete the line named. An entry is one line:
+{"at": "2026-11-11T12:00:00+01:00", "text": "moved the exhibit", "area": null}""",
+    "E120": """\
+The operating system refused a file.
+Common causes: no permission, a full disk, a path that is a folder, a file that vanished meanwhile.
+Mend: look at the path named, its permissions (ls -l) and the free space (df -h), then run the command again.""",
+    "E121": """\
+vsd.toml, or a calibration file beside it, is not a text that can be read as TOML.
+Common causes: quotes missing around a text, a list without its closing bracket, the same key twice in one table, a
+file saved in another encoding than UTF-8.
+Mend: the line named; TOML shows one such mistake at a time, all others come after it.""",
+    "E122": """\
+vsd.toml has a table or key that does not exist.
+It is refused rather than ignored, since a misspelt key would silently leave its default in force.
+Mend: rename it to the nearest one shown. A name of your own belongs into name = "...", which may be any text.""",
+    "E123": """\
+vsd.toml lacks something a site cannot do without.
+The smallest site is [site] with id, name and timezone, one [[floor]] with id and name, and one [[camera]] with id and
+name. Some keys need a companion: plan needs plan_m_per_px; on a site of several floors each camera and area needs
+floor. Mend: add the line shown.""",
+    "E124": """\
+A value in vsd.toml, or in an environment variable VSD_..., is of the wrong kind or outside its range.
+Texts stand in quotes, numbers do not; every setting has a unit, a smallest and a largest value (vsd doctor
+--show-config, docs/settings.md).
+Mend: write it as the message shows.""",
+    "E125": """\
+An id cannot be used, stands twice, or names something that is not described.
+Ids become folder and file names: a-z, 0-9, - and _, at most 63, first a letter or digit. Each floor, camera and area
+has its own, and one engine id belongs to one camera.
+Mend: the nearest known id is shown; display names (name = ...) may be any text.""",
+    "E126": """\
+A file named in vsd.toml is not there or cannot be used.
+Paths start at the folder of vsd.toml; absolute paths are allowed. Plans are SVG, PNG or JPG.
+Mend: correct the path, put the file there, or take the line out.""",
+    "E127": """\
+The opening hours cannot be understood.
+Form: opening = { mon-fri = "08:00-21:00", sat = ["09:00-13:00", "15:00-19:00"], sun = "closed" }. Days are mon to sun
+or ranges; a day that is not named is closed; times are on quarter hours; the end of a day is 24:00.
+A night past midnight is two spans: fri = "18:00-24:00", sat = "00:00-02:00".""",
+    "E128": """\
+A polygon is not a simple one: it has fewer than three corners, no area, or crosses or touches itself.
+Mend: list each corner once, in the order in which you would walk around it, in floor metres [x, y]; the last corner
+joins the first by itself.""",
+    "E129": """\
+The calibrations of a camera contradict each other.
+A camera has homography or points, not both; each of its calibrations begins at another instant (calibrated_from in
+vsd.toml, from in calibration/CAMERA.toml), and one without an instant holds since ever.
+Mend: take one of the two out, or give it a later instant.""",
+    "E200": """\
+An input file cannot be used at all. Single bad rows never stop an import: they go to quarantine.
+Mend: as the message says; vsd check FILES tells what is wrong without changing anything.""",
+    "E201": """\
+There is no such file.
+Common causes: a misspelt path; a pattern such as export/*.csv that matches nothing; a folder that was not mounted.
+Mend: check the path with ls, then run the command again. Files already read are recognised and counted once.""",
+    "E202": """\
+The file is there but holds nothing of what its format must have: it is empty, has no header or lacks a
+column that its engine always writes.
+Common causes: an export that broke off, the wrong file of a set, a header line that was cut away.
+Mend: export it again, or name the format it really has with --format.""",
+    "E203": """\
+A table lacks a column that is needed.
+Positions need ts and x_m, y_m (or u_px, v_px with a calibrated camera); pairs need ts and distance_m or both places.
+Mend: --map ours=theirs, or [ingest.map] in vsd.toml; a headerless file needs --columns, our names in order.""",
+    "E204": """\
+No known format fits the file, or the one that was named does not.
+Mend: name the format with --format; for tables, check that it is text in UTF-8 with a header line, or a Parquet file.
+vsd check FILES shows what was recognised.""",
+    "E205": """\
+The file is damaged: compressed data or a Parquet file that ends early, or an archive that cannot be opened.
+Common cause: a copy that broke off. All records before the damage are kept and counted once.
+Mend: copy or export it again and ingest it again; what was read already is recognised.""",
+    "E206": """\
+An archive would unpack to an absurd size, so it was not unpacked.
+Common cause: a damaged or malicious archive. Mend: unpack it yourself, look at it, and ingest the files you trust.""",
+    "E207": """\
+Records have frame numbers, and nothing says when frame 0 was and how many frames a second has.
+Without both there is no time, and without time no hour and no week.
+Mend: --fps 25 --start 2026-11-09T08:00:00+01:00""",
+    "E208": """\
+Floor metres were asked for, and the file has none in its world columns.
+Mend: use the boxes instead (--coordinates image) with a calibrated camera: vsd calibrate CAMERA.""",
+    "W208": """\
+One sequence of an archive has no floor metres in its world columns; it was left out, the others were read.
+Mend: import it on its own with its boxes and a calibrated camera.""",
+    "W209": """\
+Pairs rebuilt from an engine's boxes do not agree with the counts it wrote beside them.
+Most likely its settings are other than assumed: method, resolution or distance threshold. Every distance would be off.
+Mend: give the engine's own settings, as the message proposes, and import again.""",
+    "E300": """\
+The store refused something or found something wrong; nothing that was acknowledged is lost.
+Mend: as the message says, then vsd verify.""",
+    "E350": """\
+A figure has too little data by its own rule, so no number is shown rather than a shaky one.
+The message gives the rule and what was there: days recorded, person-hours of exposure, or share of hours recorded.
+Mend: more recorded days, or a longer range; the rules stand in docs beside each figure.""",
+    "E400": """\
+A calibration cannot be used. Mend: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
+    "E401": """\
+Too few different points for a calibration: four fix it, six or more show how good it is.
+A point is a spot known twice: u,v in the picture (pixels, right and down) and x,y on the floor (metres, right and up).
+Mend: add spots in the corners of the floor the camera sees: tile joints, pillars, feet of shelves.""",
+    "E402": """\
+The points cannot fix a calibration.
+Common causes: they lie on one line, or three of four do; two rows were swapped, so that the floor would fold over the
+horizon; x and y were swapped for some points.
+Mend: spread the points over the floor and check each row's spot in picture and plan.""",
+    "E403": """\
+A matrix file is not three rows of three numbers.
+It must hold the homography from picture pixels to floor metres, (x, y, w) = H (u, v, 1), as plain text.
+Mend: export it again, or give points instead: vsd calibrate CAMERA --points FILE.csv""",
+    "E404": """\
+A matrix cannot be inverted: it maps the whole picture onto a line or a point of the floor.
+Common causes: a row written twice, a row of zeros. Mend: export the matrix again, or give points.""",
+    "E405": """\
+A file of points cannot be read. Its first line is u,v,x,y; every other line has four numbers:
+512,633.5,4.20,7.15 is pixel (512, 633.5) at 4.20 m right and 7.15 m up on the floor.
+Mend: the line named.""",
+    "W401": """\
+The calibration comes from few points. Four points always fit exactly, so their error says nothing, and with
+five an error of one is spread over all. Mend: measure six or more, spread over the floor.""",
+    "W402": """\
+A point is off by more than 30 cm: distances near it are off as well.
+Common causes: a spot clicked above the floor (a table instead of its foot), swapped rows, x and y swapped, a lens that
+bends straight lines. Mend: look at the red arrows of the overlay picture, then measure that point again.""",
+    "W403": """\
+The new calibration is written but not used yet: vsd.toml or the camera's history names another file for the
+same time. Mend: put the line shown into vsd.toml instead of the old one, or give --from.""",
+    "W404": """\
+The new calibration replaces one that held for the same time, so old records are placed anew as well.
+That is right when the old one was wrong. If the camera was moved, keep both: --from INSTANT.""",
+    "E500": """\
+A report could not be made; the message says which part and why. Stored data are not touched.""",
+    "E501": """\
+A plan or camera picture cannot be decoded. Mend: export it as PNG again and name that file in vsd.toml.""",
+    "E502": """\
+An SVG plan is too large to be carried inside a report. Mend: save it as PNG and name that in vsd.toml.""",
+    "E600": """\
+A SQL query failed. The message carries the database's own words.
+Mend: vsd schema tables shows tables and columns; queries are read-only.""",
+    "E601": """\
+A SQL file of the product does not keep to the form of its header (name, grain, reads, columns), or files
+read each other in a circle. It is a mistake in that file, not in your data; the message names the line.""",
+    "E602": """\
+A SQL file returns other columns than its header declares. It is a mistake in that file, not in your data:
+correct the header or the query so that both say the same.""",
+    "E900": """\
+An internal error: a mistake in this program, not in your data. The store is left consistent.
+Mend: run the command again with -v and report the traceback it prints, after reading it for private names.""",
+}
+
+
+def explanation(code: str) -> str:
+    """Return what a code means, causes it and mends it.
+
+    Args:
+        code: Such as "E201", in any case.
+
+    Raises:
+        UsageError: No message has this code (E101).
+    """
+    from vsd_analytics.config.reader import nearest
+
+    known = EXPLANATIONS.get(code.strip().upper())
+    if known is not None:
+        return known
+    close = nearest(code, [each.lower() for each in EXPLANATIONS])
+    mend = f"vsd explain {close.upper()}" if close else "vsd explain   (lists all codes)"
+    raise UsageError(f"no message has the code {code!r}", mend=mend)

@@ -1,0 +1,141 @@
+"""Plain figures for people and notebooks: hours, coverage, heatmaps; exact counts, for the operator's own eyes."""
+
+from __future__ import annotations
+
+from datetime import date, datetime, timedelta
+from typing import Any, Literal
+
+import pandas as pd
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+At = Literal["midpoint", "person"]
+
+_BY: dict[str | None, str] = {
+    None: (
+        "select hour_start_ms, person_records, violation_records, n_violations, recorded_s, recorded_share, open_s, "
+        "exposure_s, violation_s, cameras_down, is_inferred, state from hours order by hour_start_ms"
+    ),
+    "camera": (
+        "select hour_start_ms, camera_id, person_records, violation_records, n_violations, recorded_s, open_s, exposure_s, "
+        "violation_s, is_inferred from camera_hours order by hour_start_ms, camera_no"
+    ),
+    "area": (
+        "select hour_start_ms, floor_id, area_id, sum(exposure_open_s) as exposure_s, sum(violation_open_s) as violation_s, "
+        "sum(n_violations_open)::bigint as n_violations from area_hours group by all order by hour_start_ms, floor_id, area_id"
+    ),
+}
+
+
+def hours(warehouse: Warehouse, *, by: Literal["camera", "area"] | None = None) -> pd.DataFrame:
+    """Return the hourly table of a range.
+
+    Args:
+        warehouse: The range.
+        by: None for the whole site, "camera", or "area" (opening hours only).
+
+    Returns:
+        One row per local hour (and camera or area): `start` (ISO, local with offset), `person_records`,
+        `violation_records`, `n_violations`, `recorded_s` (mean over cameras), `recorded_share`, `open_s`, `exposure_s`
+        (person-seconds), `violation_s` (person-seconds), `cameras_down`, `is_inferred`, `state`. Counts of an
+        hour in which nothing was recorded are missing, never 0.
+    """
+    frame = warehouse.frame(_BY[by])
+    starts = [local_iso(warehouse, ms) for ms in frame.pop("hour_start_ms")]
+    frame.insert(0, "start", starts)
+    return frame
+
+
+def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midpoint") -> pd.DataFrame:
+    """Return violation records per heat cell of one floor.
+
+    Args:
+        warehouse: The range; `heat_cell_m` was given when it was opened.
+        floor_id: Floor; None when there is only one.
+        at: "midpoint" counts pair records at the middle of the pair; "person" counts person records in violation
+            where the person stands.
+
+    Returns:
+        Columns cx, cy (floor(x / cell), floor(y / cell)), records, exposure_s (person-seconds spent in the cell); one
+        row per cell in which anybody stood or a record lies, by cy then cx.
+
+    Raises:
+        UsageError: E101, there are several floors and none is named.
+    """
+    floors = [f.floor_id for f in warehouse.site.floors]
+    if floor_id is None and len(floors) == 1:
+        floor_id = floors[0]
+    if floor_id not in floors:
+        raise UsageError(f"which floor? This site has {', '.join(floors)}", mend=f"--floor {floors[0]}")
+    column = {"midpoint": "violation_records", "person": "violation_persons"}[at]
+    return warehouse.frame(
+        f"select cx, cy, {column} as records, exposure_s from heatmap where floor_id = $floor order by cy, cx",
+        {"floor": floor_id},
+    )
+
+
+def coverage(warehouse: Warehouse) -> dict[str, Any]:
+    """Return how much of the opening time was recorded.
+
+    Returns:
+        `cameras`: per camera `camera_id`, `name`, `share`, `recorded_h`, `scheduled_h`, `days` (date, share or None when
+        closed, recorded_h, scheduled_h); `outages`: camera_id, start, end, open_h, is_inferred; `share` over all.
+    """
+    days = warehouse.rows(
+        "select camera_id, local_date, sum(recorded_open_s) / 3600 as recorded_h, sum(open_s) / 3600 as scheduled_h "
+        "from camera_hours group by all order by local_date"
+    )
+    outages = warehouse.rows("select * from outages")
+    cameras = []
+    for camera in warehouse.site.cameras:
+        own = [d for d in days if d["camera_id"] == camera.camera_id]
+        recorded, scheduled = (sum(d[k] for d in own) for k in ("recorded_h", "scheduled_h"))
+        cameras.append(
+            {
+                "camera_id": camera.camera_id,
+                "name": camera.name,
+                "share": recorded / scheduled if scheduled else None,
+                "recorded_h": recorded,
+                "scheduled_h": scheduled,
+                "days": [
+                    {
+                        "date": d["local_date"].isoformat(),
+                        "share": d["recorded_h"] / d["scheduled_h"] if d["scheduled_h"] else None,
+                        "recorded_h": d["recorded_h"],
+                        "scheduled_h": d["scheduled_h"],
+                    }
+                    for d in own
+                ],
+            }
+        )
+    scheduled = sum(c["scheduled_h"] for c in cameras)
+    return {
+        "share": sum(c["recorded_h"] for c in cameras) / scheduled if scheduled else None,
+        "cameras": cameras,
+        "outages": [
+            {
+                "camera_id": o["camera_id"],
+                "start": local_iso(warehouse, o["started_ms"]),
+                "end": local_iso(warehouse, o["ended_ms"]),
+                "open_h": o["open_s"] / 3600,
+                "is_inferred": o["is_inferred"],
+            }
+            for o in outages
+        ],
+    }
+
+
+def local_instant(warehouse: Warehouse, ms: int) -> datetime:
+    """Return an instant (UTC milliseconds) in the site's zone."""
+    return datetime.fromtimestamp(ms / 1000, tz=warehouse.site.zone)
+
+
+def local_iso(warehouse: Warehouse, ms: int) -> str:
+    """Return an instant (UTC milliseconds) as local ISO 8601 with offset."""
+    return local_instant(warehouse, int(ms)).isoformat(timespec="seconds")
+
+
+def monday_of(day: date) -> date:
+    """Return the Monday of a day's ISO week."""
+    return day - timedelta(days=day.weekday())

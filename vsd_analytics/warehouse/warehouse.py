@@ -1,0 +1,179 @@
+"""The warehouse: facts of a range and every mart over them, as relations of one DuckDB connection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from vsd_analytics.duck import connect
+from vsd_analytics.errors import StoreError
+from vsd_analytics.site import Site
+from vsd_analytics.store import Store
+from vsd_analytics.store.layout import list_parts
+from vsd_analytics.warehouse.build import BuildResult, build
+from vsd_analytics.warehouse.dimensions import calendar, register_site
+from vsd_analytics.warehouse.sqlfiles import relations
+
+if TYPE_CHECKING:
+    import duckdb
+    import pandas as pd
+
+AROUND_H = 12
+"""Hours of facts loaded on either side of a range, so that an episode is stitched whole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What is stored.
+
+    Attributes:
+        first_day, last_day: First and last local day with records.
+    """
+
+    first_day: date
+    last_day: date
+
+
+def stored_extent(site: Site) -> Extent | None:
+    """Return the local days with records, or None for an empty store; what is spooled is folded first."""
+    store = Store(site.root / "store", site_id=site.site_id)
+    if store.n_spooled():
+        store.fold()
+    hours = store.hours()
+    if hours is None:
+        return None
+    first, last = (datetime.fromtimestamp(h * 3600 + s, tz=site.zone).date() for h, s in ((hours[0], 0), (hours[1], 3599)))
+    return Extent(first, last)
+
+
+class Warehouse:
+    """Facts and marts of a range of local days.
+
+    Use it as a context manager. Every relation of `sql/facts` and `sql/marts`, and `calendar`, `cameras`, `areas`,
+    `area_cells`, `owner_cells`, `calibrations`, `params`, can be queried by name.
+
+    Args:
+        site: The project.
+        first: First local day.
+        last: Last local day, inclusive.
+        heat_cell_m: Side of the cells of the mart `heatmap`.
+        on_plan, on_hours: Progress of the build; see `build`.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        first: date,
+        last: date,
+        *,
+        heat_cell_m: float = 1.0,
+        on_plan: Callable[[int], None] | None = None,
+        on_hours: Callable[[int], None] | None = None,
+    ) -> None:
+        self.site, self.first, self.last = site, first, last
+        store = Store(site.root / "store", site_id=site.site_id)
+        if store.n_spooled():
+            store.fold()
+        hours = [_utc_hour(first, site) - AROUND_H, _utc_hour(last + timedelta(days=1), site) - 1 + AROUND_H]
+        self.built: BuildResult = build(
+            site, first_hour=hours[0], last_hour=hours[1], on_plan=on_plan, on_hours=on_hours
+        )
+        self.con: duckdb.DuckDBPyConnection = connect()
+        register_site(self.con, site, heat_cell_m=heat_cell_m)
+        self.con.register("_calendar", calendar(site, first, last))
+        self.con.execute("create temp table calendar as select * from _calendar")
+        self._facts(hours[0], hours[1])
+        for relation in relations("marts").values():
+            self.con.execute(f"create temp view {relation.name} as {relation.sql}")
+
+    def __enter__(self) -> Warehouse:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        self.con.close()
+
+    def keep(self, *marts: str) -> None:
+        """Compute marts once and keep their rows, when several queries will read them."""
+        for name in marts:
+            relation = relations("marts")[name]
+            self.con.execute(f"drop view if exists {relation.name}")
+            self.con.execute(f"create temp table {relation.name} as {relation.sql}")
+
+    def table(self, query: str, values: dict[str, Any] | None = None) -> pa.Table:
+        """Return a query's rows as an Arrow table; values are bound, never pasted."""
+        return self.con.sql(query, params=values or None).to_arrow_table()
+
+    def frame(self, query: str, values: dict[str, Any] | None = None) -> pd.DataFrame:
+        """Return a query's rows as a pandas frame."""
+        return self.con.execute(query, values or {}).df()
+
+    def rows(self, query: str, values: dict[str, Any] | None = None) -> list[dict[str, Any]]:
+        """Return a query's rows as dictionaries."""
+        found: list[dict[str, Any]] = self.table(query, values).to_pylist()
+        return found
+
+    def _facts(self, first_hour: int, last_hour: int) -> None:
+        for relation in relations("facts").values():
+            if relation.unit == "day":
+                days = list_parts(self.site.root / "facts", relation.name, self.site.site_id, first_hour=first_hour - 24, last_hour=last_hour)
+                names = [str(p.path) for p in days]
+            else:
+                parts = list_parts(self.site.root / "facts", relation.name, self.site.site_id, first_hour=first_hour, last_hour=last_hour)
+                names = [str(p.path) for p in parts if self.built.fingerprints.get(p.hour) == p.digest]
+            if names:
+                self.con.execute("set variable fact_files = $names", {"names": names})
+                self.con.execute(
+                    f"create temp table {relation.name} as select * from read_parquet(getvariable('fact_files'))"
+                    if relation.name != "pairs"
+                    else f"create temp view {relation.name} as select * from read_parquet({_listed(names)})"
+                )
+            else:
+                self.con.execute(f"create temp table {relation.name} as select * from ({_empty(relation.name)})")
+
+
+def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Warehouse:
+    """Return the warehouse of a range, its facts made fresh.
+
+    Raises:
+        StoreError: E301, nothing is stored.
+    """
+    if stored_extent(site) is None:
+        raise StoreError(
+            "nothing is stored yet",
+            code="E301",
+            why=f"{site.root.name}/store holds no records of site {site.site_id!r}",
+            mend="vsd ingest FILES...",
+        )
+    return Warehouse(site, first, last, **options)
+
+
+def _utc_hour(day: date, site: Site) -> int:
+    return int(datetime(day.year, day.month, day.day, tzinfo=site.zone).timestamp()) // 3600
+
+
+def _listed(names: list[str]) -> str:
+    return "[" + ", ".join("'" + n.replace("'", "''") + "'" for n in names) + "]"
+
+
+def _empty(name: str) -> str:
+    """Return a query with the columns of a fact and no rows."""
+    columns = ", ".join(f"{_EMPTY_TYPES.get(c, 'null::bigint')} as {c}" for c in relations("facts")[name].columns)
+    return f"select {columns} where false"
+
+
+_EMPTY_TYPES = {
+    "camera_id": "null::varchar",
+    "track_a": "null::varchar",
+    "track_b": "null::varchar",
+    "is_inferred": "null::boolean",
+    "is_owned": "null::boolean",
+    "is_derived": "null::boolean",
+    "open_left": "null::boolean",
+    "open_right": "null::boolean",
+    "has_heartbeat": "null::boolean",
+}
