@@ -72,7 +72,7 @@ def calibrate(
 
     Raises:
         UsageError: No such camera, or nothing to calibrate from (E101).
-        CalibrationError: The file cannot be used (E401 to E405).
+        CalibrationError: The file cannot be used (E401 to E406).
     """
     camera = _camera(site, camera_id)
     same = next((c for c in camera.calibrations if c.valid_from == valid_from), None)

@@ -153,13 +153,9 @@ def _read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(
-            f"cannot read {path.name}",
-            code="E403",
-            where=Where(str(path)),
-            why=str(error),
-            mend="it must be a plain text file",
-        ) from None
+        why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
+        mend = "check the path; it must be a plain text file"
+        raise CalibrationError(f"cannot read {path}", code="E406", where=Where(str(path)), why=why, mend=mend) from None
 
 
 def load_calibration(path: Path, *, kind: str, valid_from: datetime | None) -> Calibration:
@@ -171,7 +167,7 @@ def load_calibration(path: Path, *, kind: str, valid_from: datetime | None) -> C
         valid_from: UTC instant from which it holds; None = since ever.
 
     Raises:
-        CalibrationError: The file cannot be used (E401 to E405).
+        CalibrationError: The file cannot be used (E401 to E406).
     """
     error_m = None
     if kind == "points":

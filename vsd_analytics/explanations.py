@@ -114,12 +114,22 @@ Mend: use the boxes instead (--coordinates image) with a calibrated camera: vsd 
 One sequence of an archive has no floor metres in its world columns; it was left out, the others were read.
 Mend: import it on its own with its boxes and a calibrated camera.""",
     "W209": """\
-Pairs rebuilt from an engine's boxes do not agree with the counts it wrote beside them.
-Most likely its settings are other than assumed: method, resolution or distance threshold. Every distance would be off.
+Something about a whole file deserves a look; its records were read all the same, and the message says what it is.
+The most serious: pairs rebuilt from an engine's boxes do not agree with the counts it wrote beside them. Most likely
+its settings (method, resolution, distance threshold) are other than assumed, and every distance would be off.
 Mend: give the engine's own settings, as the message proposes, and import again.""",
+    "W210": """\
+Some records could not be used and went to quarantine with their reason; all others were read and counted.
+Common causes: text in a number column, distances that are not finite or negative, times before 1990 or in the future,
+cameras that vsd.toml does not describe, lines that broke off.
+Mend: look at the example; correct the export or vsd.toml and ingest again: what was read already counts once.""",
     "E300": """\
 The store refused something or found something wrong; nothing that was acknowledged is lost.
 Mend: as the message says, then vsd verify.""",
+    "E301": """\
+Nothing is stored for this site yet, so there is nothing to count.
+Common causes: no file was ingested; all its records went to quarantine; the id of the site in vsd.toml was changed.
+Mend: vsd ingest FILES..., then vsd coverage.""",
     "E350": """\
 A figure has too little data by its own rule, so no number is shown rather than a shaky one.
 The message gives the rule and what was there: days recorded, person-hours of exposure, or share of hours recorded.
@@ -146,6 +156,9 @@ Common causes: a row written twice, a row of zeros. Mend: export the matrix agai
 A file of points cannot be read. Its first line is u,v,x,y; every other line has four numbers:
 512,633.5,4.20,7.15 is pixel (512, 633.5) at 4.20 m right and 7.15 m up on the floor.
 Mend: the line named.""",
+    "E406": """\
+A calibration file cannot be read: it is not there, you may not read it, or it is not plain text.
+Mend: check the path (on the command line it starts where you are, in vsd.toml at the folder of that file).""",
     "W401": """\
 The calibration comes from few points. Four points always fit exactly, so their error says nothing, and with
 five an error of one is spread over all. Mend: measure six or more, spread over the floor.""",
@@ -174,6 +187,10 @@ read each other in a circle. It is a mistake in that file, not in your data; the
     "E602": """\
 A SQL file returns other columns than its header declares. It is a mistake in that file, not in your data:
 correct the header or the query so that both say the same.""",
+    "E603": """\
+A query of your own could not be run; the database's own words follow in the message.
+Queries may read the store and the facts of this project and nothing else: no other file, no network, no setting.
+Mend: vsd sql --list shows the relations, vsd sql --show NAME the text of one, vsd schema tables the columns.""",
     "E900": """\
 An internal error: a mistake in this program, not in your data. The store is left consistent.
 Mend: run the command again with -v and report the traceback it prints, after reading it for private names.""",

@@ -50,7 +50,7 @@ def write_first_config(folder: Path, *, answers: Answers) -> Site:
     """Write `vsd.toml` into `folder` and return the site it describes.
 
     Raises:
-        UsageError: There is one already (E104), or the opening hours cannot be read (E101).
+        UsageError: There is one already (E104), or an answer cannot be read or printed (E101).
         ConfigError: An answer cannot stand in it; nothing is written.
     """
     path = folder / FILE
@@ -167,5 +167,7 @@ def _inline(table: Mapping[str, str | list[str]]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a TOML basic string; JSON's escapes are a subset of TOML's, but for the character DEL."""
-    return json.dumps(text).replace("\x7f", "\\u007f")
+    """Return a TOML basic string, which is a JSON string where nothing but quotes and backslashes is escaped."""
+    if not text.isprintable():
+        raise UsageError(f"{text!r} has characters that cannot be printed", mend="write it without them")
+    return json.dumps(text, ensure_ascii=False)

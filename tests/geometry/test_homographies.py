@@ -11,28 +11,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from planted_cameras import SIZE, look
 
 from vsd_analytics import geometry
 from vsd_analytics.errors import CalibrationError
 
-SIZE = (1280, 720)
-
-
-def planted(
-    *, height_m: float = 3.0, tilt_deg: float = 35.0, pan_deg: float = 0.0, at: tuple[float, float] = (0.0, 0.0), f_px: float = 900.0
-) -> NDArray[np.float64]:
-    """Return the homography pixels -> metres of a pinhole camera above `at`, looking along pan, down by tilt."""
-    t, p = np.radians(tilt_deg), np.radians(pan_deg)
-    right = np.array([np.cos(p), np.sin(p), 0.0])
-    ahead = np.array([-np.sin(p) * np.cos(t), np.cos(p) * np.cos(t), -np.sin(t)])
-    rotation = np.stack([right, np.cross(ahead, right), ahead])  # rows: picture right, picture down, into the scene
-    k = np.array([[f_px, 0, SIZE[0] / 2], [0, f_px, SIZE[1] / 2], [0, 0, 1]])
-    to_pixels = k @ np.column_stack([rotation[:, 0], rotation[:, 1], -rotation @ np.array([*at, height_m])])
-    return np.asarray(np.linalg.inv(to_pixels))
-
-
 cameras = st.builds(
-    planted,
+    look,
     height_m=st.floats(2, 12),
     tilt_deg=st.floats(10, 80),
     pan_deg=st.floats(-180, 180),
@@ -43,7 +28,9 @@ pixels = st.lists(st.tuples(st.floats(0, SIZE[0]), st.floats(0, SIZE[1])), min_s
 
 
 @given(h=cameras, uv=pixels)
-def test_floor_points_are_those_of_opencv_or_beyond_the_horizon(h: NDArray[np.float64], uv: list[tuple[float, float]]) -> None:
+def test_floor_points_are_those_of_opencv_or_beyond_the_horizon(
+    h: NDArray[np.float64], uv: list[tuple[float, float]]
+) -> None:
     points = np.array(uv)
     ours = geometry.to_floor(h, points, picture_px=SIZE)
     w = np.column_stack([points, np.ones(len(points))]) @ h[2]
@@ -71,23 +58,25 @@ def test_picture_and_floor_are_inverse(h: NDArray[np.float64], x: float, ahead: 
 
 
 def test_point_above_the_horizon_is_missing_not_somewhere() -> None:
-    h = planted(tilt_deg=10)
+    h = look(tilt_deg=10)
     horizon_v = SIZE[1] / 2 - 900 * np.tan(np.radians(10))
     above, below = geometry.to_floor(h, [(640, horizon_v - 5), (640, horizon_v + 5)], picture_px=SIZE)
     assert np.all(np.isnan(above))
     assert below[1] > 100
-    assert np.all(np.isfinite(cv2.perspectiveTransform(np.array([[[640, horizon_v - 5]]]), h)))  # what it would have been
+    assert np.all(
+        np.isfinite(cv2.perspectiveTransform(np.array([[[640, horizon_v - 5]]]), h))
+    )  # what it would have been
 
 
 def test_floor_behind_the_camera_is_in_no_picture() -> None:
-    h = planted(tilt_deg=35, at=(0, 0))
+    h = look(tilt_deg=35)
     ahead, behind = geometry.to_image(h, [(0, 5), (0, -20)], picture_px=SIZE)
     assert np.all(np.isfinite(ahead))
     assert np.all(np.isnan(behind))
 
 
 def test_planted_camera_sees_the_floor_where_it_is() -> None:
-    h = planted(height_m=3, tilt_deg=45, at=(10, 20))
+    h = look(height_m=3, tilt_deg=45, at=(10, 20))
     assert np.allclose(geometry.to_floor(h, [(SIZE[0] / 2, SIZE[1] / 2)], picture_px=SIZE), [[10, 23]], atol=1e-9)
 
 
@@ -98,13 +87,13 @@ def test_side_of_the_floor_is_found_without_the_picture_size(h: NDArray[np.float
 
 def test_steep_camera_without_picture_size_keeps_its_floor() -> None:
     for tilt in (70, 90, 100, 110):  # beyond 90 the horizon lies below the picture
-        h = planted(tilt_deg=tilt)
+        h = look(tilt_deg=tilt)
         assert geometry.ground_sign(h) == geometry.ground_sign(h, picture_px=SIZE)
 
 
 def test_missing_pixels_are_missing_metres() -> None:
-    assert np.all(np.isnan(geometry.to_floor(planted(), [(np.nan, 5.0)])))
-    assert geometry.to_floor(planted(), np.empty((0, 2))).shape == (0, 2)
+    assert np.all(np.isnan(geometry.to_floor(look(), [(np.nan, 5.0)])))
+    assert geometry.to_floor(look(), np.empty((0, 2))).shape == (0, 2)
 
 
 @given(h=cameras, u=st.floats(100, 1180), v=st.floats(500, 720))
@@ -137,7 +126,7 @@ def test_planted_homography_is_found(h: NDArray[np.float64], n: int, shift: floa
 def test_error_is_the_distance_on_the_floor() -> None:
     rng = np.random.default_rng(7)
     spots = rng.uniform((0, 350), SIZE, (400, 2))
-    xy = geometry.to_floor(planted(), spots, picture_px=SIZE)
+    xy = geometry.to_floor(look(), spots, picture_px=SIZE)
     fit = geometry.fit_homography(np.column_stack([spots, xy + rng.normal(0, 0.1, xy.shape)]))
     assert fit.rmse_m == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
     assert fit.errors_m.shape == (400,)
@@ -145,7 +134,7 @@ def test_error_is_the_distance_on_the_floor() -> None:
 
 
 def test_wrong_point_has_the_largest_error() -> None:
-    xy = geometry.to_floor(planted(), SPOTS, picture_px=SIZE)
+    xy = geometry.to_floor(look(), SPOTS, picture_px=SIZE)
     xy[4] += (1.0, 0.5)
     fit = geometry.fit_homography(np.column_stack([SPOTS, xy]))
     assert np.argmax(fit.errors_m) == 4
@@ -153,7 +142,7 @@ def test_wrong_point_has_the_largest_error() -> None:
 
 
 def test_errors_keep_the_order_of_the_points() -> None:
-    xy = geometry.to_floor(planted(), SPOTS, picture_px=SIZE)
+    xy = geometry.to_floor(look(), SPOTS, picture_px=SIZE)
     xy[4] += (1.0, 0.5)
     order = [4, 2, 0, 5, 1, 3]
     assert np.argmax(geometry.fit_homography(np.column_stack([SPOTS, xy])[order]).errors_m) == 0

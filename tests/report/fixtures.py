@@ -449,7 +449,8 @@ def always_open_picture() -> m.WeekReport:
                 day=at.date(), hour=at.hour, fold=at.fold, start=at, state="full", violations=20 + k % 7, share=1.0
             )
         )
-    pixel = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJRU5ErkJggg=="
+    pixel = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR4nGNoAAAAggCBd81ytgAAAABJ"
+    pixel += "RU5ErkJggg=="
     scene = m.FloorMap(
         kind="picture",
         title="Entrance",

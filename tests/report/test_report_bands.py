@@ -35,7 +35,7 @@ def test_origin_moves_outlines_by_just_as_much() -> None:
     there = heat_bands(cone(3.0, 4.0), cell_m=0.25, origin_m=(-60.0, 40.0), steps=(1.0,))
     a, b = np.array(here[0].polygons[0][0]), np.array(there[0].polygons[0][0])
     assert len(a) == len(b)
-    np.testing.assert_allclose(a + (-60.0, 40.0), b, atol=1e-3)
+    np.testing.assert_allclose(a + np.array([-60.0, 40.0]), b, atol=1e-3)
 
 
 def test_a_ring_keeps_its_hole() -> None:
@@ -70,7 +70,7 @@ def test_stronger_bands_lie_inside_weaker_ones(seed: int) -> None:
 def test_projection_agrees_with_the_homography_and_never_folds_over_the_horizon() -> None:
     homography = np.array([[0.02, 0.0, -12.8], [0.0, 0.0, 12.0], [0.0, 0.004, -1.0]])
     to_px = np.linalg.inv(homography)
-    square = ((-1.0, 6.0), (1.0, 6.0), (1.0, 8.0), (-1.0, 8.0))
+    square = ((-1.0, 8.0), (1.0, 8.0), (1.0, 10.0), (-1.0, 10.0))
     (seen,) = project_polygons([(square,)], homography=homography, size_px=(1280, 720))
     expected = [(p[0] / p[2], p[1] / p[2]) for p in (to_px @ (x, y, 1.0) for x, y in square)]
     assert Polygon(seen[0]).symmetric_difference(Polygon(expected)).area < 1.0

@@ -23,7 +23,8 @@ def a_day(day: date, *, moved: bool, interval_s: float, seed: int = 1) -> Day:
 
 @pytest.fixture(params=["before", "after"])
 def day(request: pytest.FixtureRequest) -> Day:
-    return request.getfixturevalue(request.param)
+    found: Day = request.getfixturevalue(request.param)
+    return found
 
 
 def test_everybody_stays_on_the_free_floor(day: Day) -> None:

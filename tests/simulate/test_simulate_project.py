@@ -4,6 +4,7 @@ import json
 import tomllib
 from collections import Counter
 from datetime import datetime, timedelta
+from itertools import islice, pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,9 +12,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.adapter import Source
-from vsd_analytics.simulate import DemoTruth, write_demo_project
+from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.frames import Frames
+from vsd_analytics.simulate import DemoTruth, simulate_week, write_demo_project
+from vsd_analytics.simulate import project as demo
 from vsd_analytics.simulate.project import opening
 from vsd_analytics.simulate.shop import AREA_RECTS
 
@@ -30,11 +34,12 @@ def instants(folder: Path, name: str) -> list[datetime]:
     return [datetime.fromisoformat(m["ts"]) for m in messages(folder, name)]
 
 
-def test_same_arguments_give_the_same_bytes(tmp_path: Path) -> None:
+def test_same_arguments_give_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(demo, "simulate_week", lambda monday, **rest: islice(simulate_week(monday, **rest), 2))
     truths = [write_demo_project(tmp_path / name, seed=7, weeks=1) for name in "ab"]
     assert truths[0] == truths[1]
     files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
-    assert len(files) == 28 + 4 + 4 + 1 + 3
+    assert len(files) == 2 * 4 + 4 + 4 + 1 + 3
     assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
 
 
@@ -64,6 +69,20 @@ def test_toml_names_files_that_exist_and_areas_on_the_floor(project: Project) ->
     assert {e.tag.rpartition("}")[2] for e in plan.iter()} == {"svg", "rect", "path", "text"}
 
 
+def test_site_loads_and_the_frames_adapter_takes_every_message(project: Project) -> None:
+    folder, _ = project
+    site = load_site(folder)
+    assert [a.area_id for a in site.areas] == list(AREA_RECTS)
+    assert all(c.calibrations and c.picture_px == (1280, 720) for c in site.cameras)
+    source = Source(folder / "engine" / "cam-1_2026-11-14.jsonl.zst")
+    adapter = Frames()
+    assert adapter.detects(source)
+    batches = list(adapter.read(source, IngestOptions()))
+    assert sum(b.table("frames").num_rows for b in batches) == 13.5 * 1800
+    assert sum(b.table("observations").num_rows for b in batches) > 50_000
+    assert not [r for b in batches for r in b.rejected]
+
+
 def test_change_log_holds_the_redesign_before_the_first_open_hour_of_the_last_week(project: Project) -> None:
     folder, truth = project
     entries = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
@@ -79,7 +98,7 @@ def test_engine_runs_from_a_quarter_before_opening_to_a_quarter_after_closing(pr
         at = instants(project[0], name)
         assert f"{at[0]:%H:%M:%S}" == f"{begin}:00"
         assert at[-1] + timedelta(seconds=2) == at[0].replace(hour=int(end[:2]), minute=int(end[3:]))
-        assert {b - a for a, b in zip(at, at[1:], strict=False)} == {timedelta(seconds=2)}
+        assert {b - a for a, b in pairwise(at)} == {timedelta(seconds=2)}
 
 
 def test_outage_silences_one_camera_only(project: Project) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from datetime import datetime
+from itertools import pairwise
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -26,7 +27,7 @@ def count_violations(messages: list[dict], *, gap_s: float = 3.0) -> Counter[str
     counts: Counter[str] = Counter()
     for (camera, _, _), times in seen.items():
         breaks = [0, *(np.flatnonzero(np.diff(times) > gap_s) + 1), len(times)]
-        counts[camera] += sum(times[e - 1] - times[s] >= 3.0 for s, e in zip(breaks, breaks[1:], strict=False))
+        counts[camera] += sum(times[e - 1] - times[s] >= 3.0 for s, e in pairwise(breaks))
     return counts
 
 

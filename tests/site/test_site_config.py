@@ -398,7 +398,7 @@ def test_mistake_in_the_history_names_that_file_and_line(tmp_path: Path) -> None
         ("1 2 3\n4 nan 6\n7 8 9\n", "E403"),
         ("1 2 3\n2 4 6\n0 0 1\n", "E404"),
         ("0 0 0\n0 1 0\n0 0 1\n", "E404"),
-        (b"\xff\xfe\x00", "E403"),
+        (b"\xff\xfe\x00", "E406"),
     ],
 )
 def test_matrix_that_cannot_be_used_is_told_at_its_line(tmp_path: Path, data: str | bytes, code: str) -> None:

@@ -178,6 +178,18 @@ def test_interval_reaches_to_the_usual_rate_with_the_weekdays_a_camera_missed() 
     assert estimate.hi == pytest.approx(3 * 205 / 86)
 
 
+@pytest.mark.parametrize(("n_missing", "is_conservative"), [(1, False), (2, True)])
+def test_weekday_profile_needs_all_but_one_of_its_weeks_recorded(n_missing: int, is_conservative: bool) -> None:
+    past_x = np.tile(HOURS, 4)
+    past_x[0, [5, 12][:n_missing]] = 0
+    rng = np.random.default_rng(10)
+    estimate = how_often(
+        rng.poisson(30, (3, 7)), HOURS, weekday=WEEK, history_n=rng.poisson(30, (3, 28)), history_x_h=past_x,
+        history_weekday=np.tile(WEEK, 4),
+    )  # fmt: skip
+    assert estimate.is_conservative == is_conservative
+
+
 def test_history_in_another_order_changes_nothing() -> None:
     rng = np.random.default_rng(9)
     past, now, order = rng.poisson(30, (3, 28)), rng.poisson(30, (3, 7)), rng.permutation(28)

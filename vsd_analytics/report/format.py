@@ -56,11 +56,10 @@ def percent(share: float | None) -> str:
     """
     if share is None or not math.isfinite(share):
         return MISSING
-    if 0 < share < 0.005:
+    text = f"{share * 100:,.0f}%"
+    if text == "0%" and share > 0:
         return "under 1%"
-    if 0.995 <= share < 1:
-        return "over 99%"
-    return f"{share * 100:,.0f}%"
+    return "over 99%" if text == "100%" and share < 1 else text
 
 
 def percent_short(share: float | None) -> str:

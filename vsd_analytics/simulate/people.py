@@ -36,7 +36,7 @@ from vsd_analytics.site import Point
 MARGIN_S = 900
 """The engine starts this long before opening and stops this long after closing."""
 
-PARTIES_PER_H = 55.0
+PARTIES_PER_H = 53.0
 """Singles and groups that enter in an average hour."""
 _WEEKDAY = (0.92, 0.90, 0.93, 0.97, 1.08, 1.22, 0.95)
 _HOUR = (*[0.5] * 8, 0.55, 0.7, 0.88, 1.02, 1.3, 1.0, 0.78, 0.85, 1.08, 1.4, 1.25, 0.9, 0.55, *[0.4] * 3)
@@ -46,7 +46,7 @@ _GROUP_SIZES, _GROUP_SHARES = (1, 2, 3, 4), (0.84, 0.13, 0.02, 0.01)
 _PHARMACY_SHARE = 0.08
 _SERVICE_S, _PHARMACY_S = 74.0, 110.0
 _LAST_ENTRY_S = 480.0
-_ELBOW_ROOM_M = 2.2
+_ELBOW_ROOM_M = 2.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,10 +223,10 @@ class _Spot(NamedTuple):
 
 
 def _browse(walker: Walker, stop: Stop, draw: Random, *, mean_s: float, taken: dict[str, deque[_Spot]]) -> None:
-    """Stand a while at a shelf, of three places at the first that nobody else is close to, or at the third."""
+    """Stand a while at a shelf, of eight places at the first that nobody else is close to, or at the last."""
     others = taken.setdefault(stop.zone, deque(maxlen=24))
     x, y = _within(stop.rect, draw)
-    for _ in range(2):
+    for _ in range(7):
         there_s = walker.now_s + hypot(x - walker.x_m[-1], y - walker.y_m[-1]) / walker.speed_m_s
         if all(spot.until_s < there_s or hypot(spot.x_m - x, spot.y_m - y) > _ELBOW_ROOM_M for spot in others):
             break

@@ -16,6 +16,7 @@ Places = tuple[FloatArray, FloatArray]
 
 _APART_M = 0.5
 _SWAY_M = 0.07
+_STEP_M = 0.4
 _FAR_S = 1e6
 _SIDE_M, _AHEAD_M = np.array([0.0, 0.85, -0.85, 0.3]), np.array([0.0, -0.1, -0.2, -0.95])
 
@@ -93,11 +94,28 @@ class _Ways:
         self._t = np.concatenate([np.asarray(w.t_s) + s for w, s in zip(walkers, self._shift, strict=True)])
         self._x = np.concatenate([w.x_m for w in walkers])
         self._y = np.concatenate([w.y_m for w in walkers])
+        dx, dy = np.diff(self._x), np.diff(self._y)
+        length = np.hypot(dx, dy)
+        walks = (length > _STEP_M) & (np.diff(self._t) < _FAR_S / 2)
+        facing = np.maximum.accumulate(np.where(walks, np.arange(len(length)), 0))
+        length = np.maximum(length, 1e-9)
+        self._ux, self._uy = (dx / length)[facing], (dy / length)[facing]
 
     def at(self, party: IntArray, at_s: FloatArray) -> Places:
         """Return the places of leaders; before the beginning and after the end of a way those of its ends."""
         t = np.clip(at_s, self.begin_s[party], self.end_s[party]) + self._shift[party]
         return np.interp(t, self._t, self._x), np.interp(t, self._t, self._y)
+
+    def heading(self, party: IntArray, at_s: FloatArray) -> Places:
+        """Return the unit vectors along which leaders walk, the mean of 2 s; those who stand face where they went."""
+        ux, uy = np.zeros(len(at_s)), np.zeros(len(at_s))
+        for ahead_s in (-1.0, 0.0, 1.0):
+            t = np.clip(at_s + ahead_s, self.begin_s[party] + 1e-3, self.end_s[party] - 1e-3) + self._shift[party]
+            knot = np.searchsorted(self._t, t) - 1
+            ux += self._ux[knot]
+            uy += self._uy[knot]
+        length = np.maximum(np.hypot(ux, uy), 1e-9)
+        return ux / length, uy / length
 
 
 def _in_formation(
@@ -118,7 +136,7 @@ def _in_formation(
     x, y = ways.at(party_of[person], at_s)
     rows = np.flatnonzero(rank_of[person] > 0)
     who, rank, here_x, here_y = person[rows], rank_of[person[rows]], x[rows], y[rows]
-    ux, uy = _heading(ways, party_of[who], at_s[rows], who)
+    ux, uy = ways.heading(party_of[who], at_s[rows])
     to_x, to_y = ways.at(party_of[who], at_s[rows] - 0.5 * rank)  # in file: where the leader was just before
     open_rows = np.ones(len(rows), dtype=np.bool_)
     for share, along_m in ((1.0, ahead_m[who]), (0.6, ahead_m[who] - 0.4), (0.0, -0.65 * rank)):
@@ -129,18 +147,6 @@ def _in_formation(
         open_rows &= ~fits
     x[rows], y[rows] = to_x, to_y
     return x, y
-
-
-def _heading(ways: _Ways, party: IntArray, at_s: FloatArray, person: IntArray) -> Places:
-    """Return the unit vectors along which leaders walk; those who stand face where they came from walking."""
-    before_x, before_y = ways.at(party, at_s - 1.0)
-    after_x, after_y = ways.at(party, at_s + 1.0)
-    dx, dy = after_x - before_x, after_y - before_y
-    length = np.hypot(dx, dy)
-    walks = (length > 0.3) | (np.diff(person, prepend=-1) != 0)
-    known = np.maximum.accumulate(np.where(walks, np.arange(len(at_s)), 0))
-    length = np.maximum(length, 1e-9)
-    return (dx / length)[known], (dy / length)[known]
 
 
 def _apart(frame: IntArray, x: FloatArray, y: FloatArray) -> Places:

@@ -38,7 +38,7 @@ DETAILED_S = 2.0
 COARSE_S = 3.0
 """Seconds from frame to frame in earlier weeks.
 
-With the rule of episodes (gap max(3 s, 2.5 intervals), at least 3 s long) an interval of 3 s counts 2 % more
+With the rule of episodes (gap max(3 s, 2.5 intervals), at least 3 s long) an interval of 3 s counts 3 % more
 violations in this world than one of 2 s; 4 s counts 13 % fewer, which would look like a change of the shop.
 """
 HOTSPOT_AREA, REDESIGN_AREA = "checkout-queue", "entrance"
@@ -89,7 +89,7 @@ def write_demo_project(
         What is planted and true; also in `truth.json`.
 
     Raises:
-        UsageError: An argument is out of range (E101), or the folder already holds a project (E102).
+        UsageError: An argument is out of range (E101), or the folder already holds a project (E104).
     """
     mondays = _mondays(last_week, weeks)
     if detailed_weeks < 1:
@@ -99,7 +99,7 @@ def write_demo_project(
     if (folder / "vsd.toml").exists() or (folder / "engine").exists():
         raise UsageError(
             f"{folder} already holds a project",
-            code="E102",
+            code="E104",
             where=Where(str(folder)),
             mend="choose a new or empty folder",
         )

@@ -1,0 +1,108 @@
+"""The page in a real browser: accessible, silent on the network, free of errors, no wider than the screen, printable."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report import fixtures as weeks
+
+from vsd_analytics.report.render import render_html
+
+pytestmark = pytest.mark.browser
+
+CHROMIUM = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None)
+MODES = [(scheme, width) for scheme in ("light", "dark") for width in (1280, 390)]
+TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on this machine")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as engine:
+        chromium = engine.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("pages")
+    made = {}
+    for name, week in weeks.ALL.items():
+        made[name] = folder / f"{name}.html"
+        made[name].write_text(render_html(week()), encoding="utf-8")
+    return made
+
+
+def axe_script() -> str:
+    package = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python is not installed")
+    return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", list(weeks.ALL))
+def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, pages: dict[str, Path], name: str) -> None:
+    axe = axe_script()
+    for scheme, width in MODES:
+        context = browser.new_context(
+            color_scheme=scheme, viewport={"width": width, "height": 900}, bypass_csp=True, reduced_motion="reduce"
+        )
+        page = context.new_page()
+        requests: list[str] = []
+        errors: list[str] = []
+        page.on("request", lambda r, seen=requests: seen.append(r.url))
+        page.on("console", lambda m, seen=errors: seen.append(m.text))
+        page.on("pageerror", lambda e, seen=errors: seen.append(str(e)))
+        page.goto(pages[name].as_uri())
+        page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+        overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        page.evaluate(axe)
+        found = page.evaluate("tags => axe.run(document, {runOnly: tags})", TAGS)
+        context.close()
+        nodes = [(v["id"], n["target"], n["failureSummary"]) for v in found["violations"] for n in v["nodes"]]
+        assert nodes == [], (scheme, width)
+        assert found["passes"]
+        assert [u for u in requests if not u.startswith("data:")] == [pages[name].as_uri()]
+        assert errors == []
+        assert overflow == 0, (scheme, width)
+
+
+@pytest.mark.parametrize("width", [320, 360, 390, 1280])
+@pytest.mark.parametrize("name", ["normal", "hostile", "always_open_picture", "too_incomplete", "settings_changed"])
+def test_nothing_is_wider_than_the_screen(browser: Any, pages: dict[str, Path], name: str, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    page.goto(pages[name].as_uri())
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    timetable = page.evaluate("document.querySelector('.tt').scrollWidth - document.querySelector('.tt').clientWidth")
+    page.close()
+    assert (overflow, timetable) == (0, 0)
+
+
+def test_the_style_is_let_through_by_the_policy(browser: Any, pages: dict[str, Path]) -> None:
+    page = browser.new_page()
+    page.goto(pages["hostile"].as_uri())
+    assert page.evaluate("getComputedStyle(document.querySelector('.brand')).display") == "flex"
+    assert page.evaluate("document.scripts.length") == 0
+    page.close()
+
+
+def test_print_has_at_most_four_tagged_pages_and_a_complete_first_one(browser: Any, pages: dict[str, Path]) -> None:
+    page = browser.new_page(color_scheme="dark")
+    page.goto(pages["normal"].as_uri())
+    pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
+    page.emulate_media(media="print", color_scheme="light")
+    page.set_viewport_size({"width": 687, "height": 1000})
+    bottom = page.evaluate("document.querySelector('.plan').getBoundingClientRect().bottom")
+    page.close()
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
+    assert b"/MarkInfo" in pdf
+    assert len(pdf) <= 1_000_000
+    # the printed area of A4 is 182 x 270 mm: 687 x 1020 px
+    assert bottom <= 1020

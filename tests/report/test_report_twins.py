@@ -1,0 +1,93 @@
+"""JSON and CSV twins: valid, stable, complete, and honest about what is missing."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import jsonschema
+import pytest
+from report import fixtures as weeks
+
+from vsd_analytics.report.model import Estimate
+from vsd_analytics.report.render import render_html
+from vsd_analytics.report.twins import from_json, json_schema, rounded, safe_cell, significant, to_csv, to_json
+
+
+@pytest.mark.parametrize("name", list(weeks.ALL))
+def test_the_twin_is_valid_and_renders_the_same_page(name: str) -> None:
+    report = weeks.ALL[name]()
+    data = to_json(report)
+    jsonschema.Draft202012Validator(json_schema()).validate(json.loads(data))
+    again = from_json(data)
+    assert render_html(again) == render_html(report)
+    assert to_json(again) == data
+
+
+def test_the_schema_documents_itself_and_refuses_what_is_wrong() -> None:
+    schema = json_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    estimate = schema["$defs"]["Estimate"]["properties"]
+    assert estimate["change"]["description"].startswith("Relative change")
+    assert estimate["change"]["x-unit"] == "share"
+    assert schema["$defs"]["Level"]["properties"]["often"]["x-metric"] == "M0"
+    wrong = json.loads(to_json(weeks.normal()))
+    wrong["level"]["often"]["verdict"] = "improved"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.Draft202012Validator(schema).validate(wrong)
+
+
+def test_missing_is_null_with_a_state() -> None:
+    data = json.loads(to_json(weeks.exposure_unknown()))
+    assert data["level"]["risky"] | {"reason": None} == {
+        **dict.fromkeys(("value", "lo", "hi", "previous", "change", "change_lo", "change_hi", "verdict")),
+        **{"hours_compared": None, "state": "not_measurable", "reason": None},
+    }
+    assert data["figures"]["M12"]["value"] is None
+    assert data["figures"]["M12"]["state"] == "not_measurable"
+
+
+def test_keys_are_sorted_and_floats_have_six_digits() -> None:
+    report = weeks.normal()
+    report = replace(report, level=replace(report.level, often=Estimate(value=1 / 3, lo=123456.789)))
+    data = to_json(report)
+    assert b'"value": 0.333333' in data
+    assert b'"lo": 123457.0' in data
+    loaded = json.loads(data)
+    assert list(loaded) == sorted(loaded)
+    assert significant(float("nan")) is None
+    assert rounded(rounded(report)) == rounded(report)
+
+
+def test_hours_have_one_row_each_and_no_invented_zero() -> None:
+    report = weeks.normal()
+    rows = list(csv.DictReader(io.StringIO(to_csv(report)["hours.csv"])))
+    assert list(rows[0]) == ["site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state"]
+    assert len(rows) == 168
+    by_start = {r["start"]: r for r in rows}
+    assert by_start["2026-11-11T08:00:00+01:00"]["violations"] == ""
+    assert by_start["2026-11-11T08:00:00+01:00"]["state"] == "no_data"
+    assert by_start["2026-11-09T08:00:00+01:00"]["violations"] == ""
+    assert by_start["2026-11-09T08:00:00+01:00"]["state"] == "masked"
+    assert by_start["2026-11-09T20:00:00+01:00"]["violations"] == "0"
+    assert by_start["2026-11-09T03:00:00+01:00"]["open"] == "no"
+    assert sum(r["open"] == "yes" for r in rows) == 86
+
+
+def test_areas_hold_the_figures_and_hide_what_is_masked() -> None:
+    rows = {r["name"]: r for r in csv.DictReader(io.StringIO(to_csv(weeks.masked())["areas.csv"]))}
+    assert float(rows["Main entrance"]["change"]) == pytest.approx(-0.43)
+    assert rows["Main entrance"]["verdict"] == "clear_fall"
+    shown = {k: v for k, v in rows["Pharmacy counter"].items() if v}
+    assert set(shown) == {"site", "floor", "week", "area", "name", "recorded_share", "state"}
+    assert shown["state"] == "masked"
+
+
+def test_no_name_becomes_a_formula() -> None:
+    assert safe_cell("=1+1") == "'=1+1"
+    assert safe_cell("Aisle 2") == "Aisle 2"
+    text = to_csv(weeks.hostile())["areas.csv"]
+    cells = [c for row in csv.reader(io.StringIO(text)) for c in row]
+    assert not [c for c in cells if c.startswith("=")]

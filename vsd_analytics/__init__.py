@@ -1,0 +1,55 @@
+"""vsd_analytics: the output of any visual social distancing engine in, decisions about a space out.
+
+The public API; everything heavy is imported when first used.
+
+Example:
+    >>> import vsd_analytics
+    >>> sorted(vsd_analytics.__all__)[:3]
+    ['Site', 'Store', 'VsdError']
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from vsd_analytics.errors import VsdError
+from vsd_analytics.version import VERSION as __version__
+
+_PLACES = {
+    "Site": "vsd_analytics.site",
+    "Store": "vsd_analytics.store",
+    "Warehouse": "vsd_analytics.warehouse.warehouse",
+    "coverage": "vsd_analytics.warehouse.figures",
+    "find_project": "vsd_analytics.config",
+    "heatmap": "vsd_analytics.warehouse.figures",
+    "hours": "vsd_analytics.warehouse.figures",
+    "ingest": "vsd_analytics.ingest.pipeline",
+    "load_site": "vsd_analytics.config",
+    "open_warehouse": "vsd_analytics.warehouse.warehouse",
+    "render_html": "vsd_analytics.report.render",
+    "week_report": "vsd_analytics.report.assemble",
+}
+
+__all__ = [
+    "Site",
+    "Store",
+    "VsdError",
+    "Warehouse",
+    "__version__",
+    "coverage",
+    "find_project",
+    "heatmap",
+    "hours",
+    "ingest",
+    "load_site",
+    "open_warehouse",
+    "render_html",
+    "week_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_PLACES[name]), name)
