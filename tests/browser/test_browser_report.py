@@ -1,4 +1,4 @@
-"""The page in a real browser: accessible, silent on the network, free of errors, no wider than the screen, printable."""
+"""The page in a real browser: accessible, silent on the network, free of errors, never too wide, printable."""
 
 from __future__ import annotations
 

@@ -184,6 +184,22 @@ def test_engines_of_metres_share_by_nearness() -> None:
     assert all(c.camera_id == ("left" if c.cx < 10 else "right") for c in cells)
 
 
+def test_neighbours_cannot_give_a_cell_to_a_camera_that_does_not_see_it() -> None:
+    left = camera("a", view=((-70, -40), (10, -40), (10, 40), (-70, 40)))
+    right = camera("b", view=((-10, -40), (70, -40), (70, 40), (-10, 40)))
+    notched = ((0, 0), (3, 0), (3, 3), (1.5, 3), (1.5, 1), (1.0, 1), (1.0, 3), (0, 3))  # a slit one cell wide
+    owners = {
+        (c.cx, c.cy): c.camera_id for c in geometry.owner_cells([left, right, camera("c", view=notched)], cell_m=0.5)
+    }
+    assert owners[1, 3] == "c"
+    assert owners[3, 3] == "c"
+    assert "c" not in {owner for (cx, cy), owner in owners.items() if not (0 <= cx < 6 and 0 <= cy < 6)}
+    view = shapely.Polygon(notched)
+    assert all(
+        view.contains(shapely.Point((cx + 0.5) / 2, (cy + 0.5) / 2)) for (cx, cy), o in owners.items() if o == "c"
+    )
+
+
 # unseen ---------------------------------------------------------------------------------------------------------------
 
 

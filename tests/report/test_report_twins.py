@@ -8,6 +8,8 @@ import json
 from dataclasses import replace
 
 import jsonschema
+import numpy as np
+import pandas as pd
 import pytest
 from report import fixtures as weeks
 
@@ -91,3 +93,12 @@ def test_no_name_becomes_a_formula() -> None:
     text = to_csv(weeks.hostile())["areas.csv"]
     cells = [c for row in csv.reader(io.StringIO(text)) for c in row]
     assert not [c for c in cells if c.startswith("=")]
+
+
+def test_numpy_scalars_become_plain_numbers() -> None:
+    report = weeks.normal()
+    level = replace(report.level, often=Estimate(value=np.float64(12.5)), violations=np.int64(7))
+    made = pd.Timestamp("2026-11-16 06:00", tz="Europe/Rome")
+    data = json.loads(to_json(replace(report, level=level, generated_at=made)))
+    assert data["generated_at"] == "2026-11-16T06:00:00+01:00"
+    assert (data["level"]["often"]["value"], data["level"]["violations"]) == (12.5, 7)

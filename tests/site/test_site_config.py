@@ -332,11 +332,12 @@ def test_line_of_a_mistake_is_right_in_any_layout(
     expected = 0
     for i in range(n_cameras):
         lines += [*data.draw(_filler), "[[camera]]   # one more", f'id = "c{i}"']
+        lines += ["view = [[0, 0],", "[1, 0], # [[camera]]", "[1, 1]", "]"]
+        lines += ['name = """n = [ # not a comment \\', "hz = 0 [[camera]] \\", '"""']
         if i == bad:
             lines += data.draw(_filler)
             lines.append(data.draw(st.sampled_from(['"hz" = 0', "hz=-1", "  hz   =  0.0 # hz = 1"])))
             expected = len(lines)
-        lines += ['name = "n = [ # not a comment"', "view = [[0, 0],", "[1, 0], # [[camera]]", "[1, 1]]"]
     found = problems(tmp_path_factory.mktemp("p"), "\n".join(lines))
     assert [(p.code, p.where and p.where.line) for p in found] == [("E124", expected)]
 

@@ -69,7 +69,11 @@ def week_report(
     """
     extent = stored_extent(site)
     earliest = monday - HISTORY_WEEKS * WEEK
-    first = earliest if extent is None else max(earliest, min(extent.first_day - timedelta(days=extent.first_day.weekday()), monday - WEEK))
+    first = (
+        earliest
+        if extent is None
+        else max(earliest, min(extent.first_day - timedelta(days=extent.first_day.weekday()), monday - WEEK))
+    )
     floor = next(f for f in site.floors if floor_id is None or f.floor_id == floor_id)
     with open_warehouse(site, first, monday + timedelta(days=6), on_plan=on_plan, on_hours=on_hours) as warehouse:
         warehouse.keep("episodes", "violations", "camera_hours", "area_hours")
@@ -90,10 +94,16 @@ def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | 
     is_ranked = state not in ("no_data", "too_incomplete")
     areas = _areas(data, is_compared, n_violations) if state != "no_data" else ()
     if change is not None and change.at is not None:
-        change = replace(change, often_after=estimates.often(data, is_compared=False, since=round(change.at.timestamp() * 1000)))
+        change = replace(
+            change, often_after=estimates.often(data, is_compared=False, since=round(change.at.timestamp() * 1000))
+        )
     return WeekReport(
         site=SiteRef(
-            site_id=site.site_id, name=site.name, floor_id=floor.floor_id, floor_name=floor.name, floors=tuple(f.floor_id for f in site.floors)
+            site_id=site.site_id,
+            name=site.name,
+            floor_id=floor.floor_id,
+            floor_name=floor.name,
+            floors=tuple(f.floor_id for f in site.floors),
         ),
         week=_week(site, data.monday),
         previous=_week(site, data.monday - WEEK) if has_before else None,
@@ -121,7 +131,9 @@ def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | 
     )
 
 
-def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool, n_violations: float) -> WeekState:
+def _state(
+    data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool, n_violations: float
+) -> WeekState:
     if coverage.recorded_h == 0:
         return "no_data"
     if coverage.share < data.site.settings.min_coverage:
@@ -142,7 +154,9 @@ def _level(data: WeekData, is_compared: bool) -> Level:
         often=estimates.often(data, is_compared=is_compared),
         risky=estimates.risky(data, is_compared=is_compared),
         people=estimates.people(data, is_compared=is_compared),
-        exposure_h=None if estimates.why_no_exposure(data) or counted.empty else float(data.current["exposure_h"].sum()),
+        exposure_h=None
+        if estimates.why_no_exposure(data) or counted.empty
+        else float(data.current["exposure_h"].sum()),
         violations=None if unknown or _is_masked(data, n) else n,
     )
 
@@ -167,7 +181,12 @@ def _area(data: WeekData, area_id: str | None, name: str, is_compared: bool, n_v
     risky = estimates.risky(data, area_id=area_id, is_floor=False, is_compared=is_compared)
     if masked:
         why = f"fewer than {data.site.settings.mask_below} violations were counted"
-        often, risky = (Estimate(value=None, state="not_enough_data", reason=why, verdict="too_little_data" if is_compared else None) for _ in "12")
+        often, risky = (
+            Estimate(
+                value=None, state="not_enough_data", reason=why, verdict="too_little_data" if is_compared else None
+            )
+            for _ in "12"
+        )
     scheduled = float(hours["open_s"].sum())
     return AreaRow(
         area_id=area_id,
@@ -205,7 +224,12 @@ def _site_hours(data: WeekData) -> pd.DataFrame:
     hours = (
         data.current.assign(is_down=share < settings.partial_hour_share)
         .groupby(keys, as_index=False)
-        .agg(open_s=("open_s", "sum"), recorded_s=("recorded_open_s", "sum"), n=("n", "sum"), cameras_down=("is_down", "sum"))
+        .agg(
+            open_s=("open_s", "sum"),
+            recorded_s=("recorded_open_s", "sum"),
+            n=("n", "sum"),
+            cameras_down=("is_down", "sum"),
+        )
     )
     hours["share"] = (hours["recorded_s"] / hours["open_s"]).where(hours["open_s"] > 0)
     hours["state"] = "no_data"
@@ -283,7 +307,14 @@ def _log(data: WeekData, coverage: Coverage, is_compared: bool) -> tuple[LogLine
             since = estimates.often(data, area_id=entry.area_id, is_floor=False, since=ms)
             moved = _moved_after(data, entry.area_id, ms)
         lines.append(
-            LogLine(at=at, text=entry.text, area_id=entry.area_id, area_name=names.get(entry.area_id or ""), since=since, moved_after=moved)
+            LogLine(
+                at=at,
+                text=entry.text,
+                area_id=entry.area_id,
+                area_name=names.get(entry.area_id or ""),
+                since=since,
+                moved_after=moved,
+            )
         )
     lines += recorded.detected(data, coverage)
     return tuple(sorted(lines, key=lambda line: line.at))
@@ -305,14 +336,19 @@ def _settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str
             if new.valid_from is not None and start <= new.valid_from < start + 2 * WEEK:
                 at = new.valid_from.astimezone(zone)
                 return SettingsChange(
-                    name="calibration", before=old.calibration_id, after=new.calibration_id, at=at if at >= start + WEEK else None
+                    name="calibration",
+                    before=old.calibration_id,
+                    after=new.calibration_id,
+                    at=at if at >= start + WEEK else None,
                 )
     if engines and before and engines != before:
         return SettingsChange(name="engine", before=", ".join(before), after=", ".join(engines), at=None)
     return None
 
 
-def _figures(data: WeekData, coverage: Coverage, level: Level, areas: tuple[AreaRow, ...], n_violations: float) -> Mapping[str, Figure]:
+def _figures(
+    data: WeekData, coverage: Coverage, level: Level, areas: tuple[AreaRow, ...], n_violations: float
+) -> Mapping[str, Figure]:
     counted = data.current[data.current["is_counted"]]
     recorded_h = float(counted["x_h"].sum())
     exposure_h = level.exposure_h
@@ -325,17 +361,29 @@ def _figures(data: WeekData, coverage: Coverage, level: Level, areas: tuple[Area
         "M2": Figure(
             unit="outages of 10 minutes or more",
             rows=tuple(
-                {"cameras": list(o.camera_ids), "start": o.start.isoformat(), "end": o.end.isoformat(), "open_h": o.open_h, "is_inferred": o.is_inferred}
+                {
+                    "cameras": list(o.camera_ids),
+                    "start": o.start.isoformat(),
+                    "end": o.end.isoformat(),
+                    "open_h": o.open_h,
+                    "is_inferred": o.is_inferred,
+                }
                 for o in coverage.outages
             ),
         ),
-        "M3": _missing("person-hours", level.people) if exposure_h is None else Figure(unit="person-hours", value=exposure_h, denominator=recorded_h),
+        "M3": _missing("person-hours", level.people)
+        if exposure_h is None
+        else Figure(unit="person-hours", value=exposure_h, denominator=recorded_h),
         "M5": _figure(level.people, "people in view, mean over recorded open hours", recorded_h),
         "M6": Figure(
             unit=f"share of person-time closer than {distance:g} m to somebody",
             value=None if unknown_time or exposure_h is None else violation_h / exposure_h,
             denominator=exposure_h,
-            state="ok" if not unknown_time else "not_measurable" if level.people.state == "not_measurable" else "not_enough_data",
+            state="ok"
+            if not unknown_time
+            else "not_measurable"
+            if level.people.state == "not_measurable"
+            else "not_enough_data",
             reason=None if not unknown_time else level.people.reason or "nobody was seen in recorded open hours",
         ),
         "M7": _figure(level.risky, "violations per person-hour", exposure_h),
@@ -384,12 +432,21 @@ def _figure(estimate: Estimate, unit: str, denominator: float | None) -> Figure:
 
 
 def _missing(unit: str, estimate: Estimate) -> Figure:
-    return Figure(unit=unit, state=estimate.state if estimate.state != "ok" else "not_enough_data", reason=estimate.reason)
+    return Figure(
+        unit=unit, state=estimate.state if estimate.state != "ok" else "not_enough_data", reason=estimate.reason
+    )
 
 
 def _week(site: Site, monday: date) -> WeekRef:
     year, number, _ = monday.isocalendar()
-    return WeekRef(iso=f"{year}-W{number:02d}", year=year, number=number, monday=monday, sunday=monday + timedelta(days=6), zone=site.timezone)
+    return WeekRef(
+        iso=f"{year}-W{number:02d}",
+        year=year,
+        number=number,
+        monday=monday,
+        sunday=monday + timedelta(days=6),
+        zone=site.timezone,
+    )
 
 
 def _made_at(data: WeekData, now: datetime | None) -> datetime:

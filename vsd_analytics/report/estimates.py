@@ -42,7 +42,12 @@ def why_no_exposure(data: WeekData) -> str | None:
 
 
 def often(
-    data: WeekData, *, area_id: str | None = None, is_floor: bool = True, is_compared: bool = True, since: int | None = None
+    data: WeekData,
+    *,
+    area_id: str | None = None,
+    is_floor: bool = True,
+    is_compared: bool = True,
+    since: int | None = None,
 ) -> Estimate:
     """Return M0 of a floor or area: violations per recorded open hour, with interval and change.
 
@@ -56,16 +61,18 @@ def often(
     if (why := why_no_violations(data)) is not None:
         return Estimate(value=None, state="not_measurable", reason=why)
     hours = data.current if since is None else data.current[data.current["hour_start_ms"] >= since]
-    level = _level_often(data, hours if is_floor else data.of_area(hours, area_id), area_id, is_floor, is_history=since is None)
+    level = _level_often(
+        data, hours if is_floor else data.of_area(hours, area_id), area_id, is_floor, is_history=since is None
+    )
     if not is_compared:
         return _estimate(level)
     before, now = data.compared(area_id, is_floor=is_floor, since=since)
-    return _estimate(level, compare_how_often(before.n, before.x_h, now.n, now.x_h, **_rules(data)), hours=float(now.x_h.sum()))
+    return _estimate(
+        level, compare_how_often(before.n, before.x_h, now.n, now.x_h, **_rules(data)), hours=float(now.x_h.sum())
+    )
 
 
-def risky(
-    data: WeekData, *, area_id: str | None = None, is_floor: bool = True, is_compared: bool = True
-) -> Estimate:
+def risky(data: WeekData, *, area_id: str | None = None, is_floor: bool = True, is_compared: bool = True) -> Estimate:
     """Return M7 of a floor or area: violations per person-hour, with interval and change; arguments as for `often`."""
     why = why_no_violations(data) or why_no_exposure(data)
     if why is not None:
@@ -122,7 +129,9 @@ def people(data: WeekData, *, is_compared: bool = True) -> Estimate:
     )
 
 
-def _level_often(data: WeekData, hours: object, area_id: str | None, is_floor: bool, *, is_history: bool) -> RateEstimate:
+def _level_often(
+    data: WeekData, hours: object, area_id: str | None, is_floor: bool, *, is_history: bool
+) -> RateEstimate:
     panel = data.panel(hours, data.week_days)  # type: ignore[arg-type]
     past = data.hours if is_floor else data.of_area(data.hours, area_id)
     days = data.history_days if is_history else []

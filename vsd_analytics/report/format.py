@@ -122,6 +122,11 @@ def metres(value: float) -> str:
     return f"{value:g} m"
 
 
+def metres_unbroken(value: float) -> str:
+    """Write a distance that stays on one line, for running text."""
+    return metres(value).replace(" ", "\u00a0")
+
+
 def seconds(value: float) -> str:
     """Write a duration: 3 seconds, 1 second, 2.5 seconds."""
     return f"{value:g} second{'' if value == 1 else 's'}"
@@ -192,7 +197,7 @@ def masked(mask_below: int) -> str:
 
 _FILTERS: Final = (
     *(number, count, percent, percent_short, signed, fewer_more, likely_change, likely_signed, likely_level),
-    *(metres, seconds, hours, weekday, day_short, date_short, date_long, clock, hour_label),
+    *(metres, metres_unbroken, seconds, hours, weekday, day_short, date_short, date_long, clock, hour_label),
     *(instant_short, instant_long, masked),
 )
 FILTERS: Final = {f.__name__: f for f in _FILTERS}

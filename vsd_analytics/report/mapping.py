@@ -53,7 +53,11 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
             image=image,
             bands=polygons,
             unseen=tuple(_polygon(p) for p in unseen or ()),
-            areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in data.site.areas if a.floor_id == data.floor.floor_id),
+            areas=tuple(
+                MapArea(area_id=a.area_id, name=a.name, ring=a.polygon)
+                for a in data.site.areas
+                if a.floor_id == data.floor.floor_id
+            ),
             spots=_spots(data, grid, density, areas) if is_ranked else (),
             scale_bar_m=nice_metres(bounds[2] - bounds[0]),
         ),
@@ -75,7 +79,10 @@ class _Grid:
         if self.extent is not None:
             x0, y0, x1, y1 = self.extent
             self._first = (int(np.floor(x0 / self._cell_m)), int(np.floor(y0 / self._cell_m)))
-            self._shape = (int(np.ceil(y1 / self._cell_m)) - self._first[1], int(np.ceil(x1 / self._cell_m)) - self._first[0])
+            self._shape = (
+                int(np.ceil(y1 / self._cell_m)) - self._first[1],
+                int(np.ceil(x1 / self._cell_m)) - self._first[0],
+            )
             self.origin = (self._first[0] * self._cell_m, self._first[1] * self._cell_m)
 
     def density(self) -> NDArray[np.float64]:
@@ -89,7 +96,9 @@ class _Grid:
         hours = self._cells["camera_id"].map(recorded).to_numpy(dtype="float64")
         inside = (x >= 0) & (y >= 0) & (x < self._shape[1]) & (y < self._shape[0]) & (hours > 0)
         np.add.at(grid, (y[inside], x[inside]), self._cells["n"].to_numpy()[inside] / hours[inside])
-        smooth = gaussian_filter(grid / self._cell_m**2, self._data.site.settings.smoothing_m / self._cell_m, mode="constant")
+        smooth = gaussian_filter(
+            grid / self._cell_m**2, self._data.site.settings.smoothing_m / self._cell_m, mode="constant"
+        )
         return np.asarray(smooth, dtype="float64")
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
@@ -159,7 +168,9 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...]) -> FloorMap | No
         bands=tuple(
             MapBand(
                 lower=band.lower,
-                polygons=heat.project_polygons(band.polygons, homography=np.array(calibrations[-1].homography), size_px=full),
+                polygons=heat.project_polygons(
+                    band.polygons, homography=np.array(calibrations[-1].homography), size_px=full
+                ),
             )
             for band in polygons
         ),

@@ -68,7 +68,8 @@ def last_records(data: WeekData) -> dict[str, datetime]:
         if not wanted:
             break
         rows = con.execute(
-            "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by camera_id", {"names": by_hour[hour]}
+            "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by camera_id",
+            {"names": by_hour[hour]},
         ).fetchall()
         for camera_id, ms in rows:
             if camera_id in wanted:
@@ -106,9 +107,15 @@ def detected(data: WeekData, found: Coverage) -> list[LogLine]:
     for outage in found.outages:
         if outage.open_h < DETECTED_MIN_H or outage.is_inferred:
             continue
-        who = "All cameras" if len(outage.camera_ids) == len(names) > 1 else ", ".join(names[c] for c in outage.camera_ids)
+        who = (
+            "All cameras"
+            if len(outage.camera_ids) == len(names) > 1
+            else ", ".join(names[c] for c in outage.camera_ids)
+        )
         lines.append(
-            LogLine(at=outage.start, text=f"{who}: no data until {outage.end:%a %H:%M}, cause not logged.", kind="detected")
+            LogLine(
+                at=outage.start, text=f"{who}: no data until {outage.end:%a %H:%M}, cause not logged.", kind="detected"
+            )
         )
     return lines
 
@@ -126,7 +133,11 @@ def _camera_day(hours: pd.DataFrame, day: date) -> CameraDay:
         if open_s > 0:
             shares[int(hour)] = min(1.0, float(group["recorded_open_s"].sum()) / open_s)  # type: ignore[call-overload]
     return CameraDay(
-        day=day, scheduled_h=scheduled, recorded_h=recorded, share=recorded / scheduled if scheduled else None, hourly_share=tuple(shares)
+        day=day,
+        scheduled_h=scheduled,
+        recorded_h=recorded,
+        share=recorded / scheduled if scheduled else None,
+        hourly_share=tuple(shares),
     )
 
 

@@ -35,7 +35,7 @@ AREAS_COLUMNS: Final = (
 
 def rounded(report: WeekReport) -> WeekReport:
     """Return the report with every float rounded to 6 significant digits, as the JSON twin writes them."""
-    return msgspec.convert(_round(msgspec.to_builtins(report)), WeekReport)
+    return msgspec.convert(_round(_builtins(report)), WeekReport)
 
 
 def to_json(report: WeekReport) -> bytes:
@@ -43,7 +43,7 @@ def to_json(report: WeekReport) -> bytes:
 
     A missing number is null beside a `state`, never 0. The words of the page stand under `story`.
     """
-    data = _round(msgspec.to_builtins(finish(rounded(report))))
+    data = _round(_builtins(finish(rounded(report))))
     return (json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
 
 
@@ -118,6 +118,18 @@ def _csv(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
     writer.writerow(columns)
     writer.writerows(["" if v is None else v for v in row] for row in rows)
     return out.getvalue()
+
+
+def _builtins(report: WeekReport) -> Any:
+    """Return dicts, lists, numbers and ISO texts; numpy scalars and pandas instants become plain ones."""
+    return msgspec.to_builtins(report, enc_hook=_plain)
+
+
+def _plain(value: Any) -> Any:
+    for convert in ("item", "to_pydatetime"):
+        if hasattr(value, convert):
+            return getattr(value, convert)()
+    raise TypeError(f"a report cannot hold {type(value).__name__}")
 
 
 def _round(value: Any) -> Any:

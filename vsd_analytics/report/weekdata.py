@@ -55,10 +55,15 @@ class WeekData:
         self.ids = [c.camera_id for c in self.cameras]
         share = self.site.settings.partial_hour_share
         hours = warehouse.frame(
-            "select * from camera_hours where floor_id = $floor order by hour_start_ms, camera_no", {"floor": floor.floor_id}
+            "select * from camera_hours where floor_id = $floor order by hour_start_ms, camera_no",
+            {"floor": floor.floor_id},
         )
         hours["local_date"] = pd.to_datetime(hours["local_date"]).dt.date
-        hours["is_counted"] = (hours["open_s"] > 0) & (hours["recorded_open_s"] >= share * hours["open_s"]) & (hours["recorded_open_s"] > 0)
+        hours["is_counted"] = (
+            (hours["open_s"] > 0)
+            & (hours["recorded_open_s"] >= share * hours["open_s"])
+            & (hours["recorded_open_s"] > 0)
+        )
         hours["x_h"] = hours["recorded_open_s"] / 3600
         hours["n"] = hours["n_violations_open"].astype("float64")
         hours["exposure_h"] = hours["exposure_open_s"].astype("float64") / 3600
@@ -90,7 +95,9 @@ class WeekData:
         sums = counted.groupby(["camera_id", "local_date"])[["n", "x_h", "exposure_h"]].sum()
         return Panel(*(self._grid(sums[column], days) for column in ("n", "x_h", "exposure_h")))
 
-    def compared(self, area_id: str | None = None, *, is_floor: bool = True, since: int | None = None) -> tuple[Panel, Panel]:
+    def compared(
+        self, area_id: str | None = None, *, is_floor: bool = True, since: int | None = None
+    ) -> tuple[Panel, Panel]:
         """Return the panels of the week before and of this week over camera-hours that count in both.
 
         Args:
@@ -104,7 +111,9 @@ class WeekData:
         )
         panels = []
         for side, monday in (("then", self.monday - WEEK), ("now", self.monday)):
-            hours = matched[["camera_id", *(f"{c}_{side}" for c in ("local_date", "hour_start_ms", "n", "x_h", "exposure_h"))]]
+            hours = matched[
+                ["camera_id", *(f"{c}_{side}" for c in ("local_date", "hour_start_ms", "n", "x_h", "exposure_h"))]
+            ]
             hours.columns = pd.Index(["camera_id", "local_date", "hour_start_ms", "n", "x_h", "exposure_h"])
             if not is_floor:
                 hours = self.of_area(hours, area_id)

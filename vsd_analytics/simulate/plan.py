@@ -28,7 +28,6 @@ def plan_svg(shop: Shop) -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}" height="{depth:g}" '
         f'viewBox="0 0 {width:g} {depth:g}">',
-        f'<rect x="0" y="0" width="{width:g}" height="{depth:g}" fill="#ffffff"/>',
     ]
     if shop.display != DISPLAY_BEFORE:
         parts.append(_rect(DISPLAY_BEFORE, 'fill="none" stroke="#8b8577" stroke-width="1.5" stroke-dasharray="3 4"'))

@@ -150,8 +150,8 @@ class Violations:
         person_a: One person.
         person_b: The other, with the higher number.
         frame: First frame.
-        duration_s: From first to last record.
-        x_m: Floor x of the middle of the pair at the first frame.
+        duration_s: From first to last record, and one frame interval.
+        x_m: Floor x of the middle of the pair, mean over its records.
         y_m: Floor y of it.
     """
 
@@ -163,7 +163,7 @@ class Violations:
     y_m: FloatArray
 
     def inside(self, rect: Rect) -> NDArray[np.bool_]:
-        """Tell which began inside a rectangle of the floor."""
+        """Tell which lie inside a rectangle of the floor."""
         x0, y0, x1, y1 = rect
         return (self.x_m >= x0) & (self.x_m < x1) & (self.y_m >= y0) & (self.y_m < y1)
 
@@ -191,7 +191,10 @@ def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, 
 
 
 def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
-    """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more."""
+    """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more.
+
+    The same rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see.
+    """
     first, second = close_pairs(day, distance_m=distance_m)
     swap = day.person[first] > day.person[second]
     first, second = np.where(swap, second, first), np.where(swap, first, second)
@@ -204,15 +207,20 @@ def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S
     begins[1:] = (np.diff(a) != 0) | (np.diff(b) != 0) | (np.diff(frame) * interval_s > max(3.0, 2.5 * interval_s))
     start = np.flatnonzero(begins)
     end = np.append(start[1:], len(frame)) - 1
-    duration = (frame[end] - frame[start]) * interval_s if len(frame) else np.zeros(0)
-    start, duration = start[duration >= min_s], duration[duration >= min_s]
+    duration = (frame[end] - frame[start] + 1) * interval_s if len(frame) else np.zeros(0)
+    x, y = ((values[first] + values[second]) / 2 for values in (day.x_m, day.y_m))
+    if len(frame):
+        n_records = end - start + 1
+        x, y = (np.add.reduceat(values, start) / n_records for values in (x, y))
+    is_long = duration >= min_s
+    start, duration, x, y = start[is_long], duration[is_long], x[is_long], y[is_long]
     return Violations(
         person_a=a[start],
         person_b=b[start],
         frame=frame[start],
         duration_s=duration,
-        x_m=(day.x_m[first[start]] + day.x_m[second[start]]) / 2,
-        y_m=(day.y_m[first[start]] + day.y_m[second[start]]) / 2,
+        x_m=x,
+        y_m=y,
     )
 
 
