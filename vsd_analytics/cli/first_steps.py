@@ -11,7 +11,7 @@ from vsd_analytics.cli.shared import Project, pass_project, progress
 @click.argument("folder", default="vsd-demo", metavar="[DIR]")
 @click.option("--weeks", type=click.IntRange(1, 104), default=2, show_default=True, help="Weeks to make; all but the last two are drawn coarsely.")
 @click.option("--last-week", default="2026-W46", show_default=True, metavar="WEEK", help="ISO week the made-up data end with.")
-@click.option("--seed", type=int, default=1, show_default=True, help="Another seed is another shop week.")
+@click.option("--seed", type=int, default=4, show_default=True, help="Another seed is another shop week.")
 @click.option("--open", "is_opened", is_flag=True, help="Open the report in a browser.")
 @pass_project
 def demo(project: Project, folder: str, weeks: int, last_week: str, seed: int, is_opened: bool) -> None:

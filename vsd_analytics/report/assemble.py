@@ -41,6 +41,8 @@ from vsd_analytics.version import VERSION
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse, stored_extent
 
 HISTORY_WEEKS = 5
+MADE_UP_ENGINE = "vsd-demo "
+"""What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
 
 def week_report(
@@ -114,7 +116,7 @@ def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | 
             settings_id=settings.settings_id(),
             settings_non_default=tuple((k, str(v)) for k, v in settings.non_default().items()),
             inputs_digest=_inputs(warehouse),
-            is_made_up=any(e.startswith("vsd-simulator") for e in engines),
+            is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines),
         ),
         rules=Rules(**{f: settings.values[f] for f in Rules.__dataclass_fields__}),
         state=state,

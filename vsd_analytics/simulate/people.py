@@ -36,12 +36,12 @@ from vsd_analytics.site import Point
 MARGIN_S = 900
 """The engine starts this long before opening and stops this long after closing."""
 
-PARTIES_PER_H = 53.0
+PARTIES_PER_H = 44.0
 """Singles and groups that enter in an average hour."""
 _WEEKDAY = (0.92, 0.90, 0.93, 0.97, 1.08, 1.22, 0.95)
 _HOUR = (*[0.5] * 8, 0.55, 0.7, 0.88, 1.02, 1.3, 1.0, 0.78, 0.85, 1.08, 1.4, 1.25, 0.9, 0.55, *[0.4] * 3)
 _SATURDAY = (*[0.5] * 8, 0.6, 0.85, 1.1, 1.22, 1.2, 0.95, 0.9, 1.05, 1.25, 1.3, 1.1, 0.8, 0.5, *[0.4] * 3)
-_DAY_SD = 0.07
+_DAY_SD = 0.05
 _GROUP_SIZES, _GROUP_SHARES = (1, 2, 3, 4), (0.84, 0.13, 0.02, 0.01)
 _PHARMACY_SHARE = 0.08
 _SERVICE_S, _PHARMACY_S = 74.0, 110.0
