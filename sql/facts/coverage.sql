@@ -9,7 +9,7 @@
 --   n_frames     processed frames in it
 --   recorded_ms  milliseconds recorded, 0 to 900000
 --   is_inferred  true when the engine sends no heartbeat, so that recorded_ms is concluded from silences
--- assumes: covered spans of one camera do not overlap, which instants guarantees
+-- assumes: covered spans of one camera do not overlap, which instants guarantees; the rest of a last frame's interval does not make the next hour recorded
 with spans as (
     select
         camera_id,
@@ -38,17 +38,36 @@ pieces as (
         case when quarters.quarter = spans.first_quarter then 1 else 0 end as n_frames,
         spans.has_heartbeat
     from spans
-    inner join quarters on quarters.quarter >= spans.first_quarter and quarters.quarter <= spans.last_quarter
+    inner join quarters on spans.first_quarter <= quarters.quarter and spans.last_quarter >= quarters.quarter
     where spans.first_quarter < spans.last_quarter
+),
+
+summed as (
+    select
+        cast(floor(quarter / 4) as bigint) as hour,
+        camera_id,
+        quarter,
+        cast(sum(n_frames) as bigint) as n_frames,
+        cast(sum(recorded_ms) as bigint) as recorded_ms,
+        not bool_and(has_heartbeat) as is_inferred
+    from pieces
+    group by camera_id, quarter
+),
+
+hours_with_frames as (
+    select distinct
+        hour,
+        camera_id
+    from instants
 )
 
 select
-    cast(floor(quarter / 4) as bigint) as hour,
-    camera_id,
-    quarter,
-    cast(sum(n_frames) as bigint) as n_frames,
-    cast(sum(recorded_ms) as bigint) as recorded_ms,
-    not bool_and(has_heartbeat) as is_inferred
-from pieces
-group by camera_id, quarter
-order by camera_id, quarter
+    summed.hour,
+    summed.camera_id,
+    summed.quarter,
+    summed.n_frames,
+    summed.recorded_ms,
+    summed.is_inferred
+from summed
+inner join hours_with_frames on summed.camera_id = hours_with_frames.camera_id and summed.hour = hours_with_frames.hour
+order by summed.hour, summed.camera_id, summed.quarter

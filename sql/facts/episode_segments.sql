@@ -1,7 +1,7 @@
 -- name: facts/episode_segments
 -- One row per run of violation records of one pair within one UTC hour; the mart `episodes` stitches them over hours.
 -- grain: camera_id, track_a, track_b, started_ms
--- reads: pairs, instants
+-- reads: pairs, camera_days
 -- params: distance_mm, episode_gap_ms
 -- columns:
 --   hour             UTC hour number
@@ -28,17 +28,17 @@ with close as (
     select
         p.hour,
         p.camera_id,
-        case when p.track_a <= p.track_b then p.track_a else p.track_b end as track_a,
-        case when p.track_a <= p.track_b then p.track_b else p.track_a end as track_b,
+        least(p.track_a, p.track_b) as track_a,
+        greatest(p.track_a, p.track_b) as track_b,
         p.ts_ms,
-        i.interval_ms,
-        greatest(s.episode_gap_ms, cast(floor(2.5 * i.interval_ms) as bigint)) as gap_ms,
+        d.interval_ms,
+        greatest(s.episode_gap_ms, cast(floor(5 * d.interval_ms / 2) as bigint)) as gap_ms,
         cast(p.x_a_mm + p.x_b_mm as bigint) as x2_mm,
         cast(p.y_a_mm + p.y_b_mm as bigint) as y2_mm,
         p.distance_mm
     from pairs as p
     cross join params as s
-    inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
+    inner join camera_days as d on p.camera_id = d.camera_id and cast(floor(p.ts_ms / 86400000) as bigint) = d.utc_day
     where p.distance_mm < s.distance_mm and p.track_a is not null and p.track_b is not null
 ),
 
@@ -102,4 +102,4 @@ select
     max_by(is_followed, ts_ms) as open_right
 from numbered
 group by hour, camera_id, track_a, track_b, run
-order by camera_id, started_ms, track_a, track_b
+order by hour, camera_id, track_a, track_b, started_ms

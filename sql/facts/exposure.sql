@@ -1,7 +1,7 @@
 -- name: facts/exposure
 -- One row per camera and UTC quarter-hour in which anybody was seen: how many person records, and how much person-time.
 -- grain: camera_id, quarter
--- reads: located, instants
+-- reads: located
 -- columns:
 --   hour             UTC hour number
 --   camera_id
@@ -11,15 +11,24 @@
 --   n_unlocated      person records without a floor position
 --   exposure_ms      person-milliseconds in view: sum of the weights of person_records
 -- assumes: a record without a floor position is counted by its own camera
+with records as (
+    select
+        camera_id,
+        cast(floor(ts_ms / 900000) as bigint) as quarter,
+        is_owned,
+        x_mm,
+        weight_ms
+    from located
+)
+
 select
-    cast(floor(located.ts_ms / 3600000) as bigint) as hour,
-    located.camera_id,
-    cast(floor(located.ts_ms / 900000) as bigint) as quarter,
-    count(*) filter (where located.is_owned) as person_records,
-    count(*) filter (where not located.is_owned) as n_doubled,
-    count(*) filter (where located.x_mm is null) as n_unlocated,
-    cast(coalesce(sum(instants.weight_ms) filter (where located.is_owned), 0) as bigint) as exposure_ms
-from located
-inner join instants on located.camera_id = instants.camera_id and located.ts_ms = instants.ts_ms
-group by 1, 2, 3
-order by 2, 3
+    cast(floor(quarter / 4) as bigint) as hour,
+    camera_id,
+    quarter,
+    count(*) filter (where is_owned) as person_records,
+    count(*) filter (where not is_owned) as n_doubled,
+    count(*) filter (where x_mm is null) as n_unlocated,
+    cast(sum(case when is_owned then weight_ms else 0 end) as bigint) as exposure_ms
+from records
+group by camera_id, quarter
+order by hour, camera_id, quarter

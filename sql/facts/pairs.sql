@@ -7,7 +7,7 @@
 --   hour         UTC hour number
 --   camera_id
 --   ts_ms        milliseconds since 1970, UTC
---   member_a     number of the first person within camera and instant (derived pairs: of located)
+--   member_a     number of the first person within camera and instant, as in located; negative for one known from sent pairs only
 --   member_b     number of the second person
 --   track_a      track id of the first person, the lesser one where both are known
 --   track_b      track id of the second person
@@ -41,20 +41,41 @@ untold as (
         l.track_id,
         l.x_mm,
         l.y_mm,
-        cast(floor(l.x_mm / s.pair_max_mm) as integer) as gx,
-        cast(floor(l.y_mm / s.pair_max_mm) as integer) as gy
+        l.weight_ms
     from located as l
-    cross join params as s
     left join told on l.camera_id = told.camera_id and l.ts_ms = told.ts_ms
     where l.x_mm is not null and told.ts_ms is null
 ),
 
--- two people within pair_max stand in the same or in neighbouring squares of that side; half the neighbours reach every pair once
-neighbours as (
+-- up to 40 people are compared each with each; a greater crowd stands in squares of side pair_max, so that work grows with people, not pairs
+crowds as (
     select
-        0 as dx,
-        0 as dy
-    union all
+        camera_id,
+        ts_ms
+    from untold
+    group by camera_id, ts_ms
+    having count(*) > 40
+),
+
+standing as (
+    select
+        u.camera_id,
+        u.ts_ms,
+        u.member,
+        u.track_id,
+        u.x_mm,
+        u.y_mm,
+        u.weight_ms,
+        c.ts_ms is not null as is_crowded,
+        case when c.ts_ms is null then 0 else cast(floor(u.x_mm / s.pair_max_mm) as integer) end as gx,
+        case when c.ts_ms is null then 0 else cast(floor(u.y_mm / s.pair_max_mm) as integer) end as gy
+    from untold as u
+    cross join params as s
+    left join crowds as c on u.camera_id = c.camera_id and u.ts_ms = c.ts_ms
+),
+
+-- two people within pair_max stand in the same or in neighbouring squares; half the neighbours reach every pair once
+neighbours as (
     select
         1 as dx,
         0 as dy
@@ -74,6 +95,18 @@ neighbours as (
 
 reaching as (
     select
+        camera_id,
+        ts_ms,
+        member,
+        track_id,
+        x_mm,
+        y_mm,
+        gx,
+        gy,
+        member as after_member
+    from standing
+    union all
+    select
         u.camera_id,
         u.ts_ms,
         u.member,
@@ -82,9 +115,10 @@ reaching as (
         u.y_mm,
         u.gx + n.dx as gx,
         u.gy + n.dy as gy,
-        n.dx = 0 and n.dy = 0 as is_same
-    from untold as u
+        0 as after_member
+    from standing as u
     cross join neighbours as n
+    where u.is_crowded
 ),
 
 candidates as (
@@ -100,11 +134,11 @@ candidates as (
         b.track_id as track_2,
         b.x_mm as x_2_mm,
         b.y_mm as y_2_mm,
+        b.weight_ms,
         cast(a.x_mm - b.x_mm as bigint) * (a.x_mm - b.x_mm) + cast(a.y_mm - b.y_mm as bigint) * (a.y_mm - b.y_mm) as square_mm2
     from reaching as a
-    inner join untold as b
-        on a.camera_id = b.camera_id and a.ts_ms = b.ts_ms and a.gx = b.gx and a.gy = b.gy
-    where not a.is_same or a.member < b.member
+    inner join standing as b
+        on a.camera_id = b.camera_id and a.ts_ms = b.ts_ms and a.gx = b.gx and a.gy = b.gy and a.after_member < b.member
 ),
 
 derived as (
@@ -119,29 +153,73 @@ derived as (
         case when c.is_ordered then c.y_1_mm else c.y_2_mm end as y_a_mm,
         case when c.is_ordered then c.x_2_mm else c.x_1_mm end as x_b_mm,
         case when c.is_ordered then c.y_2_mm else c.y_1_mm end as y_b_mm,
-        cast(floor(sqrt(c.square_mm2)) as integer) as distance_mm
+        cast(floor(sqrt(c.square_mm2)) as integer) as distance_mm,
+        c.weight_ms
     from candidates as c
     cross join params as s
     where c.square_mm2 <= cast(s.pair_max_mm as bigint) * s.pair_max_mm
+),
+
+told_persons as (
+    select
+        camera_id,
+        unix_millis(ts) as ts_ms,
+        track_a as track_id,
+        case when track_a is null then person_a else -1 end as person
+    from stored_pairs
+    union
+    select
+        camera_id,
+        unix_millis(ts) as ts_ms,
+        track_b as track_id,
+        case when track_b is null then person_b else -1 end as person
+    from stored_pairs
+),
+
+told_members as (
+    select
+        t.camera_id,
+        t.ts_ms,
+        t.track_id,
+        t.person,
+        coalesce(
+            l.member, -row_number() over (partition by t.camera_id, t.ts_ms order by t.track_id desc nulls last, t.person desc)
+        ) as member,
+        l.x_mm,
+        l.y_mm
+    from told_persons as t
+    left join located as l on t.camera_id = l.camera_id and t.ts_ms = l.ts_ms and t.track_id = l.track_id
 ),
 
 sent as (
     select
         p.camera_id,
         unix_millis(p.ts) as ts_ms,
-        p.person_a as member_a,
-        p.person_b as member_b,
+        a.member as member_a,
+        b.member as member_b,
         p.track_a,
         p.track_b,
         coalesce(p.x_a_mm, a.x_mm) as x_a_mm,
         coalesce(p.y_a_mm, a.y_mm) as y_a_mm,
         coalesce(p.x_b_mm, b.x_mm) as x_b_mm,
         coalesce(p.y_b_mm, b.y_mm) as y_b_mm,
-        p.distance_mm
+        p.distance_mm,
+        i.weight_ms
     from stored_pairs as p
     cross join params as s
-    left join located as a on p.camera_id = a.camera_id and unix_millis(p.ts) = a.ts_ms and p.track_a = a.track_id
-    left join located as b on p.camera_id = b.camera_id and unix_millis(p.ts) = b.ts_ms and p.track_b = b.track_id
+    inner join instants as i on p.camera_id = i.camera_id and unix_millis(p.ts) = i.ts_ms
+    inner join told_members as a
+        on
+            p.camera_id = a.camera_id
+            and unix_millis(p.ts) = a.ts_ms
+            and coalesce(p.track_a, '') = coalesce(a.track_id, '')
+            and case when p.track_a is null then p.person_a else -1 end = a.person
+    inner join told_members as b
+        on
+            p.camera_id = b.camera_id
+            and unix_millis(p.ts) = b.ts_ms
+            and coalesce(p.track_b, '') = coalesce(b.track_id, '')
+            and case when p.track_b is null then p.person_b else -1 end = b.person
     where p.distance_mm <= s.pair_max_mm
 ),
 
@@ -158,6 +236,7 @@ every_pair as (
         x_b_mm,
         y_b_mm,
         distance_mm,
+        weight_ms,
         true as is_derived
     from derived
     union all
@@ -173,6 +252,7 @@ every_pair as (
         x_b_mm,
         y_b_mm,
         distance_mm,
+        weight_ms,
         false as is_derived
     from sent
 )
@@ -190,16 +270,15 @@ select
     p.x_b_mm,
     p.y_b_mm,
     p.distance_mm,
-    i.weight_ms,
+    p.weight_ms,
     coalesce(owner_cells.camera_id = p.camera_id, true) as is_owned,
     p.is_derived
 from every_pair as p
 cross join params as s
-inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
 left join cameras on p.camera_id = cameras.camera_id
 left join owner_cells
     on
         cameras.floor_id = owner_cells.floor_id
         and cast(floor((p.x_a_mm + p.x_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cx
         and cast(floor((p.y_a_mm + p.y_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cy
-order by p.camera_id, p.ts_ms, p.member_a, p.member_b, p.track_a, p.track_b
+order by hour, p.camera_id, p.ts_ms, p.member_a, p.member_b, p.distance_mm, p.x_a_mm, p.y_a_mm, p.x_b_mm, p.y_b_mm

@@ -16,10 +16,7 @@ with marked as (
         ts_ms,
         covered_ms,
         has_heartbeat,
-        case
-            when lag(ts_ms + covered_ms) over (partition by camera_id, hour order by ts_ms) >= ts_ms then 0
-            else 1
-        end as is_start
+        lag(ts_ms + covered_ms) over (partition by camera_id, hour order by ts_ms) as before_ms
     from instants
 ),
 
@@ -30,7 +27,7 @@ numbered as (
         ts_ms,
         covered_ms,
         has_heartbeat,
-        sum(is_start) over (
+        sum(case when before_ms >= ts_ms then 0 else 1 end) over (
             partition by camera_id, hour order by ts_ms rows between unbounded preceding and current row
         ) as run
     from marked
@@ -44,4 +41,4 @@ select
     not bool_and(has_heartbeat) as is_inferred
 from numbered
 group by hour, camera_id, run
-order by camera_id, started_ms
+order by hour, camera_id, started_ms

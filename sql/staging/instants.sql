@@ -7,7 +7,7 @@
 --   hour           UTC hour number (hours since 1970)
 --   camera_id
 --   ts_ms          milliseconds since 1970, UTC
---   weight_ms      person-time of one record: to the next frame, or one frame interval when the next is missing or more than two intervals away
+--   weight_ms      person-time of one record: to the next frame; one frame interval when that is missing or over two intervals away
 --   covered_ms     time this frame proves to be recorded: weight_ms with a heartbeat; without one also silences of up to coverage_gap_ms
 --   interval_ms    frame interval of the camera's day
 --   has_heartbeat  the engine also reports frames without people on this day

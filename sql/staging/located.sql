@@ -1,16 +1,16 @@
 -- name: staging/located
 -- One row per stored person record, with its floor position: as sent, or its foot point through the calibration in force.
 -- grain: camera_id, ts_ms, member
--- reads: stored_observations, calibrations, cameras, owner_cells
+-- reads: stored_observations, calibrations, cameras, owner_cells, instants
 -- params: coordinate_max_mm, owner_cell_mm
 -- columns:
---   hour       UTC hour number
 --   camera_id
 --   ts_ms      milliseconds since 1970, UTC
 --   member     number of the person within camera and instant, in a fixed order whatever file the record came in
 --   track_id   null when the engine does not track
 --   x_mm       floor millimetres; null when the record has pixels only and no calibration, or lies at the horizon
 --   y_mm       floor millimetres
+--   weight_ms  person-time of the record: that of its instant
 --   is_owned   false where another camera that sees this place better counts
 -- assumes: columns decide: floor millimetres win over pixels
 with projected as (
@@ -57,18 +57,20 @@ placed as (
 )
 
 select
-    cast(floor(p.ts_ms / 3600000) as bigint) as hour,
     p.camera_id,
     p.ts_ms,
     row_number() over (
-        partition by p.camera_id, p.ts_ms order by p.track_id, p.x_mm, p.y_mm, p.u_px, p.v_px, p.person
+        partition by p.camera_id, p.ts_ms
+        order by p.track_id nulls last, p.x_mm nulls last, p.y_mm nulls last, p.u_px nulls last, p.v_px nulls last, p.person
     ) as member,
     p.track_id,
     p.x_mm,
     p.y_mm,
+    i.weight_ms,
     coalesce(owner_cells.camera_id = p.camera_id, true) as is_owned
 from placed as p
 cross join params as s
+inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
 left join cameras on p.camera_id = cameras.camera_id
 left join owner_cells
     on

@@ -8,6 +8,7 @@ pseudonyms, quarantine) happens once, in `vsd_analytics.ingest.normalise`.
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,10 +18,12 @@ import pyarrow as pa
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
+from vsd_analytics.settings import BY_NAME
 
 BATCH_ROWS = 200_000
 EXCERPT_CHARS = 500
 _HELD_MAX = 4 << 20
+_MAGIC = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bz2"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +51,8 @@ class RawBatch:
         tables: Raw tables by name; a missing name is an empty table.
         rejected: Records the adapter could not read at all.
         n_dropped: Counts by reason of records left out on purpose, such as second sightings in one sampling period.
-        notes: Things the user should know about the whole source (warnings), each once.
+        notes: Things the user should know about the whole source, each once: a warning begins with its code ("W208: "),
+            a mere piece of information with "info:".
         done_bytes: How far into the source the batch reaches, for the progress bar.
         engines: Engine names and versions the records came from.
     """
@@ -78,8 +82,10 @@ class IngestOptions:
         period_s: Sampling period: times are floored to it, so that records of one period are one frame.
         fps: Frames per second, for files that have frame numbers.
         start: Instant of frame 0 (UTC milliseconds), for files that have frame numbers.
-        first_frame: Number of the frame that stands at `start`; None = the first number of the format (0, MOTChallenge 1).
+        first_frame: Number of the frame that stands at `start`; None = the format's first (0, MOTChallenge 1).
         frame_zone: IANA zone of times without an offset.
+        clocks: IANA zones of times without an offset by camera (what the engine calls it), where cameras differ.
+        line_max_bytes: Lines longer than this are quarantined unread.
         coordinates: "floor" or "image", for formats that carry both (MOTChallenge: world columns or boxes).
         method: smart-social-distancing: "center-points" or "four-corner".
         resolution_px: smart-social-distancing: width and height at which boxes were logged.
@@ -96,6 +102,8 @@ class IngestOptions:
     start: int | None = None
     first_frame: float | None = None
     frame_zone: str = "UTC"
+    clocks: Mapping[str, str] = field(default_factory=dict)
+    line_max_bytes: int = int(BY_NAME["line_max_bytes"].default)
     coordinates: str | None = None
     method: str = "center-points"
     resolution_px: tuple[int, int] = (640, 480)
@@ -115,8 +123,8 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Return the path as shown in messages."""
-        return str(self.path)
+        """Return the path as shown in messages; bytes that are not UTF-8 are shown as replacement characters."""
+        return os.fsencode(self.path).decode("utf-8", "replace")
 
     @property
     def size_bytes(self) -> int:
@@ -138,20 +146,28 @@ class Source:
         """
         with self.path.open("rb") as f:
             magic = f.read(4)
-        codec = "gzip" if magic[:2] == b"\x1f\x8b" else "zstd" if magic == b"\x28\xb5\x2f\xfd" else "bz2" if magic[:3] == b"BZh" else None
+        codec = next((c for start, c in _MAGIC.items() if magic.startswith(start)), None)
         if codec is None:
             return self.path.open("rb")
         return io.BufferedReader(_Decompressed(self.path, codec), buffer_size=1 << 20)
 
     def head(self, n_bytes: int = 65536) -> bytes:
-        """Return the first decompressed bytes of a file, for recognising its format; b"" for a folder."""
+        """Return the first decompressed bytes of a file, for recognising its format; b"" for a folder.
+
+        Raises:
+            InputError: E205, the compressed data are damaged before their first line ends.
+        """
         if self.path.is_dir():
             return b""
-        try:
-            with self.open() as f:
-                return f.read(n_bytes)
-        except InputError:
-            return b""
+        found = b""
+        with self.open() as f:
+            try:
+                while len(found) < n_bytes and (more := f.read1(n_bytes - len(found))):  # type: ignore[attr-defined]
+                    found += more
+            except InputError:
+                if not found:
+                    raise
+        return found
 
 
 def bytes_read(stream: IO[bytes]) -> int:

@@ -1,0 +1,38 @@
+# make demo   installs into .venv and makes the made-up shop's weekly report
+# make test   installs the test extra and runs everything, within 15 minutes on two cores
+# make prove  the long proofs, whose tables stand in docs/
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+
+.PHONY: demo test prove lint screenshots clean
+
+demo: $(VENV)/.installed
+	rm -rf vsd-demo
+	$(BIN)/vsd demo vsd-demo
+
+test: $(VENV)/.installed-test lint
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/sqlfluff lint --disable-progress-bar sql
+
+prove: $(VENV)/.installed-test
+	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
+	$(BIN)/python -m pytest -m prove
+
+$(VENV)/.installed: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet .
+	touch $@
+
+$(VENV)/.installed-test: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@ $(VENV)/.installed
+
+clean:
+	rm -rf $(VENV) vsd-demo dist build
