@@ -1,11 +1,12 @@
 # make demo   installs into .venv and makes the made-up shop's weekly report
 # make test   installs the test extra and runs everything, within 15 minutes on two cores
 # make prove  the long proofs, whose tables stand in docs/
+# make docs   writes the pages of docs/ that are made from the code
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo test prove lint screenshots clean
+.PHONY: demo test prove docs lint screenshots clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
@@ -23,6 +24,9 @@ lint: $(VENV)/.installed-test
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python -m pytest -m prove
+
+docs: $(VENV)/.installed-test
+	$(BIN)/python -m vsd_analytics.reference docs
 
 $(VENV)/.installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

@@ -26,3 +26,16 @@ def realdata() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a demo project with one detailed week, 2026-W46, in its store. Tests leave it as it is."""
+    from vsd_analytics.config import load_site
+    from vsd_analytics.simulate import write_demo_project
+    from vsd_analytics.simulate.demo import ingest_demo
+
+    root = tmp_path_factory.mktemp("demo") / "vsd-demo"
+    write_demo_project(root, seed=4, weeks=1)
+    ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
+    return root

@@ -29,7 +29,7 @@ Mend: edit that file, or start another project in another folder: vsd -C DIR ini
 A line of the change log (log.jsonl) is not an entry, so the whole log is refused rather than read in part.
 Common causes: the file was edited by hand; a copy broke off in the middle of its last line.
 Mend: correct or delete the line named. An entry is one line:
-{"at": "2026-11-11T12:00:00+01:00", "text": "moved the exhibit", "area": null}""",
+{"at": "2026-11-11T12:00:00+01:00", "text": "moved the exhibit", "area": "entrance"}""",
     "E120": """\
 The operating system refused a file.
 Common causes: no permission, a full disk, a path that is a folder, a file that vanished meanwhile.
@@ -76,6 +76,11 @@ The calibrations of a camera contradict each other.
 A camera has homography or points, not both; each of its calibrations begins at another instant (calibrated_from in
 vsd.toml, from in calibration/CAMERA.toml), and one without an instant holds since ever.
 Mend: take one of the two out, or give it a later instant.""",
+    "E130": """\
+This platform is not supported: Linux and macOS with a local disk are.
+The store promises that what it acknowledged survives a crash, and that two programs never write at once. Both rest on
+flock and on renames that are made durable by syncing the folder, which Windows and network file systems lack.
+Mend: run it on Linux or macOS, or in WSL with the project on WSL's own disk.""",
     "E200": """\
 An input file cannot be used at all. Single bad rows never stop an import: they go to quarantine.
 Mend: as the message says; vsd check FILES tells what is wrong without changing anything.""",
@@ -123,13 +128,30 @@ Some records could not be used and went to quarantine with their reason; all oth
 Common causes: text in a number column, distances that are not finite or negative, times before 1990 or in the future,
 cameras that vsd.toml does not describe, lines that broke off.
 Mend: look at the example; correct the export or vsd.toml and ingest again: what was read already counts once.""",
+    "W211": """\
+Some local times of a file happened twice: clocks were set back, and times without an offset do not say which of the two
+hours they mean. The message says how they were read.
+Mend: export times in UTC or with their offset, and set clock of the camera in vsd.toml.""",
+    "W212": """\
+A file was read to its end and held no record.
+Common causes: an export of an hour in which the engine did not run, a filter that left nothing, the wrong file.
+Mend: look at the file; if its format was guessed, name it with --format.""",
     "E300": """\
 The store refused something or found something wrong; nothing that was acknowledged is lost.
-Mend: as the message says, then vsd verify.""",
+Mend: as the message says, then vsd doctor.""",
     "E301": """\
 Nothing is stored for this site yet, so there is nothing to count.
 Common causes: no file was ingested; all its records went to quarantine; the id of the site in vsd.toml was changed.
 Mend: vsd ingest FILES..., then vsd coverage.""",
+    "E302": """\
+A file of the store or of its spool is damaged, or cannot be folded into the store. Nothing is removed then: what was
+acknowledged stays where it is.
+Common causes: a failing disk, a copy of the store that broke off, a file changed by hand.
+Mend: put the file named back from a backup, or move it away and ingest its hour again; then vsd doctor.""",
+    "E303": """\
+The key of a day in secrets/ is damaged. With another key, records of that day that are delivered again would not be
+recognised and would count twice, so they are refused.
+Mend: restore the file from a backup. Without one, ingest nothing more of that day.""",
     "E350": """\
 A figure has too little data by its own rule, so no number is shown rather than a shaky one.
 The message gives the rule and what was there: days recorded, person-hours of exposure, or share of hours recorded.

@@ -9,7 +9,7 @@
 --   n_frames     processed frames in it
 --   recorded_ms  milliseconds recorded, 0 to 900000
 --   is_inferred  true when the engine sends no heartbeat, so that recorded_ms is concluded from silences
--- assumes: covered spans of one camera do not overlap, which instants guarantees; the rest of a last frame's interval does not make the next hour recorded
+-- assumes: what a last frame covers of the next hour does not count there, so that an hour without a frame is an hour without data
 with spans as (
     select
         camera_id,

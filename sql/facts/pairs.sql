@@ -47,7 +47,7 @@ untold as (
     where l.x_mm is not null and told.ts_ms is null
 ),
 
--- up to 40 people are compared each with each; a greater crowd stands in squares of side pair_max, so that work grows with people, not pairs
+-- up to 40 people are compared each with each; more stand in squares of side pair_max, so that work grows with people, not pairs
 crowds as (
     select
         camera_id,
@@ -160,41 +160,61 @@ derived as (
     where c.square_mm2 <= cast(s.pair_max_mm as bigint) * s.pair_max_mm
 ),
 
-told_persons as (
+-- who is who in sent pairs: by track id, else by number and place within the frame
+named as (
     select
         camera_id,
         unix_millis(ts) as ts_ms,
-        track_a as track_id,
-        case when track_a is null then person_a else -1 end as person
-    from stored_pairs
-    union
-    select
-        camera_id,
-        unix_millis(ts) as ts_ms,
-        track_b as track_id,
-        case when track_b is null then person_b else -1 end as person
+        track_a,
+        track_b,
+        x_a_mm,
+        y_a_mm,
+        x_b_mm,
+        y_b_mm,
+        distance_mm,
+        coalesce(
+            'track ' || track_a,
+            cast(person_a as varchar) || coalesce(' at ' || cast(x_a_mm as varchar) || ' ' || cast(y_a_mm as varchar), '')
+        ) as name_a,
+        coalesce(
+            'track ' || track_b,
+            cast(person_b as varchar) || coalesce(' at ' || cast(x_b_mm as varchar) || ' ' || cast(y_b_mm as varchar), '')
+        ) as name_b
     from stored_pairs
 ),
 
-told_members as (
+names as (
     select
-        t.camera_id,
-        t.ts_ms,
-        t.track_id,
-        t.person,
-        coalesce(
-            l.member, -row_number() over (partition by t.camera_id, t.ts_ms order by t.track_id desc nulls last, t.person desc)
-        ) as member,
+        camera_id,
+        ts_ms,
+        track_a as track_id,
+        name_a as person
+    from named
+    union
+    select
+        camera_id,
+        ts_ms,
+        track_b as track_id,
+        name_b as person
+    from named
+),
+
+told_persons as (
+    select
+        n.camera_id,
+        n.ts_ms,
+        n.person,
+        coalesce(l.member, -row_number() over (partition by n.camera_id, n.ts_ms order by n.person)) as member,
         l.x_mm,
         l.y_mm
-    from told_persons as t
-    left join located as l on t.camera_id = l.camera_id and t.ts_ms = l.ts_ms and t.track_id = l.track_id
+    from names as n
+    left join located as l on n.camera_id = l.camera_id and n.ts_ms = l.ts_ms and n.track_id = l.track_id
 ),
 
 sent as (
     select
         p.camera_id,
-        unix_millis(p.ts) as ts_ms,
+        p.ts_ms,
         a.member as member_a,
         b.member as member_b,
         p.track_a,
@@ -205,21 +225,11 @@ sent as (
         coalesce(p.y_b_mm, b.y_mm) as y_b_mm,
         p.distance_mm,
         i.weight_ms
-    from stored_pairs as p
+    from named as p
     cross join params as s
-    inner join instants as i on p.camera_id = i.camera_id and unix_millis(p.ts) = i.ts_ms
-    inner join told_members as a
-        on
-            p.camera_id = a.camera_id
-            and unix_millis(p.ts) = a.ts_ms
-            and coalesce(p.track_a, '') = coalesce(a.track_id, '')
-            and case when p.track_a is null then p.person_a else -1 end = a.person
-    inner join told_members as b
-        on
-            p.camera_id = b.camera_id
-            and unix_millis(p.ts) = b.ts_ms
-            and coalesce(p.track_b, '') = coalesce(b.track_id, '')
-            and case when p.track_b is null then p.person_b else -1 end = b.person
+    inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
+    inner join told_persons as a on p.camera_id = a.camera_id and p.ts_ms = a.ts_ms and p.name_a = a.person
+    inner join told_persons as b on p.camera_id = b.camera_id and p.ts_ms = b.ts_ms and p.name_b = b.person
     where p.distance_mm <= s.pair_max_mm
 ),
 
@@ -281,4 +291,4 @@ left join owner_cells
         cameras.floor_id = owner_cells.floor_id
         and cast(floor((p.x_a_mm + p.x_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cx
         and cast(floor((p.y_a_mm + p.y_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cy
-order by hour, p.camera_id, p.ts_ms, p.member_a, p.member_b, p.distance_mm, p.x_a_mm, p.y_a_mm, p.x_b_mm, p.y_b_mm
+order by hour, p.camera_id, p.ts_ms, p.member_a, p.member_b, p.distance_mm

@@ -1,7 +1,7 @@
 -- name: marts/camera_hours
 -- One row per camera and local hour of the calendar, also where nothing was recorded.
 -- grain: camera_id, hour_start_ms
--- reads: calendar, cameras, coverage, exposure, violation_time, violations
+-- reads: calendar, cameras, camera_days, coverage, exposure, violation_time, violations
 -- columns:
 --   camera_id
 --   camera_no            position in vsd.toml
@@ -16,8 +16,8 @@
 --   recorded_s           recorded time
 --   recorded_open_s      recorded time in opening hours
 --   is_inferred          recorded time is concluded from silences; null without data
---   person_records       person records
---   exposure_s           person-seconds in view
+--   person_records       person records; null also where the engine sends pairs only
+--   exposure_s           person-seconds in view; likewise
 --   exposure_open_s      person-seconds in opening hours
 --   violation_records    violation records
 --   violation_s          person-seconds in violation
@@ -29,14 +29,29 @@ with spine as (
         cameras.camera_id,
         cameras.camera_no,
         cameras.floor_id,
-        calendar.*
+        calendar.quarter,
+        calendar.hour_start_ms,
+        calendar.local_date,
+        calendar.local_hour,
+        calendar.fold,
+        calendar.weekday,
+        calendar.is_open
     from calendar
     cross join cameras
 ),
 
 per_quarter as (
     select
-        spine.*,
+        spine.camera_id,
+        spine.camera_no,
+        spine.floor_id,
+        spine.hour_start_ms,
+        spine.local_date,
+        spine.local_hour,
+        spine.fold,
+        spine.weekday,
+        spine.is_open,
+        camera_days.has_persons,
         coalesce(coverage.recorded_ms, 0) as recorded_ms,
         coverage.is_inferred,
         coalesce(exposure.person_records, 0) as person_records,
@@ -47,6 +62,7 @@ per_quarter as (
     left join coverage on spine.camera_id = coverage.camera_id and spine.quarter = coverage.quarter
     left join exposure on spine.camera_id = exposure.camera_id and spine.quarter = exposure.quarter
     left join violation_time on spine.camera_id = violation_time.camera_id and spine.quarter = violation_time.quarter
+    left join camera_days on spine.camera_id = camera_days.camera_id and floor(spine.quarter / 96) = camera_days.utc_day
 ),
 
 per_hour as (
@@ -64,6 +80,7 @@ per_hour as (
         sum(recorded_ms) / 1000.0 as recorded_s,
         coalesce(sum(recorded_ms) filter (where is_open), 0) / 1000.0 as recorded_open_s,
         bool_or(is_inferred) as is_inferred,
+        coalesce(bool_or(has_persons), false) as has_persons,
         sum(person_records)::bigint as person_records,
         sum(exposure_ms) / 1000.0 as exposure_s,
         coalesce(sum(exposure_ms) filter (where is_open), 0) / 1000.0 as exposure_open_s,
@@ -97,9 +114,9 @@ select
     per_hour.recorded_s,
     per_hour.recorded_open_s,
     per_hour.is_inferred,
-    case when per_hour.recorded_s > 0 then per_hour.person_records end as person_records,
-    case when per_hour.recorded_s > 0 then per_hour.exposure_s end as exposure_s,
-    case when per_hour.recorded_open_s > 0 then per_hour.exposure_open_s end as exposure_open_s,
+    case when per_hour.recorded_s > 0 and per_hour.has_persons then per_hour.person_records end as person_records,
+    case when per_hour.recorded_s > 0 and per_hour.has_persons then per_hour.exposure_s end as exposure_s,
+    case when per_hour.recorded_open_s > 0 and per_hour.has_persons then per_hour.exposure_open_s end as exposure_open_s,
     case when per_hour.recorded_s > 0 then per_hour.violation_records end as violation_records,
     case when per_hour.recorded_s > 0 then per_hour.violation_s end as violation_s,
     case when per_hour.recorded_s > 0 then coalesce(counted.n_violations, 0) end as n_violations,

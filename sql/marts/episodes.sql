@@ -21,13 +21,24 @@
 --   is_owned         false where another camera that sees the mean midpoint better counts it
 --   hour_start_ms    UTC instant of the local hour it started in; it belongs to that hour and day
 --   local_date
---   local_hour
+--   local_hour       0 to 23
 --   is_open          it started in opening hours
--- assumes: segments of the hours around the asked range are loaded, so that an episode is whole; one that began before the calendar is left to its own day
+-- assumes: segments of the hours around the calendar are loaded, so that an episode is whole; one that began before it is left out
 with marked as (
     select
-        *,
-        coalesce(started_ms - max(ended_ms) over earlier > gap_ms, true) as is_start
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        ended_ms,
+        interval_ms,
+        n_records,
+        n_located,
+        sum_x2_mm,
+        sum_y2_mm,
+        min_distance_mm,
+        sum_distance_mm,
+        case when started_ms - max(ended_ms) over earlier <= gap_ms then 0 else 1 end as is_start
     from episode_segments
     window
         earlier as (
@@ -38,8 +49,19 @@ with marked as (
 
 numbered as (
     select
-        *,
-        sum(is_start::int) over (
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        ended_ms,
+        interval_ms,
+        n_records,
+        n_located,
+        sum_x2_mm,
+        sum_y2_mm,
+        min_distance_mm,
+        sum_distance_mm,
+        sum(is_start) over (
             partition by camera_id, track_a, track_b order by started_ms
             rows between unbounded preceding and current row
         ) as episode_no
@@ -53,12 +75,12 @@ stitched as (
         track_b,
         min(started_ms) as started_ms,
         max(ended_ms) as ended_ms,
-        (max(ended_ms) - min(started_ms) + max(interval_ms)) / 1000.0 as duration_s,
+        max(ended_ms) - min(started_ms) + max(interval_ms) as duration_ms,
         sum(n_records)::bigint as n_records,
         sum(sum_x2_mm) / nullif(2 * sum(n_located), 0) as x_mm,
         sum(sum_y2_mm) / nullif(2 * sum(n_located), 0) as y_mm,
-        min(min_distance_mm) / 1000.0 as min_distance_m,
-        sum(sum_distance_mm) / sum(n_records) / 1000.0 as mean_distance_m
+        min(min_distance_mm) as min_distance_mm,
+        sum(sum_distance_mm) / sum(n_records) as mean_distance_mm
     from numbered
     group by camera_id, track_a, track_b, episode_no
 )
@@ -69,15 +91,15 @@ select
     s.track_b,
     s.started_ms,
     s.ended_ms,
-    s.duration_s,
+    s.duration_ms / 1000 as duration_s,
     s.n_records,
     s.x_mm / 1000 as x_m,
     s.y_mm / 1000 as y_m,
     floor(s.x_mm / params.cell_mm)::int as cx,
     floor(s.y_mm / params.cell_mm)::int as cy,
-    s.min_distance_m,
-    s.mean_distance_m,
-    s.duration_s * 1000 >= params.episode_min_ms as is_violation,
+    s.min_distance_mm / 1000 as min_distance_m,
+    s.mean_distance_mm / 1000 as mean_distance_m,
+    s.duration_ms >= params.episode_min_ms as is_violation,
     coalesce(owner_cells.camera_id = s.camera_id, true) as is_owned,
     calendar.hour_start_ms,
     calendar.local_date,

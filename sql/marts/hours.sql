@@ -22,7 +22,7 @@
 --   n_violations       violations that started in it
 --   n_violations_open  those that started in opening hours
 --   state              full, partial, low_data, no_data or closed
--- assumes: the state governs rates and verdicts only; counts are given as they are, null where no camera recorded
+-- assumes: the state governs rates and verdicts only; counts are given as they are, null where no camera recorded them
 with summed as (
     select
         hour_start_ms,
@@ -53,7 +53,23 @@ with summed as (
 )
 
 select
-    summed.*,
+    summed.hour_start_ms,
+    summed.local_date,
+    summed.local_hour,
+    summed.fold,
+    summed.weekday,
+    summed.length_s,
+    summed.open_s,
+    summed.recorded_s,
+    summed.recorded_share,
+    summed.cameras_down,
+    summed.is_inferred,
+    summed.person_records,
+    summed.exposure_s,
+    summed.violation_records,
+    summed.violation_s,
+    summed.n_violations,
+    summed.n_violations_open,
     case
         when open_s = 0 then 'closed'
         when recorded_share >= params.full_hour_share then 'full'

@@ -9,7 +9,7 @@
 --   started_ms   end of the last recorded time before, or start of opening, milliseconds since 1970, UTC
 --   ended_ms     start of the next recorded time, or end of opening
 --   open_s       opening time lost
---   is_inferred  concluded from silence, as the engine sends no heartbeat
+--   is_inferred  concluded from silence, as the engine sends no heartbeat before or after it
 -- assumes: time the calendar does not hold, and time the site is closed, is not missed
 with bounds as (
     select
@@ -48,7 +48,7 @@ gaps as (
         edges.camera_id,
         max(edges.ended_ms) over earlier as from_ms,
         edges.started_ms as to_ms,
-        edges.is_inferred
+        edges.is_inferred or coalesce(last_value(edges.is_inferred) over earlier, false) as is_inferred
     from edges
     window
         earlier as (

@@ -17,7 +17,7 @@
 --   min_distance_m   closest approach
 --   hour_start_ms    UTC instant of its local hour
 --   local_date
---   local_hour
+--   local_hour       0 to 23
 --   is_open          it started in opening hours
 -- assumes: what reports call a violation is this row
 select

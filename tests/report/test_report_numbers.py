@@ -92,6 +92,7 @@ def forms(value: Any, unit: str | None) -> set[str]:
 def allowed(report: WeekReport) -> set[str]:
     known = {form for value, unit in leaves(report) for form in forms(value, unit)}
     known |= {f"{step - 1:g}" for step in report.rules.hour_steps}
+    known.add(fmt.number(report.rules.mask_below / 2))  # what a count too small to print is in averages
     known |= {str(i + 1) for i in range(len(report.story.things if report.story else ()))}
     if report.state == "empty" and report.level.often.hi:
         known |= set(NUMBER.findall(fmt.one_in(report.level.often.hi)))

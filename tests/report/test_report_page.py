@@ -226,4 +226,4 @@ def test_the_package_names_no_rainbow() -> None:
 def test_a_report_without_cameras_or_areas_still_renders() -> None:
     report = weeks.no_data()
     bare = replace(report, coverage=replace(report.coverage, cameras=(), outages=()), areas=(), log=())
-    assert "No camera has ever sent anything" in render_html(bare)
+    assert "No record of any camera was found" in render_html(bare)

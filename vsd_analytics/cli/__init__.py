@@ -60,7 +60,9 @@ class LazyGroup(click.Group):
 
 
 @click.group(cls=LazyGroup, context_settings=CONTEXT_SETTINGS)
-@click.option("-C", "folder", metavar="DIR", default=".", help="Project folder (default: where vsd.toml is found upward).")
+@click.option(
+    "-C", "folder", metavar="DIR", default=".", help="Project folder (default: where vsd.toml is found upward)."
+)
 @click.option("--now", metavar="INSTANT", help="Use this instant as the clock, for repeatable runs.")
 @click.option("--quiet", is_flag=True, help="Say nothing but results and errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Show tracebacks of internal errors.")

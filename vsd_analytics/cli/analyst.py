@@ -13,11 +13,25 @@ from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_proje
 @range_options
 @click.option("--show", "relation", metavar="NAME", help="Print the SQL file of a relation instead.")
 @click.option("--list", "as_list", is_flag=True, help="List the relations that can be queried.")
-@click.option("--format", "kind", type=click.Choice(["table", "csv"]), default="table", show_default=True)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["table", "csv"]),
+    default="table",
+    show_default=True,
+    help="Form of the rows.",
+)
 @json_option
 @pass_project
 def sql(
-    project: Project, query: str | None, week: str | None, days: str | None, relation: str | None, as_list: bool, kind: str, as_json: bool
+    project: Project,
+    query: str | None,
+    week: str | None,
+    days: str | None,
+    relation: str | None,
+    as_list: bool,
+    kind: str,
+    as_json: bool,
 ) -> None:
     """Run a query over the facts and marts of a range; nothing can be written.
 
@@ -30,18 +44,20 @@ def sql(
     from vsd_analytics.errors import UsageError
     from vsd_analytics.warehouse.sqlfiles import relations
 
-    known = {r.name: r for layer in ("facts", "marts") for r in relations(layer).values()}
+    known = [*relations("facts").values(), *relations("marts").values()]
     if as_list:
         if as_json:
-            emit_json({"relations": [{"name": r.name, "layer": r.layer, "row": r.description, "columns": dict(r.columns)} for r in known.values()]})
+            rows = [{"name": r.name, "layer": r.layer, "row": r.description, "columns": dict(r.columns)} for r in known]
+            emit_json({"relations": rows})
             return
-        for r in known.values():
+        for r in known:
             click.echo(f"{r.layer:<6} {r.name:<18} {r.description}")
         return
     if relation is not None:
-        if relation not in known:
+        found = [r for r in (*known, *relations("staging").values()) if r.name == relation]
+        if not found:
             raise UsageError(f"no relation is called {relation!r}", mend="vsd sql --list")
-        click.echo(known[relation].path.read_text(encoding="utf-8"), nl=False)
+        click.echo(found[0].path.read_text(encoding="utf-8"), nl=False)
         return
     if query is None:
         raise UsageError("which query?", mend='vsd sql "select * from hours"')

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,29 +20,79 @@ from vsd_analytics.cli.shared import (
     progress,
     render_error,
 )
+from vsd_analytics.errors import UsageError, VsdError, Where
 
 if TYPE_CHECKING:
     from vsd_analytics.ingest.adapter import IngestOptions
     from vsd_analytics.ingest.pipeline import IngestResult, SourceResult
+    from vsd_analytics.schema import TableName
+
+_CODE = re.compile(r"^W\d{3}: ")
 
 
 def _file_options(command: F) -> F:
     options: list[Callable[[Any], Any]] = [
         click.argument("files", nargs=-1, required=True, metavar="FILES..."),
-        click.option("--format", "kind", metavar="NAME", help="frames, table, positions, pairs, smart-social-distancing, motchallenge, wildtrack (default: detected)."),
+        click.option(
+            "--format",
+            "kind",
+            metavar="NAME",
+            help="frames, table, positions, pairs, smart-social-distancing, motchallenge, wildtrack; else detected.",
+        ),
         click.option("--camera", metavar="ID", help="Camera of records that name none."),
-        click.option("--columns", metavar="NAMES", help="Headerless table: our names in the file's order; _ for one to ignore."),
-        click.option("--map", "renames", metavar="OURS=THEIRS", multiple=True, help="Column renames; repeat or separate by commas."),
-        click.option("--period", "period_s", type=float, metavar="SECONDS", help="Sampling period: records of one period are one frame."),
+        click.option(
+            "--columns", metavar="NAMES", help="Headerless table: our names in the file's order; _ for one to ignore."
+        ),
+        click.option(
+            "--map",
+            "renames",
+            metavar="OURS=THEIRS",
+            multiple=True,
+            help="Column renames; repeat or separate by commas.",
+        ),
+        click.option(
+            "--period",
+            "period_s",
+            type=float,
+            metavar="SECONDS",
+            help="Sampling period: records of one period are one frame.",
+        ),
         click.option("--fps", type=float, metavar="N", help="Frames per second, for files with frame numbers."),
         click.option("--start", metavar="INSTANT", help="Time of the first frame, for files with frame numbers."),
-        click.option("--first-frame", type=float, metavar="N", help="Number of the frame that stands at --start (default: the format's first)."),
-        click.option("--coordinates", type=click.Choice(["floor", "image"]), help="Which of a format's coordinates to use."),
-        click.option("--method", type=click.Choice(["center-points", "four-corner"]), default="center-points", show_default=True, help="smart-social-distancing: its distance method."),
-        click.option("--resolution", metavar="WxH", default="640x480", show_default=True, help="smart-social-distancing: resolution boxes were logged at."),
-        click.option("--threshold", "threshold_m", type=float, default=1.5, show_default=True, metavar="METRES", help="smart-social-distancing: its distance limit."),
+        click.option(
+            "--first-frame",
+            type=float,
+            metavar="N",
+            help="Number of the frame that stands at --start (default: the format's first).",
+        ),
+        click.option(
+            "--coordinates", type=click.Choice(["floor", "image"]), help="Which of a format's coordinates to use."
+        ),
+        click.option(
+            "--method",
+            type=click.Choice(["center-points", "four-corner"]),
+            default="center-points",
+            show_default=True,
+            help="smart-social-distancing: its distance method.",
+        ),
+        click.option(
+            "--resolution",
+            metavar="WxH",
+            default="640x480",
+            show_default=True,
+            help="smart-social-distancing: resolution boxes were logged at.",
+        ),
+        click.option(
+            "--threshold",
+            "threshold_m",
+            type=float,
+            default=1.5,
+            show_default=True,
+            metavar="METRES",
+            help="smart-social-distancing: its distance limit.",
+        ),
         click.option("--engine", metavar="NAME", help="Engine name and version, where the files do not say."),
-    ]  # fmt: skip
+    ]
     for option in reversed(options):
         command = option(command)
     return command
@@ -51,7 +103,7 @@ def _file_options(command: F) -> F:
 @click.option("--dry-run", is_flag=True, help="Read and check everything, write nothing.")
 @json_option
 @pass_project
-def ingest(project: Project, files: tuple[str, ...], dry_run: bool, as_json: bool, **given: Any) -> int:
+def ingest(project: Project, /, files: tuple[str, ...], dry_run: bool, as_json: bool, **given: Any) -> int:
     """Read engine output into the store. Records already stored are recognised; bad ones are quarantined.
 
     \b
@@ -67,7 +119,7 @@ def ingest(project: Project, files: tuple[str, ...], dry_run: bool, as_json: boo
 @_file_options
 @json_option
 @pass_project
-def check(project: Project, files: tuple[str, ...], as_json: bool, **given: Any) -> int:
+def check(project: Project, /, files: tuple[str, ...], as_json: bool, **given: Any) -> int:
     """Validate files and change nothing: format, columns, times, cameras, numbers.
 
     \b
@@ -80,7 +132,7 @@ def check(project: Project, files: tuple[str, ...], as_json: bool, **given: Any)
 @click.command()
 @json_option
 @pass_project
-def build(project: Project, as_json: bool) -> None:
+def build(project: Project, /, as_json: bool) -> None:
     """Compute the facts that are stale, and say why each was. Figures and reports do this by themselves.
 
     \b
@@ -93,6 +145,7 @@ def build(project: Project, as_json: bool) -> None:
     site = project.site
     Store(site.root / "store", site_id=site.site_id).fold()
     with progress(None, total=None, label="facts", unit="h", quiet=project.quiet) as bar:
+
         def plan(n_hours: int) -> None:
             bar.total = n_hours
 
@@ -106,17 +159,23 @@ def build(project: Project, as_json: bool) -> None:
 
 
 def _read(project: Project, files: tuple[str, ...], given: dict[str, Any], *, is_dry_run: bool, as_json: bool) -> int:
-    from pathlib import Path
-
-    from vsd_analytics.ingest.adapter import Source
     from vsd_analytics.ingest.pipeline import ingest as ingest_files
 
     options = _options(project, given)
     paths = [Path(f) for f in files]
-    total = sum(Source(p).size_bytes for p in paths if p.exists())
-    with progress(None, total=total, label="reading", unit="B", quiet=project.quiet or as_json) as bar:
+    is_quiet = project.quiet or as_json
+    with (
+        progress(None, total=sum(map(_size, paths)), label="reading", unit="B", quiet=is_quiet) as reading,
+        progress(None, total=None, label="storing", unit=" records", quiet=is_quiet) as storing,
+    ):
         result = ingest_files(
-            project.site, paths, options, now=project.now, is_dry_run=is_dry_run, on_bytes=bar.update
+            project.site,
+            paths,
+            options,
+            now=project.now,
+            is_dry_run=is_dry_run,
+            on_bytes=reading.update,
+            on_rows=storing.update,
         )
     if as_json:
         emit_json(_as_dict(project, result, is_dry_run=is_dry_run))
@@ -130,17 +189,32 @@ def _read(project: Project, files: tuple[str, ...], given: dict[str, Any], *, is
     return 1 if result.n_rejected or warned else 0
 
 
-def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
-    import re
+def _size(path: Path) -> int:
+    from vsd_analytics.ingest.adapter import Source
 
-    from vsd_analytics.errors import UsageError
+    try:
+        return Source(path).size_bytes
+    except OSError:
+        return 0
+
+
+def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
+    from vsd_analytics.config.reader import nearest
     from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.columns import KNOWN
 
     renames = {}
     for text in (part for r in given["renames"] for part in r.split(",")):
         ours, equals, theirs = text.partition("=")
         if not equals or not ours.strip() or not theirs.strip():
             raise UsageError(f"--map {text!r} is not OURS=THEIRS", mend="--map ts=time")
+        if ours.strip() not in KNOWN:
+            near = nearest(ours.strip(), KNOWN)
+            raise UsageError(
+                f"--map {text!r}: no column of ours is called {ours.strip()!r}",
+                why=f"ours: {', '.join(KNOWN)}",
+                mend=f"--map {near or 'ts'}={theirs.strip()}",
+            )
         renames[ours.strip()] = theirs.strip()
     size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", given["resolution"])
     if size is None:
@@ -148,6 +222,8 @@ def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
     for name in ("period_s", "fps", "threshold_m"):
         if given[name] is not None and not 0 < given[name] < 1e6:
             raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
+    if given["first_frame"] is not None and not abs(given["first_frame"]) < 1e15:
+        raise UsageError("--first-frame must be a number of a frame")
     start = None
     if given["start"] is not None:
         start = round(instant(given["start"], zone=project.site.timezone, what="--start").timestamp() * 1000)
@@ -170,11 +246,16 @@ def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
 
 
 def _tell_source(project: Project, source: SourceResult) -> None:
+    from vsd_analytics.ingest.reasons import MENDS
+
     n = source.n_records
     if not source.error or n:
-        parts = [f"{n['observations']:,} person records"] if n["observations"] else []
-        parts += [f"{n['pairs']:,} pair records"] if n["pairs"] else []
-        parts += [f"{n['frames']:,} frames"] if n["frames"] else []
+        names: tuple[tuple[TableName, str], ...] = (
+            ("observations", "person record"),
+            ("pairs", "pair record"),
+            ("frames", "frame"),
+        )
+        parts = [_count(n[table], name) for table, name in names if n[table]]
         click.echo(plain(f"{source.source}  [{source.format}]  {', '.join(parts) or 'no records'}"))
         if source.first_ms is not None and source.last_ms is not None:
             first, last = (_local(project, ms) for ms in (source.first_ms, source.last_ms))
@@ -182,16 +263,27 @@ def _tell_source(project: Project, source: SourceResult) -> None:
     for reason, count in sorted(source.n_dropped.items()):
         click.echo(f"    left out: {count:,} {reason}{'s' if count != 1 and reason == 'unknown field' else ''}")
     for note in source.notes:
-        click.echo(plain(f"    {note.removeprefix('info:').strip()}" if note.startswith("info:") else f"warning[W209]: {note}"), err=not note.startswith("info:"))
+        if note.startswith("info:"):
+            click.echo(plain(f"    {note.removeprefix('info:').strip()}"))
+        else:
+            code, _, text = note.partition(": ") if _CODE.match(note) else ("W209", "", note)
+            click.echo(plain(f"warning[{code}]: {text}\n more: vsd explain {code}"), err=True)
     for reason, count in sorted(source.n_rejected.items()):
         example = source.examples[reason]
-        click.echo(plain(f"warning[W210]: {count:,} records quarantined: {reason}"), err=True)
-        click.echo(plain(f"  --> {source.source}, line {example.line}"), err=True)
-        if example.text:
-            click.echo(f"   |  {plain(example.text).replace(chr(10), ' ')[:160]}", err=True)
-        click.echo(plain(f"  why: {example.detail[:300]}"), err=True)
+        warning = VsdError(
+            f"{_count(count, 'record')} quarantined: {reason}",
+            code="W210",
+            where=Where(source.source, example.line, example.text or None),
+            why=example.detail[:300],
+            mend=MENDS.get(reason),
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
     if source.error is not None:
         click.echo(render_error(source.error), err=True)
+
+
+def _count(n: int, noun: str) -> str:
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"
 
 
 def _local(project: Project, ms: int) -> str:
@@ -208,9 +300,9 @@ def _tell_total(result: IngestResult, *, is_dry_run: bool) -> None:
     n_new = sum(c.n_new for c in tables.values())
     n_known = sum(c.n_known for c in tables.values())
     n_second = sum(c.n_second for c in tables.values())
-    said = [f"{n_new:,} new records stored"]
-    said += [f"{n_known:,} were known already"] if n_known else []
-    said += [f"{n_second:,} second sightings left out"] if n_second else []
+    said = [f"{_count(n_new, 'new record')} stored"]
+    said += [f"{n_known:,} known already"] if n_known else []
+    said += [f"{_count(n_second, 'second sighting')} left out"] if n_second else []
     said += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
     click.echo(", ".join(said))
 
@@ -225,6 +317,9 @@ def _as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dic
                 "format": s.format,
                 "records": dict(s.n_records),
                 "quarantined": dict(s.n_rejected),
+                "examples": {
+                    reason: {"line": e.line, "detail": e.detail, "text": e.text} for reason, e in s.examples.items()
+                },
                 "left_out": dict(s.n_dropped),
                 "notes": s.notes,
                 "first": None if s.first_ms is None else _local(project, s.first_ms).replace(" ", "T"),
@@ -234,6 +329,7 @@ def _as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dic
             for s in result.sources
         ],
         "stored": {
-            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second} for t, c in result.fold.tables.items()
+            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second}
+            for t, c in result.fold.tables.items()
         },
     }

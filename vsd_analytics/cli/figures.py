@@ -2,10 +2,27 @@
 
 from __future__ import annotations
 
+import json
+from typing import TYPE_CHECKING, Any, Literal
+
 import click
 
 from vsd_analytics.cli.ranges import range_options, warehouse_of
 from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_HOUR_COLUMNS = (
+    "start",
+    "camera_id",
+    "area_id",
+    "person_records",
+    "violation_records",
+    "n_violations",
+    "recorded_s",
+    "state",
+)
 
 
 @click.command()
@@ -13,7 +30,9 @@ from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_proje
 @click.option("--by", type=click.Choice(["camera", "area"]), help="One row per camera or area as well.")
 @json_option
 @pass_project
-def hours(project: Project, week: str | None, days: str | None, by: str | None, as_json: bool) -> None:
+def hours(
+    project: Project, week: str | None, days: str | None, by: Literal["camera", "area"] | None, as_json: bool
+) -> None:
     """Print hourly counts: people, violations, recorded time, state of the hour.
 
     An hour without data has state no_data: nothing is known about it, which is not the same as nothing happened.
@@ -26,27 +45,50 @@ def hours(project: Project, week: str | None, days: str | None, by: str | None, 
     from vsd_analytics.warehouse import figures
 
     with warehouse_of(project, week=week, days=days) as warehouse:
-        frame = figures.hours(warehouse, by=by)  # type: ignore[arg-type]
+        frame = figures.hours(warehouse, by=by)
     if as_json:
         emit_json({"hours": _records(frame)})
         return
     if by is None:
         frame = frame[(frame["recorded_s"] > 0) | (frame["state"] == "no_data")]
-    columns = [c for c in ("start", "camera_id", "area_id", "person_records", "violation_records", "n_violations", "recorded_s", "state") if c in frame]
+    columns = [c for c in _HOUR_COLUMNS if c in frame]
     click.echo(_text(frame[columns]))
 
 
 @click.command()
 @range_options
-@click.option("--cell", "cell_m", type=float, default=1.0, show_default=True, help="Side of a cell in metres, a multiple of 0.25.")
-@click.option("--at", type=click.Choice(["midpoint", "person"]), default="midpoint", show_default=True, help="Count a record at the pair's midpoint, or where each person stands.")
+@click.option(
+    "--cell", "cell_m", type=float, default=1.0, show_default=True, help="Side of a cell in metres, a multiple of 0.25."
+)
+@click.option(
+    "--at",
+    type=click.Choice(["midpoint", "person"]),
+    default="midpoint",
+    show_default=True,
+    help="Count a record at the pair's midpoint, or where each person stands.",
+)
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
-@click.option("--format", "kind", type=click.Choice(["csv", "json", "png", "svg"]), default="csv", show_default=True)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["csv", "json", "png", "svg"]),
+    default="csv",
+    show_default=True,
+    help="Table or picture.",
+)
 @click.option("--out", metavar="FILE", help="Write here (pictures need it); default: standard output.")
 @json_option
 @pass_project
 def heatmap(
-    project: Project, week: str | None, days: str | None, cell_m: float, at: str, floor_id: str | None, kind: str, out: str | None, as_json: bool
+    project: Project,
+    week: str | None,
+    days: str | None,
+    cell_m: float,
+    at: Literal["midpoint", "person"],
+    floor_id: str | None,
+    kind: str,
+    out: str | None,
+    as_json: bool,
 ) -> None:
     """Print or draw violation records per floor cell.
 
@@ -66,11 +108,18 @@ def heatmap(
     if kind in ("png", "svg") and out is None:
         raise UsageError("a picture needs a file to go to", mend=f"--out where.{kind}")
     with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m) as warehouse:
-        frame = figures.heatmap(warehouse, floor_id=floor_id, at=at)  # type: ignore[arg-type]
+        frame = figures.heatmap(warehouse, floor_id=floor_id, at=at)
         if kind in ("png", "svg"):
             from vsd_analytics.report.plots import draw_heatmap
 
-            draw_heatmap(frame, project.site, floor_id=floor_id, cell_m=cell_m, path=str(out), title=f"Violation records, {warehouse.first} to {warehouse.last}")
+            draw_heatmap(
+                frame,
+                project.site,
+                floor_id=floor_id,
+                cell_m=cell_m,
+                path=str(out),
+                title=f"Violation records, {warehouse.first} to {warehouse.last}",
+            )
             project.say(f"wrote {out}")
             return
     if kind == "json" or as_json:
@@ -106,7 +155,11 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
         return
     for camera in found["cameras"]:
         strip = " ".join("   –" if d["share"] is None else f"{d['share']:4.0%}" for d in camera["days"][-14:])
-        share = "no opening hours" if camera["share"] is None else f"{camera['share']:.0%} of {camera['scheduled_h']:.0f} open hours"
+        share = (
+            "no opening hours"
+            if camera["share"] is None
+            else f"{camera['share']:.0%} of {camera['scheduled_h']:.0f} open hours"
+        )
         click.echo(f"{camera['camera_id']:<16} {share:<28} {strip}")
     if found["outages"]:
         click.echo("\nmissing (10 minutes or more of opening hours):")
@@ -115,23 +168,14 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
         click.echo(f"  {o['camera_id']:<14} {o['start']} to {o['end']}  {o['open_h']:.1f} open h{inferred}")
 
 
-def _records(frame: object) -> list[dict[str, object]]:
-    import math
-
-    rows: list[dict[str, object]] = frame.to_dict(orient="records")  # type: ignore[attr-defined]
-    return [{k: None if isinstance(v, float) and math.isnan(v) or v is _na() else _plain(v) for k, v in r.items()} for r in rows]
-
-
-def _na() -> object:
-    import pandas as pd
-
-    return pd.NA
+def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a frame; what is missing is None."""
+    rows: list[dict[str, Any]] = json.loads(frame.to_json(orient="records", double_precision=15))
+    return rows
 
 
-def _plain(value: object) -> object:
-    return value.item() if hasattr(value, "item") else value
-
-
-def _text(frame: object) -> str:
-    text: str = frame.to_string(index=False, na_rep="–", float_format=lambda v: f"{v:,.0f}")  # type: ignore[attr-defined]
-    return text
+def _text(frame: pd.DataFrame) -> str:
+    counts = frame.select_dtypes("Int64").columns
+    return frame.astype(dict.fromkeys(counts, "float64")).to_string(
+        index=False, na_rep="–", float_format=lambda v: f"{v:,.0f}"
+    )

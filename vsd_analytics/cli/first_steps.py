@@ -9,8 +9,20 @@ from vsd_analytics.cli.shared import Project, pass_project, progress
 
 @click.command()
 @click.argument("folder", default="vsd-demo", metavar="[DIR]")
-@click.option("--weeks", type=click.IntRange(1, 104), default=2, show_default=True, help="Weeks to make; all but the last two are drawn coarsely.")
-@click.option("--last-week", default="2026-W46", show_default=True, metavar="WEEK", help="ISO week the made-up data end with.")
+@click.option(
+    "--weeks",
+    type=click.IntRange(1, 104),
+    default=2,
+    show_default=True,
+    help="Weeks to make; all but the last two are drawn coarsely.",
+)
+@click.option(
+    "--last-week",
+    default="2026-W46",
+    show_default=True,
+    metavar="WEEK",
+    help="ISO week the made-up data end with.",
+)
 @click.option("--seed", type=int, default=4, show_default=True, help="Another seed is another shop week.")
 @click.option("--open", "is_opened", is_flag=True, help="Open the report in a browser.")
 @pass_project
@@ -28,33 +40,36 @@ def demo(project: Project, folder: str, weeks: int, last_week: str, seed: int, i
     import time
     from pathlib import Path
 
+    from vsd_analytics.cli.reports import write_report
     from vsd_analytics.errors import UsageError
+    from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
 
     root = Path(folder)
-    if root.exists() and any(root.iterdir()):
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
         raise UsageError(
-            f"{folder} is not empty", code="E104", why="the demo writes a whole project and overwrites nothing", mend="vsd demo another-folder"
+            f"{folder} is not empty",
+            code="E104",
+            why="the demo writes a whole project and overwrites nothing",
+            mend="vsd demo another-folder",
         )
     started = time.perf_counter()
     with progress(None, total=7 * weeks, label="people walk", unit="day", quiet=project.quiet) as bar:
-        from vsd_analytics.simulate import write_demo_project
-
-        def day_done(done: int, total: int) -> None:
-            bar.update(1)
-
-        truth = write_demo_project(root, seed=seed, weeks=weeks, last_week=last_week, progress=day_done)
+        truth = write_demo_project(
+            root, seed=seed, weeks=weeks, last_week=last_week, progress=lambda done, total: bar.update(1)
+        )
     made = time.perf_counter()
-    click.echo(f"  Made a shop with 4 cameras and {weeks} weeks of made-up people: {truth.n_messages:,} frames, {truth.n_person_records:,} person records in {made - started:.1f} s")
+    counts = f"{truth.n_messages:,} frames, {truth.n_person_records:,} person records"
+    made_of = f"{weeks} week{'' if weeks == 1 else 's'} of made-up people"
+    click.echo(f"  Made a shop with 4 cameras and {made_of}: {counts} in {made - started:.1f} s")
     inner = Project(folder=folder, now_text=project.now_text, quiet=project.quiet, verbose=project.verbose)
     files = sorted((root / "engine").iterdir())
-    with progress(None, total=sum(f.stat().st_size for f in files), label="reading", unit="B", quiet=project.quiet) as bar:
+    n_bytes = sum(f.stat().st_size for f in files)
+    with progress(None, total=n_bytes, label="reading", unit="B", quiet=project.quiet) as bar:
         result = ingest_demo(inner.site, files, seed=seed, on_bytes=bar.update)
     n_new = sum(c.n_new for c in result.fold.tables.values())
     read = time.perf_counter()
     click.echo(f"  Read into the store: {n_new:,} records in {read - made:.1f} s")
-    from vsd_analytics.cli.reports import write_report
-
     written = write_report(inner, week=last_week, kind="html", out=str(root / "reports"), floor_id=None)
     click.echo(f"  Counted, mapped, written in {time.perf_counter() - read:.1f} s")
     for path in written:

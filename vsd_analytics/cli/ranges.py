@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 def range_options(command: F) -> F:
     """Add `--week` and `--range` to a command."""
     for option in (
-        click.option("--range", "days", metavar="DAYS", help="Local days: 2026-11-09..2026-11-15 (default: everything stored)."),
+        click.option(
+            "--range", "days", metavar="DAYS", help="Local days: 2026-11-09..2026-11-15 (default: everything stored)."
+        ),
         click.option("--week", metavar="WEEK", help="ISO week: 2026-W46, last, last-2."),
     ):
         command = option(command)
@@ -75,6 +77,7 @@ def warehouse_of(project: Project, *, week: str | None, days: str | None, **opti
 
     first, last = resolve(project, week=week, days=days)
     with progress(None, total=None, label="facts", unit="h", quiet=project.quiet) as bar:
+
         def plan(n_hours: int) -> None:
             bar.total = n_hours
 

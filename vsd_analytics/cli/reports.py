@@ -16,17 +16,33 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.option("--week", metavar="WEEK", default="last", show_default=True, help="ISO week: 2026-W46, last, last-2.")
-@click.option("--format", "kind", type=click.Choice(["html", "json", "csv"]), default="html", show_default=True)
-@click.option("--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project).")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["html", "json", "csv"]),
+    default="html",
+    show_default=True,
+    help="The page, or a twin of it.",
+)
+@click.option(
+    "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
+)
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one report for each).")
 @click.option("--strict", is_flag=True, help="Exit with 1 when too little was recorded to compare.")
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
 @json_option
 @pass_project
 def report(
-    project: Project, week: str, kind: str, out: str | None, floor_id: str | None, strict: bool, is_opened: bool, as_json: bool
+    project: Project,
+    week: str,
+    kind: str,
+    out: str | None,
+    floor_id: str | None,
+    strict: bool,
+    is_opened: bool,
+    as_json: bool,
 ) -> int:
-    """Write the weekly report: better or worse, where, when, and how sure.
+    """Write the weekly report: more violations or fewer, where, when, and how sure.
 
     \b
     Example:
@@ -56,8 +72,11 @@ def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[W
     monday = parse_week(week, last=last_monday(project))
     floors = [f.floor_id for f in project.site.floors]
     if floor_id is not None and floor_id not in floors:
-        raise UsageError(f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}")
+        raise UsageError(
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+        )
     with progress(None, total=None, label="facts", unit="h", quiet=project.quiet) as bar:
+
         def plan(n_hours: int) -> None:
             bar.total = (bar.total or 0) + n_hours
 

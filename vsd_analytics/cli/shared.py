@@ -96,7 +96,12 @@ def render_error(error: VsdError, *, word: str = "error") -> str:
             if error.where.column is not None:
                 lines.append(f"   |  {' ' * (error.where.column - 1)}^ {_short(error.where.note or '')}".rstrip())
     if isinstance(error, ConfigError):
-        lines += [text for p in error.problems for text in render_error(p, word="  mistake").split("\n") if "more:" not in text]
+        lines += [
+            text
+            for p in error.problems
+            for text in render_error(p, word="  mistake").split("\n")
+            if "more:" not in text
+        ]
     if error.why:
         lines.append(f"  why: {plain(error.why)}")
     if error.mend:
@@ -115,6 +120,8 @@ def run(command: click.Command, arguments: list[str]) -> int:
     as_json = "--json" in arguments
     verbose = any(a in ("-v", "--verbose") for a in arguments)
     try:
+        if not {"explain", "-h", "--help", "--version"} & set(arguments):
+            refuse_unsupported(sys.platform)
         result = command.main(arguments, prog_name="vsd", standalone_mode=False)
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
@@ -146,6 +153,21 @@ def run(command: click.Command, arguments: list[str]) -> int:
         what = f"an internal error stopped the command: {type(error).__name__}: {error}"
         _tell(VsdError(what, code="E900", mend="run it again with -v and report what it prints"), as_json=as_json)
         return 2
+
+
+def refuse_unsupported(platform: str) -> None:
+    """Raise VsdError E130 on a platform whose file system cannot keep the store's promises.
+
+    Args:
+        platform: As `sys.platform` names it.
+    """
+    if platform in ("win32", "cygwin"):
+        raise VsdError(
+            "Windows is not supported",
+            code="E130",
+            why="the store needs file locks and durable renames as Linux and macOS have them",
+            mend="run it on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt",
+        )
 
 
 def _tell(error: VsdError, *, as_json: bool) -> None:
@@ -191,7 +213,11 @@ def parse_week(text: str, *, last: date) -> date:
             return date.fromisoformat(f"{text}-1")
     except ValueError:
         pass
-    raise UsageError(f"{text!r} is not a week", why="weeks are ISO weeks, Monday to Sunday", mend="--week 2026-W46, or last, or last-2")
+    raise UsageError(
+        f"{text!r} is not a week",
+        why="weeks are ISO weeks, Monday to Sunday",
+        mend="--week 2026-W46, or last, or last-2",
+    )
 
 
 def parse_range(text: str) -> tuple[date, date]:

@@ -7,6 +7,7 @@ pseudonyms, quarantine) happens once, in `vsd_analytics.ingest.normalise`.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -78,7 +79,8 @@ class IngestOptions:
         format: Name of an adapter, or None to detect it.
         camera: Camera id for records that name none.
         columns: Column names of a headerless table, in order.
-        map: Ours to theirs, for tables with other column names.
+        map: Ours to theirs, for tables with other column names; a name that is not there is an error.
+        site_map: `[ingest.map]` of vsd.toml, ours to theirs, for files that have such columns.
         period_s: Sampling period: times are floored to it, so that records of one period are one frame.
         fps: Frames per second, for files that have frame numbers.
         start: Instant of frame 0 (UTC milliseconds), for files that have frame numbers.
@@ -97,6 +99,7 @@ class IngestOptions:
     camera: str | None = None
     columns: tuple[str, ...] | None = None
     map: Mapping[str, str] = field(default_factory=dict)
+    site_map: Mapping[str, str] = field(default_factory=dict)
     period_s: float | None = None
     fps: float | None = None
     start: int | None = None
@@ -154,20 +157,32 @@ class Source:
     def head(self, n_bytes: int = 65536) -> bytes:
         """Return the first decompressed bytes of a file, for recognising its format; b"" for a folder.
 
-        Raises:
-            InputError: E205, the compressed data are damaged before their first line ends.
+        Of a file that is damaged further on, what comes before the damage is returned.
         """
         if self.path.is_dir():
             return b""
         found = b""
-        with self.open() as f:
-            try:
-                while len(found) < n_bytes and (more := f.read1(n_bytes - len(found))):  # type: ignore[attr-defined]
-                    found += more
-            except InputError:
-                if not found:
-                    raise
+        with self.open() as f, contextlib.suppress(InputError):
+            while len(found) < n_bytes and (more := f.read1(n_bytes - len(found))):  # type: ignore[attr-defined]
+                found += more
         return found
+
+
+def empty(source: Source) -> InputError:
+    """Return the error of a file without content: E202, or E205 when it is damaged from its first line on."""
+    try:
+        if source.size_bytes:
+            with source.open() as f:
+                f.read(1)
+    except InputError as error:
+        return error
+    return InputError(
+        f"{source.path.name} is empty",
+        code="E202",
+        where=Where(source.name),
+        why="even an hour without people has a header, or messages without persons",
+        mend="export it again",
+    )
 
 
 def bytes_read(stream: IO[bytes]) -> int:

@@ -6,34 +6,30 @@ stored. `json_schema()` publishes the same types.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
-from typing import IO, Annotated, Any
-from zoneinfo import ZoneInfo
+from typing import Annotated, Any
 
 import msgspec
+import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.errors import InputError
-from vsd_analytics.ingest.adapter import (
-    BATCH_ROWS,
-    EXCERPT_CHARS,
-    IngestOptions,
-    RawBatch,
-    Rejected,
-    Source,
-    bytes_read,
-)
-from vsd_analytics.schema import RAW_SCHEMAS, TableName
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
+from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
+from vsd_analytics.ingest.lines import line_blocks
+from vsd_analytics.ingest.raw import raw_table, rejected
+from vsd_analytics.schema import TableName
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 Id = str | int
 
 
-class PersonMessage(msgspec.Struct, frozen=True):
+class PersonMessage(msgspec.Struct, frozen=True, gc=False):
     """A person in a frame: floor metres, image pixels, or both; an id only if the engine tracks."""
 
     id: Id | None = None
@@ -43,7 +39,7 @@ class PersonMessage(msgspec.Struct, frozen=True):
     v_px: float | None = None
 
 
-class PairMessage(msgspec.Struct, frozen=True):
+class PairMessage(msgspec.Struct, frozen=True, gc=False):
     """A pair the engine measured: ids of its persons and their distance in metres."""
 
     a: Id
@@ -52,22 +48,40 @@ class PairMessage(msgspec.Struct, frozen=True):
     sd_m: float | None = None
 
 
-class FrameMessage(msgspec.Struct, frozen=True):
+class FrameMessage(msgspec.Struct, frozen=True, gc=False):
     """One processed frame of one camera. An empty `persons` is a heartbeat; absent `pairs` are derived."""
 
     v: Annotated[int, msgspec.Meta(ge=1, le=1, description="Version of this message format.")]
-    camera: Annotated[str, msgspec.Meta(min_length=1, max_length=200, description="Camera id or engine_ids of vsd.toml.")]
-    ts: Annotated[datetime, msgspec.Meta(description="Instant of the frame, ISO 8601; without offset in the camera's clock zone.")]
-    persons: list[PersonMessage] | None = None
-    pairs: list[PairMessage] | None = None
+    camera: Annotated[
+        str, msgspec.Meta(min_length=1, max_length=200, description="Camera id or engine_ids of vsd.toml.")
+    ]
+    ts: Annotated[
+        datetime, msgspec.Meta(description="Instant of the frame, ISO 8601; without offset in the camera's clock zone.")
+    ]
+    persons: tuple[PersonMessage, ...] | None = None
+    pairs: tuple[PairMessage, ...] | None = None
     seq: Annotated[int, msgspec.Meta(ge=0, description="Running number, so that gaps can be reported.")] | None = None
     engine: Annotated[str, msgspec.Meta(max_length=200)] | None = None
     quality: str = "metric"
 
 
+class _KnownPerson(PersonMessage, frozen=True, gc=False, forbid_unknown_fields=True): ...
+
+
+class _KnownPair(PairMessage, frozen=True, gc=False, forbid_unknown_fields=True): ...
+
+
+class _KnownFrame(FrameMessage, frozen=True, gc=False, forbid_unknown_fields=True):
+    """The same message without unknown fields, so that they need not be looked for in every one."""
+
+    persons: tuple[_KnownPerson, ...] | None = None
+    pairs: tuple[_KnownPair, ...] | None = None
+
+
 _FIELDS = frozenset(FrameMessage.__struct_fields__)
 _PERSON_FIELDS = frozenset(PersonMessage.__struct_fields__)
 _PAIR_FIELDS = frozenset(PairMessage.__struct_fields__)
+_known = msgspec.json.Decoder(_KnownFrame)
 _typed = msgspec.json.Decoder(FrameMessage)
 _loose = msgspec.json.Decoder()
 
@@ -91,159 +105,174 @@ class Frames:
 
     def detects(self, source: Source) -> bool:
         """Tell by the first non-blank line: a JSON object with a "camera" or "v"."""
-        for line in source.head().splitlines():
+        for line in source.head().removeprefix(_BYTE_ORDER_MARK).splitlines():
             if line.strip():
                 return line.lstrip().startswith(b"{") and (b'"camera"' in line or b'"v"' in line)
         return False
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the messages of one file; see `Adapter.read`."""
-        limit = int(BY_NAME["line_max_bytes"].default)
         builder = MessageRows(options)
+        too_long = f"the line is longer than {options.line_max_bytes:,} bytes"
         damage: InputError | None = None
         with source.open() as stream:
-            lines = enumerate(_lines(stream, limit), start=1)
-            while True:
-                try:
-                    number, line = next(lines, (0, b""))
-                except InputError as error:
-                    damage = error
-                    break
-                if not number:
-                    break
-                if line is None:
-                    builder.reject(number, "line-too-long", f"the line is longer than {limit:,} bytes", b"")
-                elif line.strip():
-                    builder.add(number, line)
-                if builder.n_rows >= BATCH_ROWS:
-                    yield builder.batch(bytes_read(stream))
+            try:
+                for first, lines in line_blocks(stream, max_bytes=options.line_max_bytes):
+                    for number, line in enumerate(lines, first):
+                        if line is None:
+                            builder.reject(number, "line-too-long", too_long, b"")
+                        elif line:
+                            builder.add(number, line)
+                        if builder.n_rows >= BATCH_ROWS:
+                            yield builder.batch(bytes_read(stream))
+            except InputError as error:
+                damage = error
         yield builder.batch(source.size_bytes)
         if damage is not None:
             raise damage
-
-
-def _lines(stream: IO[bytes], limit: int) -> Iterator[bytes | None]:
-    """Yield lines; None for one longer than `limit`, which is skipped without being held in memory."""
-    while line := stream.readline(limit + 1):
-        if len(line) > limit:
-            while line and not line.endswith(b"\n"):
-                line = stream.readline(limit)
-            yield None
-        else:
-            yield line
 
 
 class MessageRows:
     """Turns message after message into raw tables; the MQTT listener uses it too.
 
     Args:
-        options: What the user said (camera clock zone, engine).
+        options: What the user said (clock zones of times without an offset).
     """
 
     def __init__(self, options: IngestOptions) -> None:
-        self._zone = ZoneInfo(options.frame_zone)
+        self._options = options
         self._clear()
 
     def _clear(self) -> None:
-        self._columns: dict[TableName, list[list[Any]]] = {
-            name: [[] for _ in RAW_SCHEMAS[name].names] for name in ("frames", "observations", "pairs")
-        }
+        self._messages: list[FrameMessage] = []
+        self._numbers: list[int] = []
         self._rejected: list[Rejected] = []
-        self._dropped: dict[str, int] = {}
-        self.engines: set[str] = set()
+        self._dropped: Counter[str] = Counter()
         self.n_rows = 0
 
     def reject(self, number: int, reason: str, detail: str, line: bytes) -> None:
         """Put one message into quarantine."""
         self.n_rows += 1
-        self._rejected.append(Rejected(number, reason, detail, line[:EXCERPT_CHARS].decode("utf-8", "replace")))
+        self._rejected.append(rejected(number, reason=reason, detail=detail, record=line))
 
     def add(self, number: int, line: bytes) -> None:
-        """Decode one message and keep its records."""
+        """Decode one message and keep its records; a blank line is none."""
+        try:
+            message: FrameMessage | None = _known.decode(line)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            message = self._second_look(number, line)
+        if message is not None:
+            self._messages.append(message)
+            self._numbers.append(number)
+            self.n_rows += 1 + len(message.persons or ()) + len(message.pairs or ())
+
+    def _second_look(self, number: int, line: bytes) -> FrameMessage | None:
+        """Decode a message that is wrong or has unknown fields, and count these."""
+        if not line.strip():
+            return None
         try:
             message = _typed.decode(line)
-            self._count_unknown(_loose.decode(line))
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError, OverflowError) as error:
+            loose: dict[str, Any] = _loose.decode(line)
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             reason = "bad-message" if isinstance(error, msgspec.ValidationError) else "bad-json"
             self.reject(number, reason, f"not a VSD frame message: {error}", line)
-            return
-        ts = message.ts if message.ts.tzinfo is not None else message.ts.replace(tzinfo=self._zone)
-        ts_ms = (ts - _EPOCH) // _MS
-        camera, quality = message.camera, message.quality
-        persons, pairs = message.persons, message.pairs
-        if message.engine:
-            self.engines.add(message.engine)
-        frames = self._columns["frames"]
-        for column, value in zip(
-            frames,
-            (camera, ts_ms, None if persons is None else len(persons), None if pairs is None else len(pairs), number),
-            strict=True,
-        ):
-            column.append(value)
-        self.n_rows += 1
-        index: dict[str, int] = {}
-        if persons:
-            self._add_persons(persons, camera, ts_ms, quality, number, index)
-        if pairs:
-            self._add_pairs(pairs, persons or [], camera, ts_ms, quality, number, index)
-
-    def _add_persons(
-        self, persons: list[PersonMessage], camera: str, ts_ms: int, quality: str, number: int, index: dict[str, int]
-    ) -> None:
-        cameras, times, person, tracks, xs, ys, us, vs, qualities, numbers = self._columns["observations"]
-        for i, p in enumerate(persons):
-            track = None if p.id is None else str(p.id)
-            if track is not None:
-                index.setdefault(track, i)
-            cameras.append(camera)
-            times.append(ts_ms)
-            person.append(i)
-            tracks.append(track)
-            xs.append(p.x_m)
-            ys.append(p.y_m)
-            us.append(p.u_px)
-            vs.append(p.v_px)
-            qualities.append(quality)
-            numbers.append(number)
-        self.n_rows += len(persons)
-
-    def _add_pairs(
-        self,
-        pairs: list[PairMessage],
-        persons: list[PersonMessage],
-        camera: str,
-        ts_ms: int,
-        quality: str,
-        number: int,
-        index: dict[str, int],
-    ) -> None:
-        for pair in pairs:
-            a, b = str(pair.a), str(pair.b)
-            ia, ib = (index.setdefault(t, len(index)) for t in (a, b))
-            pa_, pb = (persons[i] if i < len(persons) else None for i in (ia, ib))
-            values = (
-                camera, ts_ms, ia, ib, a, b,
-                pa_ and pa_.x_m, pa_ and pa_.y_m, pb and pb.x_m, pb and pb.y_m,
-                pair.distance_m, pair.sd_m, quality, number,
-            )  # fmt: skip
-            for column, value in zip(self._columns["pairs"], values, strict=True):
-                column.append(value)
-        self.n_rows += len(pairs)
-
-    def _count_unknown(self, loose: dict[str, Any]) -> None:
-        if loose.keys() - _FIELDS:
-            self._dropped["unknown field"] = self._dropped.get("unknown field", 0) + len(loose.keys() - _FIELDS)
+            return None
+        n_unknown = len(loose.keys() - _FIELDS)
         for name, known in (("persons", _PERSON_FIELDS), ("pairs", _PAIR_FIELDS)):
-            for item in loose.get(name) or ():
-                if len(unknown := item.keys() - known):
-                    self._dropped["unknown field"] = self._dropped.get("unknown field", 0) + len(unknown)
+            n_unknown += sum(len(item.keys() - known) for item in loose.get(name) or ())
+        self._dropped["unknown field"] += n_unknown
+        return message
 
     def batch(self, done_bytes: int) -> RawBatch:
         """Return what was added since the last call."""
-        tables = {
-            name: pa.table([pa.array(c, type=f.type) for c, f in zip(columns, RAW_SCHEMAS[name], strict=True)], schema=RAW_SCHEMAS[name])
-            for name, columns in self._columns.items()
-        }
-        batch = RawBatch(tables, self._rejected, self._dropped, (), done_bytes, tuple(sorted(self.engines)))
+        messages, lines = self._messages, np.array(self._numbers, dtype=np.int64)
+        ts_ms, notes = self._instants()
+        tables: dict[TableName, pa.Table] = {"frames": self._frames(ts_ms, lines)}
+        if any(m.persons for m in messages):
+            tables["observations"] = self._observations(ts_ms, lines)
+        if any(m.pairs for m in messages):
+            tables["pairs"] = self._pairs(ts_ms, lines)
+        engines = sorted({m.engine for m in messages if m.engine})
+        batch = RawBatch(tables, self._rejected, +self._dropped, notes, done_bytes, engines)
         self._clear()
         return batch
+
+    def _instants(self) -> tuple[np.ndarray, list[str]]:
+        ts_ms = np.zeros(len(self._messages), dtype=np.int64)
+        naive: dict[str, list[int]] = {}
+        for i, message in enumerate(self._messages):
+            ts = message.ts
+            if ts.tzinfo is None:
+                zone = self._options.clocks.get(message.camera, self._options.frame_zone)
+                naive.setdefault(zone, []).append(i)
+                ts = ts.replace(tzinfo=UTC)
+            ts_ms[i] = (ts - _EPOCH) // _MS
+        notes = []
+        for zone, at in naive.items():
+            ts_ms[at], is_ambiguous = local_to_utc(ts_ms[at], zone)
+            notes += [ambiguous_note(zone)] if is_ambiguous.any() else []
+        return ts_ms, notes
+
+    def _frames(self, ts_ms: np.ndarray, lines: np.ndarray) -> pa.Table:
+        return raw_table(
+            "frames",
+            camera=[m.camera for m in self._messages],
+            ts_ms=ts_ms,
+            n_persons=[None if m.persons is None else len(m.persons) for m in self._messages],
+            n_pairs=[None if m.pairs is None else len(m.pairs) for m in self._messages],
+            line=lines,
+        )
+
+    def _observations(self, ts_ms: np.ndarray, lines: np.ndarray) -> pa.Table:
+        counts = np.array([len(m.persons or ()) for m in self._messages])
+        of_row = np.repeat(np.arange(len(counts)), counts)
+        at = pa.array(of_row)
+        persons = [p for m in self._messages for p in m.persons or ()]
+        return raw_table(
+            "observations",
+            camera=pa.array([m.camera for m in self._messages], pa.string()).take(at),
+            ts_ms=ts_ms[of_row],
+            person=np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts),
+            track=[None if p.id is None else str(p.id) for p in persons],
+            x_m=[p.x_m for p in persons],
+            y_m=[p.y_m for p in persons],
+            u_px=[p.u_px for p in persons],
+            v_px=[p.v_px for p in persons],
+            quality=pa.array([m.quality for m in self._messages], pa.string()).take(at),
+            line=lines[of_row],
+        )
+
+    def _pairs(self, ts_ms: np.ndarray, lines: np.ndarray) -> pa.Table:
+        columns: dict[str, list[Any]] = {
+            c: [] for c in ("person_a", "person_b", "track_a", "track_b", "x_a_m", "y_a_m", "x_b_m", "y_b_m")
+        }
+        for message in self._messages:
+            persons = message.persons or ()
+            number: dict[str, int] = {}
+            for i, person in enumerate(persons):
+                if person.id is not None:
+                    number.setdefault(str(person.id), i)
+            n_persons = len(persons)
+            for pair in message.pairs or ():
+                for side, track in (("a", str(pair.a)), ("b", str(pair.b))):
+                    if track not in number:  # a person the message does not list is numbered after those it does
+                        number[track], n_persons = n_persons, n_persons + 1
+                    i = number[track]
+                    person = persons[i] if i < len(persons) else PersonMessage()
+                    columns[f"person_{side}"].append(i)
+                    columns[f"track_{side}"].append(track)
+                    columns[f"x_{side}_m"].append(person.x_m)
+                    columns[f"y_{side}_m"].append(person.y_m)
+        pairs = [p for m in self._messages for p in m.pairs or ()]
+        of_row = np.repeat(np.arange(len(lines)), [len(m.pairs or ()) for m in self._messages])
+        at = pa.array(of_row)
+        return raw_table(
+            "pairs",
+            camera=pa.array([m.camera for m in self._messages], pa.string()).take(at),
+            ts_ms=ts_ms[of_row],
+            **columns,
+            distance_m=[p.distance_m for p in pairs],
+            distance_sd_m=[p.sd_m for p in pairs],
+            quality=pa.array([m.quality for m in self._messages], pa.string()).take(at),
+            line=lines[of_row],
+        )

@@ -1,86 +1,143 @@
-"""Times as files write them: unix seconds, milliseconds or microseconds, and ISO 8601 with or without offset."""
+"""Times as files write them: unix seconds to nanoseconds, and ISO 8601 with or without offset."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
 
-_UNITS: tuple[tuple[float, str, float], ...] = (
-    # unix numbers from here on are in this unit; factor to milliseconds
-    (1e14, "microseconds", 1e-3),
-    (1e11, "milliseconds", 1.0),
-    (0.0, "seconds", 1000.0),
+from vsd_analytics.ingest.cells import numbers, trimmed
+
+QUARTER_MS = 900_000
+
+_UNITS: tuple[tuple[float, float, float, float], ...] = (
+    # unix numbers from here on are in this unit: times and divided by these they are milliseconds, but for a slack,
+    # since a float64 of today's unix seconds is off by up to 2.4e-4 ms, of nanoseconds by 1.3e-4 ms
+    (1e17, 1.0, 1e6, 1e-3),
+    (1e14, 1.0, 1e3, 0.0),
+    (1e11, 1.0, 1.0, 0.0),
+    (0.0, 1e3, 1.0, 1e-3),
 )
+_ISO = r"^\d{4}-?\d{2}"
+_OFFSET = r"(?:[zZ]|[Tt ]\d{2}[^+-]*[+-]\d{2}(?::?\d{2})?)$"
+_NAIVE_EPOCH = datetime(1970, 1, 1)
+_FIRST_MS = (datetime(1, 1, 3) - _NAIVE_EPOCH) // timedelta(milliseconds=1)
+_LAST_MS = (datetime(9999, 12, 29) - _NAIVE_EPOCH) // timedelta(milliseconds=1)
 
 
-def parse_instants(values: pd.Series[Any], *, zone: str) -> tuple[np.ndarray, np.ndarray, Sequence[str]]:
+@dataclass(frozen=True, slots=True)
+class Instants:
+    """A column of times, understood.
+
+    Attributes:
+        ms: Milliseconds since 1970 (UTC), int64; 0 where `is_wrong`.
+        is_wrong: Which rows hold no time that can be understood.
+        notes: What the user should know.
+    """
+
+    ms: np.ndarray
+    is_wrong: np.ndarray
+    notes: Sequence[str] = ()
+
+
+def parse_instants(values: pa.Array, *, zone: str) -> Instants:
     """Parse a column of times.
 
     Args:
-        values: Numbers or texts. Unix numbers are seconds below 1e11, milliseconds below 1e14, else microseconds, by
-            the median of the column, so that a single wild value does not change the unit.
-        zone: IANA zone of ISO times without an offset; of two equal local times at the end of summer time the first
-            is meant, times in the hour that is skipped in spring are moved forward.
+        values: Numbers, texts, dates or timestamps. Unix numbers are seconds below 1e11, milliseconds below 1e14,
+            microseconds below 1e17, else nanoseconds, by the median of the column, so that a single wild value does
+            not change the unit.
+        zone: IANA zone of times without an offset, see `local_to_utc`.
+
+    Raises:
+        pyarrow.ArrowException: The column is of a type that cannot be a time, such as a list.
+    """
+    if pa.types.is_date(values.type):
+        values = values.cast(pa.timestamp("ms"))
+    if pa.types.is_timestamp(values.type):
+        whole = values.cast(pa.timestamp("ms", tz=values.type.tz), safe=False).cast(pa.int64())
+        is_wrong = ~_known(whole)
+        return _placed(_int64(whole), is_wrong, is_wrong | (values.type.tz is not None), zone)
+    unix, is_text = numbers(values)
+    is_unix = np.isfinite(unix)
+    ms = np.zeros(len(values))
+    if is_unix.any():
+        magnitude = float(np.median(np.abs(unix[is_unix])))
+        times, divided, slack = next(unit[1:] for unit in _UNITS if magnitude >= unit[0])
+        ms[is_unix] = np.floor(unix[is_unix] * times / divided + slack)
+    is_wrong = ~is_unix
+    is_exact = np.ones(len(values), dtype=bool)
+    if is_text.any():
+        at = np.flatnonzero(is_text)
+        ms[at], is_wrong[at], is_exact[at] = _from_texts(trimmed(values).take(pa.array(at)))
+    is_wrong |= ~np.isfinite(ms) | (np.abs(ms) > 2**53)
+    return _placed(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong, is_wrong | is_exact, zone)
+
+
+def local_to_utc(local_ms: np.ndarray, zone: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return UTC milliseconds of local times.
+
+    Args:
+        local_ms: Milliseconds since 1970-01-01T00:00 on a wall clock in `zone`, int64.
+        zone: IANA zone. Its offset is looked up once a quarter of an hour, on which all changes of offset fall. Times
+            in the hour that is skipped in spring keep their distances, as on a clock that was not put forward.
 
     Returns:
-        Milliseconds since 1970 (NaN where wrong), which rows are wrong, and notes for the user.
+        UTC milliseconds, and which times come twice because clocks are set back: the first of the two is taken.
     """
-    if pd.api.types.is_datetime64_any_dtype(values.dtype):
-        return _from_datetimes(values, zone)
-    numbers = pd.to_numeric(values, errors="coerce").to_numpy(dtype="float64", na_value=np.nan)
-    numeric = np.isfinite(numbers)
-    times = np.full(len(values), np.nan)
-    if numeric.any():
-        magnitude = float(np.median(np.abs(numbers[numeric])))
-        factor = next(f for start, _, f in _UNITS if magnitude >= start)
-        times[numeric] = np.floor(numbers[numeric] * factor + 1e-6)
-    notes: list[str] = []
-    rest = ~numeric
-    if rest.any():
-        texts = values[rest].astype(str).str.strip()
-        times[rest], ambiguous = _from_texts(texts, zone)
-        if ambiguous:
-            notes.append(
-                f"{ambiguous:,} times fall into the hour that {zone} has twice when clocks are set back; "
-                "the first of the two is taken: log in UTC, or with an offset, to be exact"
-            )
-    return times, ~np.isfinite(times), notes
-
-
-def _from_texts(texts: pd.Series[str], zone: str) -> tuple[np.ndarray, int]:
-    offset = texts.str.contains(r"(?:[zZ]|[+-]\d{2}:?\d{2})$", regex=True).to_numpy()
-    result = np.full(len(texts), np.nan)
-    if offset.any():
-        aware = pd.to_datetime(texts[offset], errors="coerce", utc=True, format="ISO8601")
-        result[offset] = _milliseconds(aware)
-    naive = pd.to_datetime(texts[~offset], errors="coerce", format="ISO8601")
-    if not len(naive):
-        return result, 0
-    local, n_ambiguous = _localised(naive, zone)
-    result[~offset] = local
-    return result, n_ambiguous
-
-
-def _from_datetimes(values: pd.Series[Any], zone: str) -> tuple[np.ndarray, np.ndarray, Sequence[str]]:
-    if values.dt.tz is not None:
-        times, _ = _milliseconds(values.dt.tz_convert("UTC")), 0
-    else:
-        times, _ = _localised(values, zone)
-    return times, ~np.isfinite(times), ()
-
-
-def _localised(naive: pd.Series[Any], zone: str) -> tuple[np.ndarray, int]:
     if zone.upper() == "UTC":
-        return _milliseconds(naive.dt.tz_localize("UTC")), 0
-    first = naive.dt.tz_localize(zone, ambiguous=np.ones(len(naive), dtype=bool), nonexistent="shift_forward")
-    second = naive.dt.tz_localize(zone, ambiguous=np.zeros(len(naive), dtype=bool), nonexistent="shift_forward")
-    n_ambiguous = int((first != second).sum() - first.isna().sum())
-    return _milliseconds(first.dt.tz_convert("UTC")), n_ambiguous
+        return local_ms, np.zeros(len(local_ms), dtype=bool)
+    quarters, of_row = np.unique(np.clip(local_ms, _FIRST_MS, _LAST_MS) // QUARTER_MS, return_inverse=True)
+    offsets = np.zeros((2, len(quarters)), dtype=np.int64)
+    info = ZoneInfo(zone)
+    for i, quarter in enumerate(quarters.tolist()):
+        wall = _NAIVE_EPOCH + timedelta(milliseconds=quarter * QUARTER_MS)
+        for fold in (0, 1):
+            offset = wall.replace(tzinfo=info, fold=fold).utcoffset() or timedelta()
+            offsets[fold, i] = offset // timedelta(milliseconds=1)
+    return local_ms - offsets[0][of_row], (offsets[0] > offsets[1])[of_row]
 
 
-def _milliseconds(values: pd.Series[Any]) -> np.ndarray:
-    whole = values.dt.as_unit("us").astype("int64").to_numpy() // 1000
-    return np.where(values.isna().to_numpy(), np.nan, whole.astype("float64"))
+def ambiguous_note(zone: str) -> str:
+    """Return what to tell about times that come twice."""
+    return (
+        f"W211: some times fall into the hour that {zone} has twice when clocks are set back; "
+        "the first of the two is taken: log in UTC, or with an offset, to be exact"
+    )
+
+
+def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: str) -> Instants:
+    notes = []
+    if not is_exact.all():
+        ms[~is_exact], is_ambiguous = local_to_utc(ms[~is_exact], zone)
+        notes = [ambiguous_note(zone)] if is_ambiguous.any() else []
+    return Instants(ms, is_wrong, notes)
+
+
+def _from_texts(texts: pa.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return milliseconds as written, which texts are wrong, and which carry an offset."""
+    is_iso = pc.match_substring_regex(texts, _ISO).to_numpy(zero_copy_only=False)
+    has_offset = pc.match_substring_regex(texts, _OFFSET).to_numpy(zero_copy_only=False)
+    ms, is_wrong = np.zeros(len(texts)), ~is_iso
+    for is_kind in (is_iso & has_offset, is_iso & ~has_offset):
+        if is_kind.any():
+            chosen = pd.Series(texts.filter(pa.array(is_kind)).to_pylist(), dtype="object")
+            times = pd.to_datetime(chosen, errors="coerce", utc=True, format="ISO8601")
+            ms[is_kind] = times.dt.as_unit("us").astype("int64").to_numpy() // 1000
+            is_wrong[is_kind] = times.isna().to_numpy()
+    return ms, is_wrong, has_offset
+
+
+def _known(values: pa.Array) -> np.ndarray:
+    known: np.ndarray = values.is_valid().to_numpy(zero_copy_only=False)
+    return known
+
+
+def _int64(values: pa.Array) -> np.ndarray:
+    return np.array(pc.fill_null(values, 0).to_numpy(zero_copy_only=False), dtype=np.int64)

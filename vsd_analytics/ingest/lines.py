@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import IO, Protocol
+from typing import IO
 
 from vsd_analytics.errors import InputError
 
 BLOCK_BYTES = 4 << 20
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-
-
-class _Reads1(Protocol):
-    def read1(self, n: int, /) -> bytes: ...
 
 
 def line_blocks(
@@ -21,7 +17,7 @@ def line_blocks(
     """Yield the lines of a stream, many at a time.
 
     Args:
-        stream: Buffered bytes, such as `Source.open` gives; a UTF-8 byte order mark at its start is left out.
+        stream: Buffered bytes with `read1`, such as `Source.open` gives; a UTF-8 byte order mark is left out.
         max_bytes: Longest line handed out, its end not counted.
         block_bytes: How much is read at once.
 
@@ -32,12 +28,11 @@ def line_blocks(
     Raises:
         InputError: The stream is damaged (E205); every whole line before the damage was yielded.
     """
-    reader: _Reads1 = stream  # type: ignore[assignment]
     number, rest, is_skipping = 1, b"", False
     damage: InputError | None = None
     while True:
         try:
-            data = reader.read1(block_bytes)
+            data: bytes = stream.read1(block_bytes)  # type: ignore[attr-defined]
         except InputError as error:
             damage = error
             break

@@ -5,25 +5,28 @@ Bad records are rejected with a reason, never fatal to good ones; nothing else i
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, datetime, timedelta
 
-import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.ingest.adapter import RawBatch, Rejected
-from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TableName
+from vsd_analytics.ingest.pseudonyms import Pseudonyms
+from vsd_analytics.ingest.raw import rejected
+from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TS, TableName
 from vsd_analytics.site import Site
-from vsd_analytics.store.secrets import DayKeys, pseudonym
+from vsd_analytics.store.secrets import DayKeys
 
-QUARTER_MS = 900_000
 TRACK_MAX_CHARS = 200
 PIXEL_MAX = 1e6
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_ROUNDING_MM = 1e-6  # 1.001 m is 1000.9999999999999 mm in floating point
 
-Check = tuple[str, str, Callable[[pd.DataFrame], "pd.Series[bool]"]]
+Check = tuple[str, str, Callable[[pa.Table], pa.ChunkedArray]]
+"""Reason, a sentence for people, and which rows are bad (null: not)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,163 +55,158 @@ class Normaliser:
 
     def __init__(self, site: Site, *, now: datetime, keys: DayKeys | None) -> None:
         self._site = site
-        self._keys = keys
+        self._pseudonyms = Pseudonyms(site, keys)
         self._settings = site.settings
         self._first_ms = int(datetime(site.settings.earliest_year, 1, 1, tzinfo=UTC).timestamp() * 1000)
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
         self._cameras = {c.camera_id: c.camera_id for c in site.cameras}
         for camera in site.cameras:
             self._cameras.update(dict.fromkeys(camera.engine_ids, camera.camera_id))
-        self._days: dict[int, date] = {}
-        self._names: dict[tuple[str, date, str], str] = {}
 
     def normalise(self, batch: RawBatch) -> Normalised:
         """Return the batch's good rows in stored form, its bad rows with reasons, and what was left out on purpose."""
         tables: dict[TableName, pa.Table] = {}
-        rejected: list[Rejected] = list(batch.rejected)
-        dropped: dict[str, int] = dict(batch.n_dropped)
+        bad: list[Rejected] = list(batch.rejected)
+        dropped = Counter(batch.n_dropped)
         for name in TABLES:
             raw = batch.table(name)
             if not raw.num_rows:
                 continue
-            rows = raw.to_pandas(types_mapper={pa.int32(): pd.Int32Dtype(), pa.int64(): pd.Int64Dtype()}.get)
-            rows["not_finite"] = _not_finite(raw)
-            rows["camera_id"] = rows["camera"].map(self._cameras)
-            rows, bad = _split(rows, [*self._common_checks(), *_CHECKS[name](self)])
-            rejected += bad
-            if name == "pairs":
+            raw = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
+            rows = _good(raw, [*self._common_checks(), *self._checks(name)], bad)
+            if name == "observations":
+                rows = self._observations(rows)
+            elif name == "pairs":
                 rows = self._pairs(rows, dropped)
-            else:
-                rows = self._observations(rows) if name == "observations" else rows
-            tables[name] = _stored(name, rows)
-        return Normalised(tables, rejected, dropped)
+            columns = {**dict(zip(rows.column_names, rows.columns, strict=True)), "ts": rows["ts_ms"].cast(TS)}
+            tables[name] = pa.table([columns[c.name] for c in SCHEMAS[name]], schema=SCHEMAS[name])
+        return Normalised(tables, bad, dropped)
+
+    def _camera_ids(self, cameras: pa.ChunkedArray) -> pa.Array:
+        coded = cameras.combine_chunks().dictionary_encode()
+        known = [self._cameras.get(c) for c in coded.dictionary.to_pylist()]
+        return pa.array(known, pa.string()).take(coded.indices)
 
     def _common_checks(self) -> list[Check]:
         first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).isoformat() for ms in (self._first_ms, self._last_ms))
+        shown = ", ".join(list(self._cameras)[:12]) + (", …" if len(self._cameras) > 12 else "")
         return [
-            ("no-time", "the record has no usable time", lambda r: r["ts_ms"].isna()),
+            ("no-time", "the record has no usable time", lambda r: pc.is_null(r["ts_ms"])),
             (
                 "time-out-of-range",
                 f"the time lies outside {first} to {last}: wrong unit, wrong clock or a camera set to a wrong year",
-                lambda r: (r["ts_ms"] < self._first_ms) | (r["ts_ms"] > self._last_ms),
+                lambda r: pc.or_(pc.less(r["ts_ms"], self._first_ms), pc.greater(r["ts_ms"], self._last_ms)),
             ),
-            ("no-camera", "the record names no camera and no --camera was given", lambda r: r["camera"].isna()),
+            ("no-camera", "the record names no camera and no --camera was given", lambda r: pc.is_null(r["camera"])),
             (
                 "unknown-camera",
-                f"no [[camera]] of vsd.toml has this id or engine_ids (known: {', '.join(list(self._cameras)[:12])})",
-                lambda r: r["camera_id"].isna(),
+                f"no [[camera]] of vsd.toml has this id or engine_ids (known: {shown})",
+                lambda r: pc.is_null(r["camera_id"]),
             ),
         ]
 
-    def observation_checks(self) -> list[Check]:
-        """Return the checks of person records."""
+    def _checks(self, name: TableName) -> list[Check]:
+        if name == "frames":
+            return []
+        return self._observation_checks() if name == "observations" else self._pair_checks()
+
+    def _observation_checks(self) -> list[Check]:
         limit = self._settings.coordinate_max_m
         return [
-            (
-                "not-a-number",
-                "a coordinate is not a finite number",
-                lambda r: r["not_finite"],
-            ),
+            ("not-a-number", "a coordinate is not a finite number", _not_finite),
             (
                 "no-position",
                 "the record has neither floor metres nor pixels",
-                lambda r: (r["x_m"].isna() | r["y_m"].isna()) & (r["u_px"].isna() | r["v_px"].isna()),
+                lambda r: pc.and_(_any(pc.is_null, r, "x_m", "y_m"), _any(pc.is_null, r, "u_px", "v_px")),
             ),
             (
                 "out-of-range",
                 f"a coordinate lies more than {limit:g} m from the origin or {PIXEL_MAX:g} px from the picture",
-                lambda r: _beyond(r, limit, "x_m", "y_m") | _beyond(r, PIXEL_MAX, "u_px", "v_px"),
+                lambda r: _or(_beyond(limit, r, "x_m", "y_m"), _beyond(PIXEL_MAX, r, "u_px", "v_px")),
             ),
             *_shared_checks("track"),
         ]
 
-    def pair_checks(self) -> list[Check]:
-        """Return the checks of pair records."""
+    def _pair_checks(self) -> list[Check]:
         limit = self._settings.coordinate_max_m
-        coordinates = ("x_a_m", "y_a_m", "x_b_m", "y_b_m")
+        places, distances = ("x_a_m", "y_a_m", "x_b_m", "y_b_m"), ("distance_m", "distance_sd_m")
         return [
-            (
-                "not-a-number",
-                "a coordinate or the distance is not a finite number",
-                lambda r: r["not_finite"],
-            ),
+            ("not-a-number", "a coordinate or the distance is not a finite number", _not_finite),
             (
                 "out-of-range",
                 f"a coordinate or the distance exceeds {limit:g} m",
-                lambda r: _beyond(r, limit, *coordinates, "distance_m", "distance_sd_m"),
+                lambda r: _beyond(limit, r, *places, *distances),
             ),
             (
                 "negative-distance",
                 "a distance cannot be negative",
-                lambda r: ((r["distance_m"] < 0) | (r["distance_sd_m"] < 0)).fillna(False),
+                lambda r: _any(lambda values: pc.less(values, 0.0), r, *distances),
             ),
             (
                 "no-distance",
                 "the pair has neither a distance nor two positions",
-                lambda r: r["distance_m"].isna() & r[list(coordinates)].isna().any(axis=1),
+                lambda r: pc.and_(pc.is_null(r["distance_m"]), _any(pc.is_null, r, *places)),
             ),
             (
                 "same-person",
                 "the pair names one person twice",
-                lambda r: ((r["track_a"] == r["track_b"]) & r["track_a"].notna()).fillna(False)
-                | (r["track_a"].isna() & r["track_b"].isna() & (r["person_a"] == r["person_b"])),
+                lambda r: pc.if_else(
+                    pc.and_(pc.is_null(r["track_a"]), pc.is_null(r["track_b"])),
+                    pc.equal(r["person_a"], r["person_b"]),
+                    pc.equal(r["track_a"], r["track_b"]),
+                ),
             ),
             *_shared_checks("track_a", "track_b"),
         ]
 
-    def _observations(self, rows: pd.DataFrame) -> pd.DataFrame:
-        rows["track_id"] = self._pseudonyms(rows, "track")
-        for axis in ("x", "y"):
-            rows[f"{axis}_mm"] = _millimetres(rows[f"{axis}_m"])
-        half = rows["x_mm"].isna() | rows["y_mm"].isna()
-        rows.loc[half, ["x_mm", "y_mm"]] = pd.NA
-        for axis in ("u", "v"):
-            rows[f"{axis}_px"] = (np.rint(rows[f"{axis}_px"].astype("float64") * 4) / 4).astype("float32")
-        return rows
+    def _observations(self, rows: pa.Table) -> pa.Table:
+        x, y = _millimetres(rows["x_m"]), _millimetres(rows["y_m"])
+        is_half = pc.or_(pc.is_null(x), pc.is_null(y))
+        nothing = pa.scalar(None, pa.int32())
+        columns = {
+            "track_id": self._tracks(rows, "track"),
+            "x_mm": pc.if_else(is_half, nothing, x),
+            "y_mm": pc.if_else(is_half, nothing, y),
+        }
+        for axis in ("u_px", "v_px"):
+            quarters = pc.round(pc.multiply(rows[axis], 4.0), round_mode="half_to_even")
+            columns[axis] = pc.divide(quarters, 4.0).cast(pa.float32())
+        return _with(rows, columns)
 
-    def _pairs(self, rows: pd.DataFrame, dropped: dict[str, int]) -> pd.DataFrame:
-        computed = np.hypot(rows["x_a_m"] - rows["x_b_m"], rows["y_a_m"] - rows["y_b_m"])
-        rows["distance_m"] = rows["distance_m"].fillna(computed)
-        far = rows["distance_m"] > self._settings.pair_max_m
-        if far.any():
-            dropped["pair beyond pair_max_m"] = dropped.get("pair beyond pair_max_m", 0) + int(far.sum())
-            rows = rows[~far].reset_index(drop=True)
-        for side in ("a", "b"):
-            rows[f"track_{side}"] = self._pseudonyms(rows, f"track_{side}")
-        known = rows["track_a"].notna() & rows["track_b"].notna()
-        swap = ((rows["track_a"] > rows["track_b"]) & known) | ((rows["person_a"] > rows["person_b"]) & ~known)
-        for stem in ("person_{}", "track_{}", "x_{}_m", "y_{}_m"):
-            a, b = stem.format("a"), stem.format("b")
-            rows[a], rows[b] = rows[a].mask(swap, rows[b]), rows[b].mask(swap, rows[a])
-        for column in ("x_a", "y_a", "x_b", "y_b", "distance", "distance_sd"):
-            rows[f"{column}_mm"] = _millimetres(rows[f"{column}_m"])
-        return rows
-
-    def _pseudonyms(self, rows: pd.DataFrame, column: str) -> pd.Series[str]:
-        """Return track ids, keyed by camera and site day (`[privacy] pseudonyms`); empty ids are missing."""
-        tracks = rows[column].where(rows[column] != "")
-        if self._keys is None:
-            return tracks
-        quarters = (rows["ts_ms"] // QUARTER_MS).astype("int64")
-        frame = pd.DataFrame({"camera": rows["camera_id"], "day": quarters.map(self._site_day), "track": tracks})
-        combos = frame.dropna().drop_duplicates()
-        for camera, day, track in combos.itertuples(index=False):
-            if (camera, day, track) not in self._names:
-                self._names[camera, day, track] = pseudonym(self._keys.key(day), camera_id=camera, engine_track=track)
-        names = pd.Series(
-            {key: self._names[key] for key in combos.itertuples(index=False, name=None)}, dtype="object"
+    def _pairs(self, rows: pa.Table, dropped: Counter[str]) -> pa.Table:
+        dx, dy = pc.subtract(rows["x_a_m"], rows["x_b_m"]), pc.subtract(rows["y_a_m"], rows["y_b_m"])
+        apart = pc.sqrt(pc.add(pc.multiply(dx, dx), pc.multiply(dy, dy)))
+        rows = _with(rows, {"distance_m": pc.coalesce(rows["distance_m"], apart)})
+        is_far = pc.greater(rows["distance_m"], float(self._settings.pair_max_m))
+        if n_far := pc.sum(is_far).as_py():
+            dropped["pair beyond pair_max_m"] += n_far
+            rows = rows.filter(pc.invert(is_far))
+        rows = _with(rows, {f"track_{side}": self._tracks(rows, f"track_{side}") for side in ("a", "b")})
+        is_swapped = pc.coalesce(
+            pc.greater(rows["track_a"], rows["track_b"]), pc.greater(rows["person_a"], rows["person_b"])
         )
-        if names.empty:
-            return tracks
-        index = pd.MultiIndex.from_frame(frame)
-        return pd.Series(names.reindex(index).to_numpy(), index=rows.index, dtype="object")
+        columns = {}
+        for stem in ("person_{}", "track_{}", "x_{}_m", "y_{}_m"):
+            a, b = rows[stem.format("a")], rows[stem.format("b")]
+            columns[stem.format("a")], columns[stem.format("b")] = (
+                pc.if_else(is_swapped, b, a),
+                pc.if_else(is_swapped, a, b),
+            )
+        for stem in ("x_a", "y_a", "x_b", "y_b"):
+            columns[f"{stem}_mm"] = _millimetres(columns[f"{stem}_m"])
+        # rounded down, so that "strictly closer than D metres" stays distance_mm < 1000 D
+        columns["distance_mm"] = pc.floor(pc.add(pc.multiply(rows["distance_m"], 1000.0), _ROUNDING_MM)).cast(
+            pa.int32()
+        )
+        columns["distance_sd_mm"] = _millimetres(rows["distance_sd_m"])
+        return _with(rows, columns)
 
-    def _site_day(self, quarter: int) -> date:
-        day = self._days.get(quarter)
-        if day is None:
-            local = datetime.fromtimestamp(quarter * QUARTER_MS / 1000, tz=self._site.zone).replace(tzinfo=None)
-            day = self._days[quarter] = (local - timedelta(minutes=self._site.day_starts_min)).date()
-        return day
+    def _tracks(self, rows: pa.Table, column: str) -> pa.Array:
+        return self._pseudonyms.tracks(
+            rows[column].combine_chunks(),
+            camera_ids=rows["camera_id"].combine_chunks(),
+            ts_ms=rows["ts_ms"].to_numpy(),
+        )
 
 
 def _shared_checks(*tracks: str) -> list[Check]:
@@ -216,60 +214,67 @@ def _shared_checks(*tracks: str) -> list[Check]:
         (
             "long-track-id",
             f"a track id is longer than {TRACK_MAX_CHARS} characters",
-            lambda r: pd.concat([r[t].str.len() > TRACK_MAX_CHARS for t in tracks], axis=1).any(axis=1),
+            lambda r: _any(lambda t: pc.greater(pc.utf8_length(t), TRACK_MAX_CHARS), r, *tracks),
         ),
         (
             "unknown-quality",
             f"quality is not one of {', '.join(QUALITIES)}",
-            lambda r: ~r["quality"].isin(QUALITIES),
+            lambda r: pc.invert(pc.is_in(r["quality"], pa.array(QUALITIES))),
         ),
     ]
 
 
-_CHECKS: Mapping[TableName, Callable[[Normaliser], list[Check]]] = {
-    "frames": lambda _: [],
-    "observations": Normaliser.observation_checks,
-    "pairs": Normaliser.pair_checks,
-}
-
-
-def _split(rows: pd.DataFrame, checks: list[Check]) -> tuple[pd.DataFrame, list[Rejected]]:
-    """Return the rows that pass all checks, and the others with the first reason each."""
-    rejected: list[Rejected] = []
+def _good(rows: pa.Table, checks: list[Check], bad: list[Rejected]) -> pa.Table:
+    """Return the rows that pass all checks; append the others to `bad` with the first reason each."""
+    shown = [c for c in rows.column_names if c not in ("line", "camera_id")]
     for reason, detail, is_bad in checks:
-        bad = is_bad(rows).fillna(True).astype(bool)
-        if bad.any():
-            columns = [c for c in rows.columns if c not in ("line", "camera_id", "not_finite")]
-            for values, line in zip(
-                rows.loc[bad, columns].itertuples(index=False), rows.loc[bad, "line"], strict=True
-            ):
-                text = ", ".join(f"{c}={v}" for c, v in zip(columns, values, strict=True) if not pd.isna(v))
-                rejected.append(Rejected(int(line), reason, detail, text[:500]))
-            rows = rows[~bad]
-    return rows.reset_index(drop=True), rejected
+        mask = pc.fill_null(is_bad(rows), False)
+        if not pc.any(mask).as_py():
+            continue
+        for row in rows.filter(mask).to_pylist():
+            row["ts_ms"] = _readable(row["ts_ms"])
+            text = ", ".join(f"{c}={row[c]}" for c in shown if row[c] is not None)
+            bad.append(rejected(row["line"], reason=reason, detail=detail, record=text))
+        rows = rows.filter(pc.invert(mask))
+    return rows
 
 
-def _not_finite(raw: pa.Table) -> np.ndarray:
-    """Return, per row, whether a number is NaN or infinite (null is missing, not wrong)."""
-    bad = np.zeros(raw.num_rows, dtype=bool)
-    for column in raw.schema:
-        if pa.types.is_floating(column.type):
-            bad |= ~pc.fill_null(pc.is_finite(raw[column.name]), True).to_numpy()
-    return bad
+def _readable(ts_ms: int | None) -> str | None:
+    """Return an instant as ISO text where the calendar reaches, else its milliseconds."""
+    if ts_ms is None:
+        return None
+    try:
+        return f"{ts_ms} ({(_EPOCH + timedelta(milliseconds=ts_ms)).isoformat(timespec='milliseconds')})"
+    except OverflowError:
+        return f"{ts_ms}"
 
 
-def _beyond(rows: pd.DataFrame, limit: float, *columns: str) -> pd.Series[bool]:
-    return (rows[list(columns)].abs() > limit).any(axis=1)
+def _any(check: Callable[[pa.ChunkedArray], pa.ChunkedArray], rows: pa.Table, *columns: str) -> pa.ChunkedArray:
+    """Return which rows have a column that `check` is true for; null is not."""
+    return _or(*(check(rows[c]) for c in columns))
 
 
-def _millimetres(metres: pd.Series[float]) -> pd.Series[int]:
-    return np.rint(metres.astype("float64") * 1000).astype("Int32")
+def _or(*masks: pa.ChunkedArray) -> pa.ChunkedArray:
+    result = pc.fill_null(masks[0], False)
+    for mask in masks[1:]:
+        result = pc.or_(result, pc.fill_null(mask, False))
+    return result
 
 
-def _stored(name: TableName, rows: pd.DataFrame) -> pa.Table:
-    schema = SCHEMAS[name]
-    arrays = []
-    for column in schema:
-        values = rows["ts_ms"] if column.name == "ts" else rows[column.name]
-        arrays.append(pa.array(values, type=pa.int64() if column.name == "ts" else column.type, from_pandas=True).cast(column.type))
-    return pa.table(arrays, schema=schema)
+def _not_finite(rows: pa.Table) -> pa.ChunkedArray:
+    """Return which rows have a number that is NaN or infinite (null is missing, not wrong)."""
+    floats = [c.name for c in rows.schema if pa.types.is_floating(c.type)]
+    return _any(lambda values: pc.invert(pc.is_finite(values)), rows, *floats)
+
+
+def _beyond(limit: float, rows: pa.Table, *columns: str) -> pa.ChunkedArray:
+    return _any(lambda values: pc.greater(pc.abs(values), float(limit)), rows, *columns)
+
+
+def _millimetres(metres: pa.ChunkedArray) -> pa.ChunkedArray:
+    return pc.round(pc.multiply(metres, 1000.0), round_mode="half_to_even").cast(pa.int32())
+
+
+def _with(rows: pa.Table, columns: Mapping[str, pa.ChunkedArray | pa.Array]) -> pa.Table:
+    """Return a table with columns replaced or added."""
+    return pa.table({**dict(zip(rows.column_names, rows.columns, strict=True)), **columns})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 
 from vsd_analytics.errors import InputError, UsageError, VsdError, Where
-from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.quarantine import Quarantine
 from vsd_analytics.schema import TABLES, TableName
@@ -18,7 +19,6 @@ from vsd_analytics.site import Site
 from vsd_analytics.store import FoldResult, Store
 from vsd_analytics.store.secrets import DayKeys
 
-# in the order they are asked whether a file is theirs; most particular first
 ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
     "frames": ("frames", "Frames", {}),
     "smart-social-distancing": ("smart_social_distancing", "SmartSocialDistancing", {}),
@@ -28,6 +28,9 @@ ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
     "positions": ("tables", "Tables", {"kind": "observations"}),
     "pairs": ("tables", "Tables", {"kind": "pairs"}),
 }
+
+# in the order they are asked whether a file is theirs; most particular first
+_DETECTED = ("frames", "smart-social-distancing", "motchallenge", "wildtrack", "table")
 
 
 @dataclass
@@ -79,7 +82,12 @@ class IngestResult:
 def adapter(name: str) -> Adapter:
     """Return the adapter called `name`; UsageError E101 when there is none."""
     if name not in ADAPTERS:
-        raise UsageError(f"no format is called {name!r}", why=f"known: {', '.join(ADAPTERS)}", mend="--format positions")
+        near = difflib.get_close_matches(name, ADAPTERS, n=1)
+        raise UsageError(
+            f"no format is called {name!r}",
+            why=f"known: {', '.join(ADAPTERS)}",
+            mend=f"--format {near[0] if near else 'positions'}",
+        )
     module, attribute, arguments = ADAPTERS[name]
     made: Adapter = getattr(importlib.import_module(f"vsd_analytics.ingest.{module}"), attribute)(**arguments)
     return made
@@ -89,26 +97,33 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
     """Return the adapter the user named, or the first that recognises the source.
 
     Raises:
-        InputError: E201 no such file, E202 empty file, E204 no format recognises it.
+        InputError: E201 no such file, E202 empty file, E204 no format recognises it, E205 damaged from its first line.
     """
+    where = Where(source.name)
     if not source.path.exists():
         raise InputError(
-            f"there is no file {source.name}", code="E201", where=Where(source.name), mend="check the path and the spelling"
+            f"there is no file {source.name}",
+            code="E201",
+            where=where,
+            why="neither a file nor a folder stands at that path",
+            mend="check the path and the spelling",
         )
     if source.size_bytes == 0:
-        raise InputError(
-            f"{source.path.name} is empty", code="E202", where=Where(source.name), mend="export it again; an empty file says nothing"
-        )
+        raise empty(source)
     if options.format is not None:
         return adapter(options.format)
-    for name in ("frames", "smart-social-distancing", "motchallenge", "wildtrack", "table"):
+    if options.columns is not None:
+        return adapter("table")
+    for name in _DETECTED:
         candidate = adapter(name)
         if candidate.detects(source):
             return candidate
+    if source.path.is_file() and not source.head(1):
+        raise empty(source)
     raise InputError(
         f"the format of {source.path.name} is not recognised",
         code="E204",
-        where=Where(source.name),
+        where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
         mend=f"name it: --format {' | '.join(ADAPTERS)}; headerless tables need --columns",
     )
@@ -122,6 +137,7 @@ def ingest(
     now: datetime,
     is_dry_run: bool = False,
     on_bytes: Callable[[int], None] | None = None,
+    on_rows: Callable[[int], None] | None = None,
     on_source: Callable[[SourceResult], None] | None = None,
 ) -> IngestResult:
     """Read engine output into the store of a project.
@@ -133,12 +149,18 @@ def ingest(
         now: The clock: later records are quarantined.
         is_dry_run: Read and check everything, write nothing.
         on_bytes: Called with the number of bytes read since the last call.
+        on_rows: Called with the number of records put into the store since the last call.
         on_source: Called when a source is done.
 
     Returns:
         What became of each source and what the store gained. A source that cannot be read to its end carries its
         error; the others are ingested all the same.
+
+    Raises:
+        UsageError: E101, `options.camera` is no camera of the site.
+        StoreError: E302, the store is damaged; what was read stays acknowledged.
     """
+    options = with_site(site, options)
     store = Store(site.root / "store", site_id=site.site_id)
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
@@ -148,7 +170,7 @@ def ingest(
         results.append(result)
         if on_source is not None:
             on_source(result)
-    return IngestResult(results, FoldResult() if is_dry_run else store.fold())
+    return IngestResult(results, FoldResult() if is_dry_run else store.fold(on_rows=on_rows))
 
 
 def _ingest_one(
@@ -160,11 +182,9 @@ def _ingest_one(
     on_bytes: Callable[[int], None] | None,
 ) -> SourceResult:
     result = SourceResult(source.name, options.format or "")
-    quarantine = Quarantine(site.root / "quarantine", source=source.name)
+    quarantine = Quarantine(None if store is None else site.root / "quarantine", source=source.name)
     try:
-        reader = find_adapter(source, options)
-        result.format = reader.name
-        for batch in _batches(reader, source, _with_site(site, options), on_bytes):
+        for batch in _batches(source, options, result, on_bytes):
             clean = normaliser.normalise(batch)
             quarantine.add(clean.rejected)
             result.n_dropped.update(clean.n_dropped)
@@ -177,35 +197,65 @@ def _ingest_one(
                     store.append(name, rows, engines=batch.engines or ([options.engine] if options.engine else []))
                 result.n_records[name] += rows.num_rows
                 _note_range(result, rows["ts"])
+        if not result.n_records and not quarantine.counts and not result.notes:
+            result.notes.append("W212: no record was found in it")
     except VsdError as error:
         result.error = error
-    if store is not None:
-        quarantine.flush()
+    quarantine.flush()
     result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
     return result
 
 
 def _batches(
-    reader: Adapter, source: Source, options: IngestOptions, on_bytes: Callable[[int], None] | None
+    source: Source, options: IngestOptions, result: SourceResult, on_bytes: Callable[[int], None] | None
 ) -> Iterator[RawBatch]:
+    """Read a source with the adapter that knows it; a file the system refuses is one source's error, not all's."""
     done = 0
-    for batch in reader.read(source, options):
-        yield batch
-        if on_bytes is not None and batch.done_bytes > done:
-            on_bytes(batch.done_bytes - done)
-            done = batch.done_bytes
-    if on_bytes is not None:
-        on_bytes(max(0, source.size_bytes - done))
+    try:
+        reader = find_adapter(source, options)
+        result.format = reader.name
+        for batch in reader.read(source, options):
+            yield batch
+            if on_bytes is not None and batch.done_bytes > done:
+                on_bytes(batch.done_bytes - done)
+                done = batch.done_bytes
+        if on_bytes is not None:
+            on_bytes(max(0, source.size_bytes - done))
+    except OSError as error:
+        raise InputError(
+            f"{source.path.name} cannot be read: {error.strerror or error}",
+            code="E120",
+            where=Where(source.name),
+            mend="check the path and its permissions",
+        ) from None
 
 
-def _with_site(site: Site, options: IngestOptions) -> IngestOptions:
-    """Fill in what vsd.toml says: the only camera, its clock, `[ingest.map]`."""
+def with_site(site: Site, options: IngestOptions) -> IngestOptions:
+    """Fill in what vsd.toml says: the only camera, clocks, `[ingest]`.
+
+    Raises:
+        UsageError: E101, `options.camera` is no camera of the site.
+    """
+    known = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     camera = options.camera
     if camera is None and len(site.cameras) == 1:
         camera = site.cameras[0].camera_id
-    zones = {c.clock for c in site.cameras if camera is None or camera in (c.camera_id, *c.engine_ids)}
-    zone = zones.pop() if len(zones) == 1 else options.frame_zone
-    return replace(options, camera=camera, map={**site.ingest_map, **options.map}, frame_zone=zone)
+    elif camera is not None and camera not in known:
+        near = difflib.get_close_matches(camera, known, n=1)
+        raise UsageError(
+            f"--camera {camera!r} is no camera of vsd.toml",
+            why=f"known: {', '.join(list(known)[:20]) or 'none'}",
+            mend=f"--camera {near[0]}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
+        )
+    zones = {c.clock for c in ([known[camera]] if camera is not None else site.cameras)}
+    return replace(
+        options,
+        camera=camera,
+        site_map={**site.ingest_map, **options.site_map},
+        frame_zone=zones.pop() if len(zones) == 1 else options.frame_zone,
+        clocks={**{name: c.clock for name, c in known.items()}, **options.clocks},
+        line_max_bytes=int(site.settings.line_max_bytes),
+    )
 
 
 def _note_range(result: SourceResult, ts: object) -> None:

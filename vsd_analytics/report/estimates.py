@@ -1,14 +1,17 @@
-"""The two headline numbers, and people, for a floor or an area: level, interval, change, verdict (M0, M7, M3)."""
+"""The two headline numbers, and people, of a place: level, interval, change, verdict (M0, M7, M3)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from datetime import date
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsd_analytics.report.model import Estimate, Verdict
-from vsd_analytics.report.weekdata import Panel, WeekData
+from vsd_analytics.report.privacy import is_small
+from vsd_analytics.report.weekdata import Panel, Place, WeekData
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
@@ -20,95 +23,53 @@ VERDICTS: dict[str, Verdict] = {
     "too little data": "too_little_data",
 }
 
-NO_IDS = "the engine sends no track ids, so records cannot be joined to violations"
-NO_POSITIONS = "the engine sends no positions"
-NO_FLOOR = "the engine sends pixels and its camera has no calibration"
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """Both headline numbers of a place and the counts behind them, which decide what may be printed.
+
+    Attributes:
+        often: How often, M0.
+        risky: How risky, M7.
+        n: Violations in the hours that enter rates.
+        n_before: Violations of the week before in the hours compared; 0 when nothing is compared.
+    """
+
+    often: Estimate
+    risky: Estimate
+    n: int
+    n_before: int
 
 
-def why_no_violations(data: WeekData) -> str | None:
-    """Return why violations cannot be counted on this floor, or None if they can."""
-    sent = data.what_is_sent
-    if sent["n_pairs"] and sent["n_pairs_without_ids"] * 2 > sent["n_pairs"]:
-        return NO_IDS
-    if not sent["n_pairs"] and sent["n_unlocated"] * 2 > sent["n_persons"] > 0:
-        return NO_FLOOR
-    return None
-
-
-def why_no_exposure(data: WeekData) -> str | None:
-    """Return why person-time is unknown on this floor, or None if it is known."""
-    sent = data.what_is_sent
-    return NO_POSITIONS if sent["n_pairs"] and not sent["n_persons"] else None
-
-
-def often(
-    data: WeekData,
-    *,
-    area_id: str | None = None,
-    is_floor: bool = True,
-    is_compared: bool = True,
-    since: int | None = None,
-) -> Estimate:
-    """Return M0 of a floor or area: violations per recorded open hour, with interval and change.
+def measure(
+    data: WeekData, place: Place, *, is_compared: bool, since: int | None = None, until: int | None = None
+) -> Measured:
+    """Return the two headline numbers of a place.
 
     Args:
         data: The week.
-        area_id: Area; with `is_floor` False, None is the rest of the floor.
-        is_floor: The whole floor.
+        place: The whole floor, an area, or the rest.
         is_compared: Compare with the week before.
-        since: Only from this instant on (UTC milliseconds).
+        since: Only hours that start at this instant or later (UTC milliseconds, in this week).
+        until: Only hours that start before it; not for comparisons.
     """
-    if (why := why_no_violations(data)) is not None:
+    panel = data.panel(place, data.week_days, since=since, until=until)
+    pair = data.compared(place, since=since) if is_compared else None
+    is_part = since is not None or until is not None
+    history = data.panel(place, [] if is_part else data.history_days)
+    return Measured(
+        often=_often(data, panel, pair, history),
+        risky=_risky(data, panel, pair, history),
+        n=int(panel.n.sum()),
+        n_before=0 if pair is None else int(pair[0].n.sum()),
+    )
+
+
+def people(data: WeekData, *, is_compared: bool) -> Estimate:
+    """Return the mean number of people in view of the floor: person-hours per recorded open hour, and its change."""
+    if (why := data.why_no_exposure) is not None:
         return Estimate(value=None, state="not_measurable", reason=why)
-    hours = data.current if since is None else data.current[data.current["hour_start_ms"] >= since]
-    level = _level_often(
-        data, hours if is_floor else data.of_area(hours, area_id), area_id, is_floor, is_history=since is None
-    )
-    if not is_compared:
-        return _estimate(level)
-    before, now = data.compared(area_id, is_floor=is_floor, since=since)
-    return _estimate(
-        level, compare_how_often(before.n, before.x_h, now.n, now.x_h, **_rules(data)), hours=float(now.x_h.sum())
-    )
-
-
-def risky(data: WeekData, *, area_id: str | None = None, is_floor: bool = True, is_compared: bool = True) -> Estimate:
-    """Return M7 of a floor or area: violations per person-hour, with interval and change; arguments as for `often`."""
-    why = why_no_violations(data) or why_no_exposure(data)
-    if why is not None:
-        return Estimate(value=None, state="not_measurable", reason=why)
-    hours = data.current if is_floor else data.of_area(data.current, area_id)
-    panel = data.panel(hours, data.week_days)
-    settings = data.site.settings
-    past = data.hours if is_floor else data.of_area(data.hours, area_id)
-    history = data.panel(past, data.history_days)
-    level = how_risky(
-        panel.n.sum(axis=0),
-        panel.exposure_h.sum(axis=0),
-        weekday=_weekdays(data.week_days),
-        **_history_risky(history, data.history_days),
-        **_rules(data),
-        min_exposure_h=settings.min_exposure_h,
-    )
-    if not is_compared:
-        return _estimate(level)
-    before, now = data.compared(area_id, is_floor=is_floor)
-    change = compare_how_risky(
-        before.n.sum(axis=0),
-        before.exposure_h.sum(axis=0),
-        now.n.sum(axis=0),
-        now.exposure_h.sum(axis=0),
-        **_rules(data),
-        min_exposure_h=settings.min_exposure_h,
-    )
-    return _estimate(level, change, hours=float(now.x_h.sum()))
-
-
-def people(data: WeekData, *, is_compared: bool = True) -> Estimate:
-    """Return the mean number of people in view of a floor: person-hours per recorded open hour, and its change (M3)."""
-    if (why := why_no_exposure(data)) is not None:
-        return Estimate(value=None, state="not_measurable", reason=why)
-    panel = data.panel(data.current, data.week_days)
+    panel = data.panel(data.everyone, data.week_days)
     recorded = panel.x_h.sum(axis=1)
     seen = recorded > 0
     if not seen.any():
@@ -116,10 +77,108 @@ def people(data: WeekData, *, is_compared: bool = True) -> Estimate:
     value = float((panel.exposure_h.sum(axis=1)[seen] / recorded[seen]).sum())
     if not is_compared:
         return Estimate(value=value)
-    before, now = data.compared()
-    change = compare_exposure(before.exposure_h, before.x_h, now.exposure_h, now.x_h, **_rules(data))
-    return Estimate(
-        value=value,
+    before, now = data.compared(data.everyone)
+    settings = data.site.settings
+    change = compare_exposure(
+        before.exposure_h,
+        before.x_h,
+        now.exposure_h,
+        now.x_h,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+    return _estimate(RateEstimate(value, None, None, None, 0.0, 0, None, None, "ok", None, False), change, now)
+
+
+def without_figures(estimate: Estimate, reason: str) -> Estimate:
+    """Return an estimate of which nothing is told but why."""
+    if estimate.state == "not_measurable":
+        return estimate
+    verdict: Verdict | None = None if estimate.verdict is None else "too_little_data"
+    return Estimate(value=None, state="not_enough_data", reason=reason, verdict=verdict)
+
+
+def without_change(estimate: Estimate, reason: str) -> Estimate:
+    """Return an estimate that keeps its level and its verdict, but not the week before."""
+    if estimate.verdict is None:
+        return estimate
+    return replace(estimate, previous=None, change=None, change_lo=None, change_hi=None, reason=reason)
+
+
+def _often(data: WeekData, panel: Panel, pair: tuple[Panel, Panel] | None, history: Panel) -> Estimate:
+    if (why := data.why_no_violations) is not None:
+        return Estimate(value=None, state="not_measurable", reason=why)
+    settings = data.site.settings
+    has_history = history.n.shape[1] > 0
+    level = how_often(
+        panel.n,
+        panel.x_h,
+        weekday=_weekdays(data.week_days),
+        history_n=history.n if has_history else None,
+        history_x_h=history.x_h if has_history else None,
+        history_weekday=_weekdays(data.history_days) if has_history else None,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+    if pair is None:
+        return _estimate(level)
+    before, now = pair
+    change = compare_how_often(
+        before.n, before.x_h, now.n, now.x_h, confidence=settings.confidence, min_days=settings.min_days
+    )
+    return _without_small_counts(_estimate(level, change, now), change, below=settings.mask_below)
+
+
+def _risky(data: WeekData, panel: Panel, pair: tuple[Panel, Panel] | None, history: Panel) -> Estimate:
+    if (why := data.why_no_violations or data.why_no_exposure) is not None:
+        return Estimate(value=None, state="not_measurable", reason=why)
+    settings = data.site.settings
+    has_history = history.n.shape[1] > 0
+    level = how_risky(
+        panel.n.sum(axis=0),
+        panel.exposure_h.sum(axis=0),
+        weekday=_weekdays(data.week_days),
+        history_n=history.n.sum(axis=0) if has_history else None,
+        history_exposure_h=history.exposure_h.sum(axis=0) if has_history else None,
+        history_weekday=_weekdays(data.history_days) if has_history else None,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=settings.min_exposure_h,
+    )
+    if pair is None:
+        return _estimate(level)
+    before, now = pair
+    change = compare_how_risky(
+        before.n.sum(axis=0),
+        before.exposure_h.sum(axis=0),
+        now.n.sum(axis=0),
+        now.exposure_h.sum(axis=0),
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=settings.min_exposure_h,
+    )
+    return _without_small_counts(_estimate(level, change, now), change, below=settings.mask_below)
+
+
+def _weekdays(days: Sequence[date]) -> NDArray[np.int64]:
+    return np.array([d.weekday() for d in days], dtype=np.int64)
+
+
+def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, now: Panel | None = None) -> Estimate:
+    reason = level.reason if level.lo is None else None
+    if reason is None and change is not None and change.state != "ok":
+        reason = change.reason
+    plain = Estimate(
+        value=level.rate,
+        lo=level.lo,
+        hi=level.hi,
+        state=level.state if level.rate is None else "ok",
+        reason=reason,
+    )
+    if change is None or now is None:
+        return plain
+    return replace(
+        plain,
         previous=change.rate_a,
         change=change.change,
         change_lo=change.change_lo,
@@ -129,57 +188,8 @@ def people(data: WeekData, *, is_compared: bool = True) -> Estimate:
     )
 
 
-def _level_often(
-    data: WeekData, hours: object, area_id: str | None, is_floor: bool, *, is_history: bool
-) -> RateEstimate:
-    panel = data.panel(hours, data.week_days)  # type: ignore[arg-type]
-    past = data.hours if is_floor else data.of_area(data.hours, area_id)
-    days = data.history_days if is_history else []
-    history = data.panel(past, days)
-    return how_often(
-        panel.n,
-        panel.x_h,
-        weekday=_weekdays(data.week_days),
-        **_history_often(history, days),
-        **_rules(data),
-    )
-
-
-def _history_often(history: Panel, days: Sequence[date]) -> dict[str, object]:
-    if not days:
-        return {}
-    return {"history_n": history.n, "history_x_h": history.x_h, "history_weekday": _weekdays(days)}
-
-
-def _history_risky(history: Panel, days: Sequence[date]) -> dict[str, object]:
-    if not days:
-        return {}
-    return {
-        "history_n": history.n.sum(axis=0),
-        "history_exposure_h": history.exposure_h.sum(axis=0),
-        "history_weekday": _weekdays(days),
-    }
-
-
-def _rules(data: WeekData) -> dict[str, object]:
-    return {"confidence": data.site.settings.confidence, "min_days": data.site.settings.min_days}
-
-
-def _weekdays(days: Sequence[date]) -> np.ndarray:
-    return np.array([d.weekday() for d in days])
-
-
-def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, *, hours: float | None = None) -> Estimate:
-    return Estimate(
-        value=level.rate,
-        lo=level.lo,
-        hi=level.hi,
-        state=level.state if level.rate is None else "ok",
-        reason=level.reason if level.lo is None else None,
-        previous=None if change is None else change.rate_a,
-        change=None if change is None else change.change,
-        change_lo=None if change is None else change.change_lo,
-        change_hi=None if change is None else change.change_hi,
-        verdict=None if change is None else VERDICTS[change.verdict],
-        hours_compared=hours,
-    )
+def _without_small_counts(estimate: Estimate, change: ChangeEstimate, *, below: int) -> Estimate:
+    """Return an estimate whose reason names no count under `below`."""
+    if estimate.reason is None or not any(is_small(n or 0, below=below) for n in (change.n_a, change.n_b)):
+        return estimate
+    return replace(estimate, reason="too few violations to compare")

@@ -123,7 +123,7 @@ def _image(shown: FloorMap, frame: _Frame) -> Markup | None:
     left, top = frame.at((x0, y1 if frame.is_metric else y0))
     return el(
         "image",
-        class_="planpic" if frame.is_metric else "scene",
+        class_=("planpic paper" if shown.image.is_opaque else "planpic") if frame.is_metric else "scene",
         href=shown.image.data_uri,
         x=round(left, 1),
         y=round(top, 1),
@@ -181,6 +181,7 @@ def _spots(shown: FloorMap, frame: _Frame, boxes: Sequence[tuple[_Box, float]]) 
             at = (x + reach * math.cos(angle), y - reach * math.sin(angle))
             inside = 34 <= at[0] <= frame.width - 34 and 34 <= at[1] <= frame.height - 34
             clear = -sum(_touches(at, box, radius) for box, radius in boxes)
+            clear -= sum(_crosses((x, y), at, box) for box, _ in boxes[: len(boxes) // 2])
             near = min((math.dist(at, other) for other in [*placed, *(p for p in peaks if p != (x, y))]), default=400.0)
             cool = -sum(any(_inside(at, ring) for ring in rings) for rings in heat)
             choices.append((inside, min(near, 70.0), clear, cool, round(math.sin(angle), 3), -k, at))
@@ -188,8 +189,9 @@ def _spots(shown: FloorMap, frame: _Frame, boxes: Sequence[tuple[_Box, float]]) 
         placed.append(at)
         (a, b) = round(at[0]), round(at[1])
         parts += [
+            el("line", class_="mkr", stroke=WHITE, stroke_width=5, x1=round(x), y1=round(y), x2=a, y2=b),
             el("line", class_="mkl", stroke=INK, stroke_width=2, x1=round(x), y1=round(y), x2=a, y2=b),
-            el("circle", class_="mk", fill=INK, cx=round(x), cy=round(y), r=4),
+            el("circle", class_="mk mkr", fill=INK, stroke=WHITE, stroke_width=1.5, cx=round(x), cy=round(y), r=5),
             el("circle", class_="mkr mb", fill="none", stroke=WHITE, stroke_width=3, cx=a, cy=b, r=18),
             el("circle", class_="mk mb", fill=INK, cx=a, cy=b, r=17),
             el(
@@ -221,6 +223,12 @@ def _touches(at: Point, box: _Box, radius: float) -> bool:
     dx = max(box[0] - at[0], 0.0, at[0] - box[2])
     dy = max(box[1] - at[1], 0.0, at[1] - box[3])
     return math.hypot(dx, dy) < radius + 3
+
+
+def _crosses(start: Point, end: Point, box: _Box) -> bool:
+    """Tell whether a line runs through a box, at any of sixteen points of it."""
+    on_line = ((start[0] + (end[0] - start[0]) * k / 16, start[1] + (end[1] - start[1]) * k / 16) for k in range(17))
+    return any(box[0] <= a <= box[2] and box[1] <= b <= box[3] for a, b in on_line)
 
 
 def _circle_radius(frame: _Frame, rules: Rules) -> float:
@@ -261,9 +269,12 @@ def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
 
 
 def nice_metres(width_m: float) -> float:
-    """Return a round length between about a tenth and a quarter of a map's width: 1, 2, 5, 10, 20, 50, ... metres."""
+    """Return a round length of a twentieth to a quarter of a map's width: 1, 5, 10, 50, ... metres.
+
+    There is no bar of 2 m, which could be taken for the legal distance of a site that has another.
+    """
     exponent = math.floor(math.log10(max(width_m, 1e-3) / 4))
-    for factor in (5, 2, 1):
+    for factor in (5, 1):
         if factor * 10.0**exponent <= width_m / 4:
             return factor * 10.0**exponent
     return 10.0**exponent

@@ -91,11 +91,13 @@ def likely_change(estimate: Estimate) -> str:
     if lo is None or hi is None:
         return ""
     low, high = round(lo * 100), round(hi * 100)
+    if low == high:
+        return f"likely {'no change' if low == 0 else fewer_more(lo)}"
     if low < 0 and high < 0:
         return f"likely between {-high:,}% and {-low:,}% fewer"
     if low > 0 and high > 0:
         return f"likely between {low:,}% and {high:,}% more"
-    return f"likely between {fewer_more(lo)} and {fewer_more(hi)}"
+    return "likely between " + " and ".join("no change" if round(v * 100) == 0 else fewer_more(v) for v in (lo, hi))
 
 
 def likely_signed(estimate: Estimate) -> str:
@@ -138,6 +140,12 @@ def hours(value: float) -> str:
         return "under an hour"
     text = f"{value:,.1f}".removesuffix(".0") if value < 10 else f"{value:,.0f}"
     return f"{text} hour{'' if text == '1' else 's'}"
+
+
+def ended(text: str) -> str:
+    """Return a sentence somebody wrote with a stop at its end."""
+    text = text.strip()
+    return text if text[-1:] in {".", "!", "?", ""} else f"{text}."
 
 
 def weekday(day: date) -> str:
@@ -197,7 +205,7 @@ def masked(mask_below: int) -> str:
 
 _FILTERS: Final = (
     *(number, count, percent, percent_short, signed, fewer_more, likely_change, likely_signed, likely_level),
-    *(metres, metres_unbroken, seconds, hours, weekday, day_short, date_short, date_long, clock, hour_label),
+    *(metres, metres_unbroken, seconds, hours, ended, weekday, day_short, date_short, date_long, clock, hour_label),
     *(instant_short, instant_long, masked),
 )
 FILTERS: Final = {f.__name__: f for f in _FILTERS}

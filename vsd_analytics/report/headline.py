@@ -11,8 +11,9 @@ from typing import Final
 
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
-from vsd_analytics.report.model import LogLine, Span, Story, WeekReport
+from vsd_analytics.report.model import AreaRow, LogLine, Span, Story, WeekReport
 from vsd_analytics.report.things import question, things
+from vsd_analytics.report.words import NO_FLOOR, NO_IDS
 
 MAX_WORDS: Final = 15
 _SAME: Final = "Violations about the same as last week"
@@ -90,6 +91,10 @@ def _headline(report: WeekReport) -> tuple[str, str]:
             return "too_incomplete", f"Week {week.number} is too incomplete to compare"
         case "empty":
             return "empty", f"No violations were recorded in week {week.number}"
+        case _ if often.state == "not_measurable":
+            return "not_measurable", "Violations cannot be counted on this floor"
+        case _ if often.value is None:
+            return "few", f"Very few violations in week {week.number}"
         case "first_week":
             return "first_week", f"{fmt.number(often.value)} violations per open hour in the first week"
         case "settings_changed":
@@ -183,6 +188,8 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
                 f"{seen}. No two people stood closer than {distance} for {pause} or more."
             )
             return [Span(text=text)], [f"If this surprises you, ask whether the {distance} distance was calibrated."]
+        case _ if often.value is None:
+            return _unknown_lead(report)
         case "first_week":
             level = fmt.likely_level(often)
             tail = (f" ({level})" if level else "") + ". There is no earlier week to compare with. "
@@ -193,6 +200,22 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
             return _settings_lead(report)
         case _:
             return _normal_lead(report), []
+
+
+def _unknown_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    """Say why how often is not given, and what is known all the same."""
+    often, level, coverage = report.level.often, report.level, report.coverage
+    parts = [
+        often.reason or "There is too little data",
+        f"cameras recorded {fmt.percent(coverage.share)} of open hours",
+    ]
+    if level.people.value is not None:
+        parts.append(f"on average {fmt.number(level.people.value)} people were in view")
+    mend = "Let the engine send an id for each person it follows, and the next report counts violations."
+    notes = [mend] if often.reason == NO_IDS else []
+    if often.reason == NO_FLOOR:
+        notes = ["Calibrate its cameras (vsd calibrate), and the next report counts violations in this week too."]
+    return [Span(text=" ".join(words.sentence(p) for p in parts))], notes
 
 
 def _times(report: WeekReport) -> Span:
@@ -214,15 +237,22 @@ def _normal_lead(report: WeekReport) -> list[Span]:
     spans += _risk_spans(report)
     clear = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
+    same_way.sort(key=lambda a: -abs(a.often.change or 0.0))
     if same_way and len(clear) <= 3:
         noun = "fall" if often.verdict == "clear_fall" else "rise"
-        spans.append(Span(text=f"The clear {noun} is at {words.joined(a.name for a in same_way)}. "))
+        where = words.joined(_with_change(a) for a in same_way)
+        are = f"{noun}s are" if len(same_way) > 1 else f"{noun} is"
+        spans.append(Span(text=f"The clear {are} at {where}. "))
     spot = report.busiest_spot
     if spot is not None and spot.area_id is not None and spot.area_id not in {a.area_id for a in same_way}:
         spans.append(Span(text=f"{spot.name} is the place to look at."))
     if level.people.value is None and level.risky.state == "ok":
         return spans
     return [*spans[:-1], replace(spans[-1], text=spans[-1].text.rstrip())]
+
+
+def _with_change(area: AreaRow) -> str:
+    return area.name if area.often.change is None else f"{area.name} ({fmt.fewer_more(area.often.change)})"
 
 
 def _risk_spans(report: WeekReport) -> list[Span]:
@@ -248,11 +278,14 @@ def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     change = report.settings_change
     if change is None:
         return [Span(text="A setting changed, so the change column is blank.")], []
-    what = {"distance_m": "The distance limit", "calibration": "The calibration", "engine": "The engine"}.get(
-        change.name, f"The setting {change.name}"
-    )
-    when = f" on {fmt.date_long(change.at.date())}" if change.at is not None else ""
-    text = f"{what} changed from {change.before} to {change.after}{when}. "
+    when = f" on {fmt.date_long(change.at.date())}, {fmt.clock(change.at)}" if change.at is not None else ""
+    if change.name == "calibration":
+        text = f"A camera got a new calibration{when}, so positions and distances are measured anew. "
+    else:
+        what = {"distance_m": "The distance limit", "engine": "The engine"}.get(
+            change.name, f"The setting {change.name}"
+        )
+        text = f"{what} changed from {change.before} to {change.after}{when}. "
     text += "Figures before and after cannot be compared, so the change column is blank."
     notes = [f"To compare, run the week again with one setting: {change.command}"] if change.command else []
     return [Span(text=text)], notes
@@ -261,7 +294,7 @@ def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
 def _no_data_notes(report: WeekReport) -> list[str]:
     last = [c.last_record for c in report.coverage.cameras if c.last_record is not None]
     if not last:
-        return ["No camera has ever sent anything. Check that the engine writes to the folder or topic vsd reads."]
+        return ["No record of any camera was found. Check that the engine's output reaches vsd ingest."]
     if len(last) > 1 and (max(last) - min(last)).total_seconds() <= 60:
         return [
             "All cameras stopped at the same minute, which points to the network or the engine, not the cameras.",
@@ -274,10 +307,8 @@ def _missing_notes(report: WeekReport) -> list[str]:
     names = {c.camera_id: c.name for c in report.coverage.cameras}
     lines = []
     for outage in sorted(longest, key=lambda o: o.start):
-        who = (
-            "all cameras"
-            if len(outage.camera_ids) == len(names)
-            else words.joined(words.camera_name(names.get(c, c)) for c in outage.camera_ids)
-        )
-        lines.append(f"{fmt.instant_short(outage.start)} to {fmt.instant_short(outage.end)}, {who}")
+        who = ", " + words.joined(words.camera_name(names.get(c, c)) for c in outage.camera_ids)
+        if len(outage.camera_ids) == len(names):
+            who = ", all cameras" if len(names) > 1 else ""
+        lines.append(f"{fmt.instant_short(outage.start)} to {fmt.instant_short(outage.end)}{who}")
     return [f"Missing: {'; '.join(lines)}."] if lines else []

@@ -6,146 +6,177 @@ from collections.abc import Sequence
 from datetime import timedelta
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from vsd_analytics import geometry
 from vsd_analytics.report import bands as heat
-from vsd_analytics.report.model import AreaRow, Extent, FloorMap, MapArea, MapBand, MapImage, MapSpot, Polygon
-from vsd_analytics.report.pictures import picture_image, plan_image
 from vsd_analytics.report.floorplan import nice_metres
-from vsd_analytics.report.weekdata import WeekData
+from vsd_analytics.report.model import AreaRow, Extent, FloorMap, MapArea, MapBand, MapImage, MapSpot, Polygon
+from vsd_analytics.report.pictures import has_paper, picture_image, plan_image
+from vsd_analytics.report.privacy import is_small
+from vsd_analytics.report.weekdata import Array, WeekData, positions
 
 MARGIN_M = 1.0
 CELLS_MAX = 4_000_000
+SPOTS_MAX = 3
 
 
 def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> tuple[FloorMap, ...]:
     """Return the maps of a floor: one over its plan or bare floor, or the picture of its only calibrated camera.
 
-    Density of a cell = sum over cameras of (violations there / the camera's recorded open hours) / cell area, smoothed
-    by a Gaussian of `smoothing_m`.
+    Density of a cell = sum over cameras of (violations there / the camera's recorded open hours) / cell area, over the
+    camera-hours that enter rates, smoothed by a Gaussian of `smoothing_m`.
 
     Args:
         data: The week.
         areas: Areas in order of rank, for the numbered spots.
         is_ranked: False in weeks too incomplete to rank: no spots.
+
+    Returns:
+        No map where violations have no place on the floor, or the floor is too large to draw.
     """
-    grid = _Grid(data)
-    if grid.extent is None:
+    extent = _extent(data)
+    if extent is None or data.why_no_violations is not None or data.why_no_places is not None:
         return ()
-    settings = data.site.settings
+    grid = _Grid(data, extent)
     density = grid.density()
-    polygons = heat.heat_bands(density, cell_m=settings.cell_m, origin_m=grid.origin, steps=settings.heat_steps)
-    pictured = _picture_map(data, polygons)
-    if data.floor.plan is None and pictured is not None:
+    polygons = heat.heat_bands(density, cell_m=grid.cell_m, origin_m=grid.origin, steps=data.site.settings.heat_steps)
+    pictured = _picture_map(data, polygons) if data.floor.plan is None else None
+    if pictured is not None:
         return (pictured,)
-    bounds = grid.extent
-    unseen = geometry.unseen(data.floor, cameras=data.cameras, bounds=bounds)
-    image = None
-    if data.floor.plan is not None and (plan := geometry.plan_bounds(data.floor)) is not None:
-        uri, _ = plan_image(data.floor.plan)
-        image = MapImage(data_uri=uri, extent=plan)
+    image = _plan(data)
+    unseen = geometry.unseen(data.floor, cameras=data.cameras, bounds=extent)
     return (
         FloorMap(
             kind="plan" if image else "floor",
             title=data.floor.name,
-            extent=bounds,
+            extent=extent,
             image=image,
             bands=polygons,
             unseen=tuple(_polygon(p) for p in unseen or ()),
-            areas=tuple(
-                MapArea(area_id=a.area_id, name=a.name, ring=a.polygon)
-                for a in data.site.areas
-                if a.floor_id == data.floor.floor_id
-            ),
+            areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in data.areas),
             spots=_spots(data, grid, density, areas) if is_ranked else (),
-            scale_bar_m=nice_metres(bounds[2] - bounds[0]),
+            scale_bar_m=nice_metres(extent[2] - extent[0]),
         ),
     )
 
 
 class _Grid:
-    """Violations of the week on the floor grid."""
+    """Violations of the week on the floor grid, over the camera-hours that enter rates."""
 
-    def __init__(self, data: WeekData) -> None:
+    def __init__(self, data: WeekData, extent: Extent) -> None:
         self._data = data
-        self._cell_m = data.site.settings.cell_m
-        self._cells = data.warehouse.frame(
-            "select camera_id, cx, cy, sum(n_violations)::double as n from violation_cells "
-            "where floor_id = $floor and local_date between $first and $last group by all order by all",
-            {"floor": data.floor.floor_id, "first": data.monday, "last": data.sunday},
+        self.cell_m = data.site.settings.cell_m
+        x0, y0, x1, y1 = extent
+        self._first = (int(np.floor(x0 / self.cell_m)), int(np.floor(y0 / self.cell_m)))
+        self.shape = (
+            int(np.ceil(y1 / self.cell_m)) - self._first[1],
+            int(np.ceil(x1 / self.cell_m)) - self._first[0],
         )
-        self.extent = self._extent()
-        if self.extent is not None:
-            x0, y0, x1, y1 = self.extent
-            self._first = (int(np.floor(x0 / self._cell_m)), int(np.floor(y0 / self._cell_m)))
-            self._shape = (
-                int(np.ceil(y1 / self._cell_m)) - self._first[1],
-                int(np.ceil(x1 / self._cell_m)) - self._first[0],
-            )
-            self.origin = (self._first[0] * self._cell_m, self._first[1] * self._cell_m)
+        self.origin = (self._first[0] * self.cell_m, self._first[1] * self.cell_m)
 
-    def density(self) -> NDArray[np.float64]:
-        """Return violations per m2 per open hour, shape (n_y, n_x), smoothed."""
+    def density(self) -> Array:
+        """Return violations per m2 per open hour, shape (n_y, n_x), smoothed; patches of few violations are blank."""
         from scipy.ndimage import gaussian_filter
 
-        recorded = self._data.current.groupby("camera_id")["recorded_open_s"].sum() / 3600
-        grid = np.zeros(self._shape)
-        x = self._cells["cx"].to_numpy() - self._first[0]
-        y = self._cells["cy"].to_numpy() - self._first[1]
-        hours = self._cells["camera_id"].map(recorded).to_numpy(dtype="float64")
-        inside = (x >= 0) & (y >= 0) & (x < self._shape[1]) & (y < self._shape[0]) & (hours > 0)
-        np.add.at(grid, (y[inside], x[inside]), self._cells["n"].to_numpy()[inside] / hours[inside])
-        smooth = gaussian_filter(
-            grid / self._cell_m**2, self._data.site.settings.smoothing_m / self._cell_m, mode="constant"
+        counts, rates = self._sums()
+        sigma = self._data.site.settings.smoothing_m / self.cell_m
+        smooth = np.asarray(gaussian_filter(rates / self.cell_m**2, sigma, mode="constant"))
+        return self._without_small(smooth, counts, reach=3 * sigma)
+
+    def axes(self) -> tuple[Array, Array]:
+        """Return the floor x of each column's middle and the floor y of each row's."""
+        x, y = (
+            (first + 0.5 + np.arange(n)) * self.cell_m for first, n in zip(self._first, self.shape[::-1], strict=True)
         )
-        return np.asarray(smooth, dtype="float64")
+        return x, y
 
-    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Return row and column of a floor position."""
-        return int(np.floor(y_m / self._cell_m)) - self._first[1], int(np.floor(x_m / self._cell_m)) - self._first[0]
+    def _sums(self) -> tuple[Array, Array]:
+        """Return violations, and violations per recorded open hour, by cell."""
+        data = self._data
+        rows = data.warehouse.table(
+            "select camera_id, hour_start_ms, cx, cy, count(*)::double as n from violations "
+            "where floor_id = $floor and is_open and cx is not null and local_date between $first and $last "
+            "group by all order by all",
+            {"floor": data.floor.floor_id, "first": data.monday, "last": data.sunday},
+        )
+        camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+        hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+        x = rows["cx"].to_numpy() - self._first[0]
+        y = rows["cy"].to_numpy() - self._first[1]
+        inside = (x >= 0) & (y >= 0) & (x < self.shape[1]) & (y < self.shape[0])
+        inside &= data.hours.is_counted[camera, hour] & data.whole.cameras[camera]
+        recorded_h = (data.hours.recorded_s * data.hours.is_counted)[:, data.week()].sum(axis=1) / 3600
+        n = rows["n"].to_numpy()[inside]
+        counts, rates = np.zeros(self.shape), np.zeros(self.shape)
+        at = (y[inside], x[inside])
+        np.add.at(counts, at, n)
+        np.add.at(rates, at, n / recorded_h[camera[inside]])
+        return counts, rates
 
-    def centre(self, row: int, column: int) -> tuple[float, float]:
-        """Return the floor position of a cell's middle."""
-        return (column + self._first[0] + 0.5) * self._cell_m, (row + self._first[1] + 0.5) * self._cell_m
+    def _without_small(self, density: Array, counts: Array, *, reach: float) -> Array:
+        """Blank coloured patches of floor made by fewer violations than may be printed."""
+        from scipy.ndimage import binary_dilation, label
 
-    def _extent(self) -> Extent | None:
-        plan = geometry.plan_bounds(self._data.floor)
-        if plan is None:
-            seen = self._data.warehouse.rows(
-                "select min(cx) as x0, min(cy) as y0, max(cx) + 1 as x1, max(cy) + 1 as y1 from floor_cells "
-                "where camera_id in (select unnest($ids))",
-                {"ids": self._data.ids},
-            )[0]
-            if seen["x0"] is None:
-                return None
-            c, m = self._cell_m, MARGIN_M
-            plan = (seen["x0"] * c - m, seen["y0"] * c - m, seen["x1"] * c + m, seen["y1"] * c + m)
-        if (plan[2] - plan[0]) * (plan[3] - plan[1]) / self._cell_m**2 > CELLS_MAX:
+        settings = self._data.site.settings
+        if counts.sum() >= settings.mask_below and density.max() < settings.heat_steps[0]:
+            return density
+        patches, n_patches = label(density >= settings.heat_steps[0])
+        kept = density.copy()
+        for k in range(1, n_patches + 1):
+            own = patches == k
+            rows, columns = (slice(max(0, int(i.min() - reach)), int(i.max() + reach) + 1) for i in np.nonzero(own))
+            near = binary_dilation(own[rows, columns], iterations=max(1, round(reach)))
+            if is_small(counts[rows, columns][near].sum(), below=settings.mask_below):
+                kept[own] = 0.0
+        return kept
+
+
+def _extent(data: WeekData) -> Extent | None:
+    """Return the floor to draw: the plan, else what was walked on with a margin; None when unknown or too large."""
+    extent = geometry.plan_bounds(data.floor)
+    cell_m = data.site.settings.cell_m
+    if extent is None:
+        seen = data.warehouse.rows(
+            "select min(cx) as x0, min(cy) as y0, max(cx) + 1 as x1, max(cy) + 1 as y1 from floor_cells "
+            "where camera_id in (select unnest($ids))",
+            {"ids": data.ids},
+        )[0]
+        if seen["x0"] is None:
             return None
-        return plan
+        extent = (
+            seen["x0"] * cell_m - MARGIN_M,
+            seen["y0"] * cell_m - MARGIN_M,
+            seen["x1"] * cell_m + MARGIN_M,
+            seen["y1"] * cell_m + MARGIN_M,
+        )
+    n_cells = (extent[2] - extent[0]) * (extent[3] - extent[1]) / cell_m**2
+    return extent if n_cells <= CELLS_MAX else None
 
 
-def _spots(data: WeekData, grid: _Grid, density: NDArray[np.float64], areas: Sequence[AreaRow]) -> tuple[MapSpot, ...]:
+def _plan(data: WeekData) -> MapImage | None:
+    bounds = geometry.plan_bounds(data.floor)
+    if data.floor.plan is None or bounds is None:
+        return None
+    uri, _ = plan_image(data.floor.plan)
+    return MapImage(data_uri=uri, extent=bounds, is_opaque=has_paper(data.floor.plan))
+
+
+def _spots(data: WeekData, grid: _Grid, density: Array, areas: Sequence[AreaRow]) -> tuple[MapSpot, ...]:
     """Return the peaks of the three busiest areas that show any band."""
-    import shapely
-
-    polygons = {a.area_id: a.polygon for a in data.site.areas}
+    polygons = {a.area_id: shapely.Polygon(a.polygon) for a in data.areas}
+    x, y = grid.axes()
     spots: list[MapSpot] = []
     for area in areas:
-        if area.area_id is None or not area.often.value or len(spots) == 3:
+        if area.area_id is None or not area.often.value or len(spots) == SPOTS_MAX:
             continue
-        polygon = shapely.Polygon(polygons[area.area_id])
-        x0, y0, x1, y1 = polygon.bounds
-        (row0, column0), (row1, column1) = grid.cell_of(x0, y0), grid.cell_of(x1, y1)
-        best: tuple[float, float, float] | None = None
-        for row in range(max(0, row0), min(density.shape[0], row1 + 1)):
-            for column in range(max(0, column0), min(density.shape[1], column1 + 1)):
-                x, y = grid.centre(row, column)
-                if (best is None or density[row, column] > best[0]) and polygon.covers(shapely.Point(x, y)):
-                    best = (float(density[row, column]), x, y)
-        if best is not None and best[0] >= data.site.settings.heat_steps[0]:
-            spots.append(MapSpot(number=len(spots) + 1, name=area.name, at=best[1:], peak=best[0]))
+        inside: NDArray[np.bool_] = shapely.contains_xy(polygons[area.area_id], x[None, :], y[:, None])
+        own = np.where(inside, density, -1.0)
+        row, column = np.unravel_index(int(own.argmax()), own.shape)
+        if own[row, column] >= data.site.settings.heat_steps[0]:
+            at = (float(x[column]), float(y[row]))
+            spots.append(MapSpot(number=len(spots) + 1, name=area.name, at=at, peak=float(own[row, column])))
     return tuple(spots)
 
 
@@ -160,23 +191,23 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...]) -> FloorMap | No
         return None
     uri, size = picture_image(camera.picture)
     full = camera.picture_px or size
+    extent = (0.0, 0.0, float(full[0]), float(full[1]))
+    homography = np.array(calibrations[-1].homography)
     return FloorMap(
         kind="picture",
         title=camera.name,
-        extent=(0.0, 0.0, float(full[0]), float(full[1])),
-        image=MapImage(data_uri=uri, extent=(0.0, 0.0, float(full[0]), float(full[1]))),
+        extent=extent,
+        image=MapImage(data_uri=uri, extent=extent),
         bands=tuple(
             MapBand(
                 lower=band.lower,
-                polygons=heat.project_polygons(
-                    band.polygons, homography=np.array(calibrations[-1].homography), size_px=full
-                ),
+                polygons=heat.project_polygons(band.polygons, homography=homography, size_px=full),
             )
             for band in polygons
         ),
     )
 
 
-def _polygon(shape: object) -> Polygon:
-    rings = [shape.exterior, *shape.interiors]  # type: ignore[attr-defined]
+def _polygon(shape: shapely.Polygon) -> Polygon:
+    rings = [shape.exterior, *shape.interiors]
     return tuple(tuple((float(x), float(y)) for x, y in list(ring.coords)[:-1]) for ring in rings)

@@ -12,30 +12,43 @@ JSON Schema are made from them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field
+from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Any, Final, Literal
 
-SCHEMA: Final = "vsd.report.week/1"
+from vsd_analytics.report.fields import described as _f
+from vsd_analytics.report.model_map import (
+    Extent,
+    FloorMap,
+    MapArea,
+    MapBand,
+    MapCamera,
+    MapImage,
+    MapKind,
+    MapSpot,
+    Point,
+    Polygon,
+    Ring,
+)
 
-Point = tuple[float, float]
-Ring = tuple[Point, ...]
-Polygon = tuple[Ring, ...]
-Extent = tuple[float, float, float, float]
+# fmt: off
+__all__ = [
+    "SCHEMA", "AreaRow", "BusiestHour", "BusiestSpot", "CameraDay", "CameraRecord", "Coverage", "DayMean", "Estimate",
+    "Extent", "Figure", "FigureState", "FloorMap", "HourCell", "HourMean", "HourState", "Level", "LogKind", "LogLine",
+    "MapArea", "MapBand", "MapCamera", "MapImage", "MapKind", "MapSpot", "Outage", "Point", "Polygon", "Provenance",
+    "Ring", "Rules", "SettingsChange", "SiteRef", "Span", "Story", "Thing", "ThingKind", "Verdict", "WeekRef",
+    "WeekReport", "WeekState", "When",
+]
+# fmt: on
+
+SCHEMA: Final = "vsd.report.week/1"
 
 Verdict = Literal["clear_fall", "clear_rise", "no_clear_change", "too_little_data"]
 FigureState = Literal["ok", "not_enough_data", "not_measurable"]
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
 HourState = Literal["full", "partial", "low_data", "no_data", "closed"]
 LogKind = Literal["logged", "detected"]
-MapKind = Literal["plan", "floor", "picture"]
 ThingKind = Literal["worked", "watch", "distrust"]
-
-
-def _f(meaning: str, unit: str | None = None, metric: str | None = None, *, default: Any = MISSING) -> Any:
-    """Return a dataclass field that carries its documentation."""
-    metadata = {k: v for k, v in (("help", meaning), ("unit", unit), ("metric", metric)) if v is not None}
-    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,7 +171,11 @@ class CameraRecord:
     scheduled_h: float = _f("Open hours of the week.", "h")
     recorded_h: float = _f("Open hours recorded.", "h", "M1")
     share: float | None = _f("Recorded over scheduled.", "share", "M1")
-    last_record: datetime | None = _f("Instant of the last record ever received, in the site's zone.", default=None)
+    last_record: datetime | None = _f(
+        "Instant of the last record up to this week, in the site's zone; None: none in the sixty days before.",
+        default=None,
+    )
+    not_counted: str | None = _f("Why its violations cannot be counted, so that rates leave it out.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,9 +214,14 @@ class Level:
     people: Estimate = _f(
         "People: person-hours seen per recorded open hour, and its change.", "person-hours per open hour", "M3"
     )
-    exposure_h: float | None = _f("Person-hours seen in the week.", "person-hours", "M3", default=None)
+    exposure_h: float | None = _f(
+        "Person-hours seen in the hours that enter rates.", "person-hours", "M3", default=None
+    )
     violations: int | None = _f(
-        "Violations counted in the week; None if masked or unknown.", "violations", "M8", default=None
+        "Violations counted in the hours that enter rates; None if masked or unknown.",
+        "violations",
+        "M8",
+        default=None,
     )
 
 
@@ -209,7 +231,7 @@ class BusiestSpot:
 
     area_id: str | None = _f("Area, or None for the rest of the floor.")
     name: str = _f("Its display name; free text.")
-    share: float = _f("Share of all violations.", "share", "M15")
+    share: float = _f("Its rate over the sum of all areas' rates.", "share", "M15")
     floor_share: float | None = _f("Share of the floor that cameras see.", "share", default=None)
 
 
@@ -229,16 +251,24 @@ class AreaRow:
 
     area_id: str | None = _f("Identifier; None for the rest of the floor.")
     name: str = _f("Display name; free text.")
-    counted: int | None = _f("Violations counted; None if masked.", "violations", "M15", default=None)
+    counted: int | None = _f(
+        "Violations counted in the hours that enter rates; None if masked.", "violations", "M15", default=None
+    )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted; no figure of this area is shown.", default=False)
+    is_held_back: bool = _f("True: its figures are held back, as they would tell a masked one.", default=False)
     often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
     risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
     exposure_h: float | None = _f("Person-hours seen in the area.", "person-hours", "M15", default=None)
-    share: float | None = _f("Share of all violations of the floor.", "share", "M15", default=None)
+    share: float | None = _f("Its rate over the sum of all areas' rates.", "share", "M15", default=None)
     recorded_share: float | None = _f(
-        "Open hours recorded by the cameras that own the area.", "share", "M1", default=None
+        "Open hours recorded by its cameras, each weighted by how much of the area it counts.",
+        "share",
+        "M1",
+        default=None,
     )
-    cameras: tuple[str, ...] = _f("Ids of the cameras that own floor of the area.", default=())
+    cameras: tuple[str, ...] = _f(
+        "Ids of the cameras that count at least 1 % of the area, the largest part first.", default=()
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,6 +284,7 @@ class HourCell:
         "Violations counted; None if masked, no data or closed.", "violations", "M8", default=None
     )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
+    is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
     scaled: float | None = _f("Low-data hours: counted over recorded share, rough.", "violations", default=None)
     share: float | None = _f("Camera-hours recorded over open camera-hours.", "share", "M1", default=None)
     cameras_down: int = _f("Cameras that recorded less than half of it: the true figure is higher.", default=0)
@@ -265,7 +296,9 @@ class DayMean:
 
     day: date = _f("Local date.")
     value: float | None = _f(
-        "Mean violations per full hour; None without a full hour.", "violations per hour", default=None
+        "Mean violations per full hour, masked ones taken as `mask_below` / 2; None without a full hour.",
+        "violations per hour",
+        default=None,
     )
     hours: int = _f("Full hours in it.", default=0)
 
@@ -276,7 +309,9 @@ class HourMean:
 
     hour: int = _f("Local hour, 0 to 23.")
     value: float | None = _f(
-        "Mean violations per full hour; None without a full hour.", "violations per hour", default=None
+        "Mean violations per full hour, masked ones taken as `mask_below` / 2; None without a full hour.",
+        "violations per hour",
+        default=None,
     )
     hours: int = _f("Full hours in it.", default=0)
 
@@ -290,67 +325,6 @@ class When:
     )
     day_means: tuple[DayMean, ...] = _f("Monday to Sunday.", default=())
     hour_means: tuple[HourMean, ...] = _f("By local hour.", default=())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapImage:
-    """A picture below the bands."""
-
-    data_uri: str = _f("The picture itself, `data:image/...`; see `pictures.plan_image`, `pictures.picture_image`.")
-    extent: Extent = _f("x0, y0, x1, y1 it covers, in the map's unit.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapBand:
-    """All floor where the density is at least `lower` (and, drawn first to last, below the next band's)."""
-
-    lower: float = _f("Density at the outline.", "violations per m2 per open hour", "M17")
-    polygons: tuple[Polygon, ...] = _f("Each an outer ring followed by its holes, in the map's unit.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapArea:
-    """Outline of a named area."""
-
-    area_id: str = _f("Identifier.")
-    name: str = _f("Display name; free text.")
-    ring: Ring = _f("Outline in the map's unit.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapCamera:
-    """Where a camera stands, if known."""
-
-    label: str = _f("Short label.")
-    at: Point = _f("Position in the map's unit.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapSpot:
-    """A numbered busiest spot."""
-
-    number: int = _f("Rank, 1 first.")
-    name: str = _f("Name of the area it lies in; free text.")
-    at: Point = _f("Its peak, in the map's unit.")
-    peak: float | None = _f("Density at the peak.", "violations per m2 per open hour", default=None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FloorMap:
-    """One map: the floor plan, bare floor, or a camera picture when there is no plan and no common floor."""
-
-    kind: MapKind = _f("plan and floor are in metres with y up; picture is in pixels with y down.")
-    title: str = _f("Floor or camera name; free text.")
-    extent: Extent = _f("x0, y0, x1, y1 shown, in the map's unit.")
-    image: MapImage | None = _f("Plan or camera picture; None for bare floor.", default=None)
-    bands: tuple[MapBand, ...] = _f(
-        "Weakest first; see `bands.heat_bands`.", "violations per m2 per open hour", "M17", default=()
-    )
-    unseen: tuple[Polygon, ...] = _f("Floor no camera sees.", default=())
-    areas: tuple[MapArea, ...] = _f("Named areas.", default=())
-    cameras: tuple[MapCamera, ...] = _f("Camera positions, if known.", default=())
-    spots: tuple[MapSpot, ...] = _f("At most three.", "violations per m2 per open hour", "M20", default=())
-    scale_bar_m: float | None = _f("Length of the scale bar; None on pictures.", "m", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_BYTES: Final = 60_000
+_UNDRAWN: Final = {"svg", "g", "title", "desc", "defs", "style", "metadata", "namedview"}
 
 
 def data_uri(data: bytes, *, kind: str) -> str:
@@ -61,6 +62,41 @@ def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[in
         if encoded.nbytes <= max_bytes:
             break
     return data_uri(np.asarray(encoded).tobytes(), kind="png"), (width, height)
+
+
+def has_paper(path: Path) -> bool:
+    """Tell whether an SVG plan is drawn on an opaque ground, which would hide what lies below it.
+
+    True when its first drawn element is a filled rectangle or picture as large as the drawing; other plans have none,
+    as `plan_image` makes their white transparent.
+    """
+    from xml.etree import ElementTree
+
+    if path.suffix.lower() != ".svg":
+        return False
+    try:
+        root = ElementTree.fromstring(_read(path))
+    except ElementTree.ParseError as error:
+        raise _no_picture(path, "it is no SVG drawing") from error
+    ground = next((e for e in root.iter() if _tag(e) not in _UNDRAWN), None)
+    if ground is None or _tag(ground) not in {"rect", "image"} or ground.get("fill") in {"none", "transparent"}:
+        return False
+    sizes = (root.get("viewBox") or "").replace(",", " ").split()[2:] or [root.get("width", ""), root.get("height", "")]
+    return all(_covers(ground.get(side), whole) for side, whole in zip(("width", "height"), sizes, strict=False))
+
+
+def _tag(element: object) -> str:
+    return str(getattr(element, "tag", "")).rpartition("}")[2]
+
+
+def _covers(length: str | None, whole: str) -> bool:
+    """Tell whether a length of an SVG is its whole side: 100%, or nearly the number of the viewBox."""
+    if length is None or length.strip() == "100%":
+        return length is not None
+    try:
+        return float(length.removesuffix("px")) >= 0.98 * float(whole.removesuffix("px"))
+    except ValueError:
+        return False
 
 
 def picture_image(path: Path, *, width_px: int = 640, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[int, int]]:

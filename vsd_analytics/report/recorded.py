@@ -1,94 +1,52 @@
-"""What was recorded: coverage by camera and day, outages, last records, engines, the floor that is seen."""
+"""What was recorded: coverage by camera and day, outages, the floor that is seen."""
 
 from __future__ import annotations
 
-from datetime import UTC, date, datetime, timedelta
+from datetime import date
 from itertools import groupby
 
-import pandas as pd
+import numpy as np
 import shapely
 
 from vsd_analytics import geometry
-from vsd_analytics.duck import connect
-from vsd_analytics.report.model import CameraDay, CameraRecord, Coverage, LogLine, Outage
-from vsd_analytics.report.weekdata import WEEK, WeekData
-from vsd_analytics.store import Store
-from vsd_analytics.store.store import engines_of
-
-DETECTED_MIN_H = 2.0
-LOOK_BACK_H = 24 * 60
+from vsd_analytics.report.model import CameraDay, CameraRecord, Coverage, Outage
+from vsd_analytics.report.weekdata import HOUR_MS, WEEK, Ints, WeekData
+from vsd_analytics.warehouse.provenance import last_records
 
 
 def coverage(data: WeekData) -> Coverage:
     """Return how much of the week's opening hours each camera recorded."""
-    current = data.current
-    last = last_records(data)
+    now = np.flatnonzero(data.week())
+    last = last_records(data.site, data.ids, until=data.sunday)
     cameras = []
-    for i, camera in enumerate(data.cameras, start=1):
-        own = current[current["camera_id"] == camera.camera_id]
-        scheduled, recorded = float(own["open_s"].sum()) / 3600, float(own["recorded_open_s"].sum()) / 3600
+    for i, camera in enumerate(data.cameras):
+        days = tuple(_camera_day(data, i, day, now[data.hours.day[now] == day.toordinal()]) for day in data.week_days)
+        scheduled, recorded = sum(d.scheduled_h for d in days), sum(d.recorded_h for d in days)
         cameras.append(
             CameraRecord(
                 camera_id=camera.camera_id,
                 name=camera.name,
-                label=f"C{i}",
-                days=tuple(_camera_day(own[own["local_date"] == day], day) for day in data.week_days),
+                label=f"C{i + 1}",
+                days=days,
                 scheduled_h=scheduled,
                 recorded_h=recorded,
                 share=recorded / scheduled if scheduled else None,
                 last_record=last.get(camera.camera_id),
+                not_counted=data.not_counted.get(camera.camera_id),
             )
         )
     scheduled_h, recorded_h = sum(c.scheduled_h for c in cameras), sum(c.recorded_h for c in cameras)
-    seen = current[current["open_s"] > 0].groupby("hour_start_ms")["exposure_h"].sum()
+    seen = data.everyone.exposure_h[:, now].sum(axis=0) > 0
     return Coverage(
         share=recorded_h / scheduled_h if scheduled_h else 0.0,
         recorded_h=recorded_h,
         scheduled_h=scheduled_h,
-        open_h=scheduled_h / len(cameras) if cameras else 0.0,
-        seen_h=float((seen > 0).sum()),
+        open_h=float(data.hours.open_s[now].sum()) / 3600,
+        seen_h=None if data.why_no_exposure else float(seen.sum()),
         cameras=tuple(cameras),
         outages=_outages(data),
-        is_inferred=bool(current["is_inferred"].eq(True).any()),
+        is_inferred=bool(data.hours.is_inferred[:, now].any()),
     )
-
-
-def last_records(data: WeekData) -> dict[str, datetime]:
-    """Return the instant of each camera's last record up to the end of the week, looking back sixty days of records."""
-    sunday = data.sunday + timedelta(days=1)
-    end = int(datetime(sunday.year, sunday.month, sunday.day, tzinfo=data.site.zone).timestamp()) // 3600
-    store = Store(data.site.root / "store", site_id=data.site.site_id)
-    wanted, found = set(data.ids), dict[str, datetime]()
-    by_hour: dict[int, list[str]] = {}
-    for table in ("frames", "observations"):
-        for part in store.parts(table, first_hour=end - LOOK_BACK_H, last_hour=end - 1):  # type: ignore[arg-type]
-            by_hour.setdefault(part.hour, []).append(str(part.path))
-    con = connect()
-    for hour in sorted(by_hour, reverse=True):
-        if not wanted:
-            break
-        rows = con.execute(
-            "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by camera_id",
-            {"names": by_hour[hour]},
-        ).fetchall()
-        for camera_id, ms in rows:
-            if camera_id in wanted:
-                found[camera_id] = datetime.fromtimestamp(ms / 1000, tz=UTC).astimezone(data.site.zone)
-                wanted.discard(camera_id)
-    con.close()
-    return found
-
-
-def engines(data: WeekData, monday: date) -> tuple[str, ...]:
-    """Return the engines noted in the first part of each day of a week, sorted."""
-    start = int(datetime(monday.year, monday.month, monday.day, tzinfo=data.site.zone).timestamp()) // 3600
-    store = Store(data.site.root / "store", site_id=data.site.site_id)
-    noted: set[str] = set()
-    for table in ("frames", "observations", "pairs"):
-        parts = store.parts(table, first_hour=start, last_hour=start + 24 * 7 - 1)  # type: ignore[arg-type]
-        for _, day in groupby(parts, key=lambda p: p.hour // 24):
-            noted.update(engines_of(next(iter(day)).path))
-    return tuple(sorted(noted))
 
 
 def seen_area_m2(data: WeekData) -> float | None:
@@ -97,68 +55,53 @@ def seen_area_m2(data: WeekData) -> float | None:
     if bounds is None:
         return None
     hidden = geometry.unseen(data.floor, cameras=data.cameras, bounds=bounds)
-    return None if hidden is None else shapely.box(*bounds).area - sum(p.area for p in hidden)
+    return None if hidden is None else float(shapely.box(*bounds).area - sum(p.area for p in hidden))
 
 
-def detected(data: WeekData, found: Coverage) -> list[LogLine]:
-    """Return long outages as lines of the site's log."""
-    names = {c.camera_id: c.name for c in data.cameras}
-    lines = []
-    for outage in found.outages:
-        if outage.open_h < DETECTED_MIN_H or outage.is_inferred:
-            continue
-        who = (
-            "All cameras"
-            if len(outage.camera_ids) == len(names) > 1
-            else ", ".join(names[c] for c in outage.camera_ids)
-        )
-        lines.append(
-            LogLine(
-                at=outage.start, text=f"{who}: no data until {outage.end:%a %H:%M}, cause not logged.", kind="detected"
-            )
-        )
-    return lines
-
-
-def local(data: WeekData, ms: int) -> datetime:
-    """Return an instant (UTC milliseconds) in the site's zone."""
-    return datetime.fromtimestamp(ms / 1000, tz=data.site.zone)
-
-
-def _camera_day(hours: pd.DataFrame, day: date) -> CameraDay:
-    scheduled, recorded = float(hours["open_s"].sum()) / 3600, float(hours["recorded_open_s"].sum()) / 3600
+def _camera_day(data: WeekData, camera: int, day: date, chosen: Ints) -> CameraDay:
+    open_s, recorded_s = data.hours.open_s[chosen], data.hours.recorded_s[camera, chosen]
     shares: list[float | None] = [None] * 24
-    for hour, group in hours.groupby("local_hour"):
-        open_s = float(group["open_s"].sum())
-        if open_s > 0:
-            shares[int(hour)] = min(1.0, float(group["recorded_open_s"].sum()) / open_s)  # type: ignore[call-overload]
+    for hour in range(24):
+        same = data.hours.hour[chosen] == hour
+        if (total := float(open_s[same].sum())) > 0:
+            shares[hour] = min(1.0, float(recorded_s[same].sum()) / total)
+    scheduled_h, recorded_h = float(open_s.sum()) / 3600, float(recorded_s.sum()) / 3600
     return CameraDay(
         day=day,
-        scheduled_h=scheduled,
-        recorded_h=recorded,
-        share=recorded / scheduled if scheduled else None,
+        scheduled_h=scheduled_h,
+        recorded_h=recorded_h,
+        share=recorded_h / scheduled_h if scheduled_h else None,
         hourly_share=tuple(shares),
     )
 
 
 def _outages(data: WeekData) -> tuple[Outage, ...]:
-    start = datetime(data.monday.year, data.monday.month, data.monday.day, tzinfo=data.site.zone)
-    first, last = (round(t.timestamp() * 1000) for t in (start, start + WEEK))
+    first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + WEEK))
     rows = data.warehouse.rows(
         "select camera_id, started_ms, ended_ms, open_s, is_inferred from outages "
-        "where camera_id in (select unnest($ids)) and ended_ms > $first and started_ms < $last order by started_ms, ended_ms, camera_no",
+        "where camera_id in (select unnest($ids)) and ended_ms > $first and started_ms < $last "
+        "order by started_ms, ended_ms, camera_no",
         {"ids": data.ids, "first": first, "last": last},
     )
+    cut = [(max(r["started_ms"], first), min(r["ended_ms"], last), r) for r in rows]
     merged = []
-    for (begin, end), group in groupby(rows, key=lambda r: (r["started_ms"], r["ended_ms"])):
-        members = list(group)
+    for (begin, end), group in groupby(sorted(cut, key=lambda c: c[:2]), key=lambda c: c[:2]):
+        members = [r for _, _, r in group]
+        is_whole = all((m["started_ms"], m["ended_ms"]) == (begin, end) for m in members)
         merged.append(
             Outage(
                 camera_ids=tuple(m["camera_id"] for m in members),
-                start=local(data, max(begin, first)),
-                end=local(data, min(end, last)),
-                open_h=max(m["open_s"] for m in members) / 3600,
+                start=data.local(begin),
+                end=data.local(end),
+                open_h=max(m["open_s"] for m in members) / 3600 if is_whole else _open_h(data, begin, end),
                 is_inferred=any(m["is_inferred"] for m in members),
             )
         )
     return tuple(merged)
+
+
+def _open_h(data: WeekData, begin_ms: int, end_ms: int) -> float:
+    """Return the opening hours between two instants, opening time spread evenly over its local hour."""
+    start_ms = data.hours.start_ms
+    overlap_ms = np.minimum(start_ms + HOUR_MS, end_ms) - np.maximum(start_ms, begin_ms)
+    return float((np.clip(overlap_ms, 0, None) / HOUR_MS * data.hours.open_s).sum()) / 3600

@@ -84,7 +84,10 @@ class Page:
         areas: Areas in the order of the page.
         table: The timetable.
         down: Names of cameras that were down in some hour.
-        masked_hours: True when any hour is held back.
+        masked_hours: True when the count of any hour is too small to print.
+        held_hours: True when any other hour is held back, as it would tell such a count.
+        held_areas: The same of areas.
+        mask_middle: What an hour too small to print counts in averages.
         second: True when the clocks were set back.
         is_compared: True when changes are shown.
         why_not_compared: Why not.
@@ -115,6 +118,9 @@ class Page:
     table: tables.Timetable
     down: str
     masked_hours: bool
+    held_hours: bool
+    held_areas: bool
+    mask_middle: float
     second: bool
     is_compared: bool
     why_not_compared: str
@@ -173,6 +179,9 @@ def make_page(report: WeekReport) -> Page:
         table=timetable,
         down=words.joined(words.camera_name(names.get(c, c)) for c in _down(report)),
         masked_hours=any(c.is_masked for c in report.when.cells),
+        held_hours=any(c.is_held_back for c in report.when.cells),
+        held_areas=any(a.is_held_back for a in report.areas),
+        mask_middle=report.rules.mask_below / 2,
         second=any(row.is_second for row in timetable.rows),
         is_compared=is_compared,
         why_not_compared=_why_not_compared(report),
@@ -244,14 +253,15 @@ def _change_row(
     if is_masked:
         estimate = Estimate(value=None, verdict="too_little_data", reason="too few to print")
     clear = estimate.verdict in ("clear_fall", "clear_rise")
-    said = words.verdict_words(estimate)
+    said = "Not measurable" if estimate.state == "not_measurable" else words.verdict_words(estimate)
+    unknown = estimate.change is None
     return ChangeRow(
         name=name,
         previous=fmt.number(estimate.previous),
         value=fmt.number(estimate.value),
         bar=svg.change_bar(estimate, limit=limit),
-        words=f"{said}, {fmt.signed(estimate.change)}" if clear else said,
-        detail=estimate.reason or "" if estimate.verdict == "too_little_data" else fmt.likely_signed(estimate),
+        words=f"{said}, {fmt.signed(estimate.change)}" if clear and not unknown else said,
+        detail=fmt.likely_signed(estimate) or estimate.reason or "",
         direction=words.direction(estimate.verdict),
         is_total=is_total,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import date
+from typing import Final
 
 from markupsafe import Markup
 
@@ -11,13 +12,15 @@ from vsd_analytics.report import format as fmt
 from vsd_analytics.report import svg
 from vsd_analytics.report.model import CameraRecord, HourCell, WeekReport
 
+HELD_BACK: Final = "\u2026"
+
 
 @dataclass(frozen=True, slots=True)
 class Cell:
     """One cell of the timetable.
 
     Attributes:
-        style: CSS classes: colour step, part, low, hatch, cl.
+        style: CSS classes: colour step, part, low, hatch, cl, hb (held back).
         text: What stands in it; empty for no data.
         note: What only screen readers hear.
     """
@@ -114,6 +117,8 @@ def _cell(cell: HourCell, report: WeekReport) -> Cell:
     if cell.state == "no_data":
         return Cell("hatch", "", "no data")
     steps = report.rules.hour_steps
+    if cell.is_held_back:
+        return Cell("hb", HELD_BACK, "held back")
     if cell.state == "low_data":
         if cell.is_masked:
             return Cell("b1 low", fmt.masked(report.rules.mask_below), ", rough")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 from vsd_analytics.report import format as fmt
@@ -40,7 +41,7 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         title = f"Cameras recorded {fmt.percent(report.coverage.share)} of open hours"
         text = "The recorded hours may be unlike the others. Do not read a level, a ranking or a trend from this page."
         return (Thing(kind="distrust", title=title, text=text, target="data"),)
-    if report.state == "normal":
+    if report.state == "normal" and report.level.often.value is not None:
         return _worked(report), _watch(report), _distrust(report)
     worked = Thing(
         kind="worked",
@@ -48,6 +49,8 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         text="That is enough to know the level of this week.",
         target="data",
     )
+    if report.level.often.value is None:
+        return (replace(worked, text="What is missing is not hours but the means to count."), _distrust(report))
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
@@ -123,10 +126,32 @@ def _own_change(row: AreaRow | None) -> str:
     return f" Its own figure is {way} {points.removesuffix(' ' + by)}, which could be normal variation."
 
 
+def _leans_on(area: AreaRow, camera: CameraRecord, report: WeekReport) -> bool:
+    """Tell whether what a camera missed leaves an area incomplete."""
+    is_thin = area.recorded_share is None or area.recorded_share < report.rules.full_hour_share
+    return is_thin and camera.camera_id in area.cameras
+
+
 def _distrust(report: WeekReport) -> Thing:
+    left_out = [c for c in report.coverage.cameras if c.not_counted is not None]
+    if left_out and report.level.often.value is not None:
+        camera_names = words.joined(words.camera_name(c.name) for c in left_out)
+        return Thing(
+            kind="distrust",
+            title=f"{camera_names} {'is' if len(left_out) == 1 else 'are'} not counted",
+            text=words.sentence(left_out[0].not_counted or ""),
+            target="data",
+        )
+    if report.level.often.state == "not_measurable":
+        return Thing(
+            kind="distrust",
+            title="How often cannot be said",
+            text=words.sentence(report.level.often.reason or ""),
+            target="about",
+        )
     camera = weakest_camera(report)
     if camera is not None:
-        areas = [a.name for a in report.areas if camera.camera_id in a.cameras and a.area_id is not None]
+        areas = [a.name for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)]
         seen = f" It sees {words.joined(areas[:2])}: do not read a trend there." if areas else ""
         return Thing(
             kind="distrust",

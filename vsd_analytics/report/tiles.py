@@ -93,6 +93,9 @@ def _against(report: WeekReport, estimate: Estimate) -> list[str]:
 
 def _often(report: WeekReport) -> Tile:
     often = report.level.often
+    if often.value is None:
+        value = "Not measurable" if often.state == "not_measurable" else "Too few to print"
+        return Tile(title="How often", value=value, note=sentences([often.reason or ""]), is_wordy=True)
     delta, direction = _change(report, often)
     note = sentences([*_against(report, often), "same hours compared" if often.change is not None else ""])
     return Tile(
@@ -200,7 +203,7 @@ def _seen(report: WeekReport) -> Tile:
 def _last_record(report: WeekReport) -> Tile:
     last = [c.last_record for c in report.coverage.cameras if c.last_record is not None]
     if not last:
-        return Tile(title="Last data received", value="Never", note="From no camera.", is_wordy=True)
+        return Tile(title="Last data received", value="None found", note="From no camera.", is_wordy=True)
     newest = max(last)
     at_once = len(last) > 1 and (newest - min(last)).total_seconds() <= 60
     note = (
@@ -215,7 +218,17 @@ def _before_after(report: WeekReport) -> tuple[Tile, Tile] | None:
     change = report.settings_change
     if change is None or change.often_before is None or change.often_after is None:
         return None
-    return (
-        Tile(title=f"Before, at {change.before}", value=fmt.number(change.often_before.value), note="Per open hour."),
-        Tile(title=f"After, at {change.after}", value=fmt.number(change.often_after.value), note="Per open hour."),
+    names = f"Before, at {change.before}", f"After, at {change.after}"
+    if change.name == "calibration":
+        names = "How often, before the calibration", "How often, since the calibration"
+    parts = zip(names, (change.often_before, change.often_after), strict=True)
+    before, after = (
+        Tile(
+            title=name,
+            value=fmt.number(e.value),
+            unit="violations per open hour",
+            note=sentences([fmt.likely_level(e), e.reason or ""]),
+        )
+        for name, e in parts
     )
+    return before, after

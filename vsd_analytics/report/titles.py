@@ -13,8 +13,10 @@ def where(report: WeekReport) -> str:
     spot = report.busiest_spot
     if report.state == "empty":
         return "No floor reached the first colour"
-    if spot is None:
+    if spot is None and report.state == "too_incomplete":
         return "What was seen, where cameras recorded"
+    if spot is None:
+        return "Where violations happened"
     return f"{spot.name} is the busiest spot"
 
 
@@ -40,6 +42,8 @@ def changed(report: WeekReport) -> str:
     clear = [a.name for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
     if report.state != "normal":
         return "Areas of this floor"
+    if not report.areas:
+        return f"Whole floor: {words.verdict_words(report.level.often).lower()}"
     if not clear:
         return "No area clearly changed"
     if len(clear) == 1:

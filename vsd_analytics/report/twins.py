@@ -71,7 +71,8 @@ def json_schema() -> dict[str, Any]:
 def to_csv(report: WeekReport) -> dict[str, str]:
     """Return the tidy tables by file name: one row per hour of the floor, one row per area.
 
-    `hours.csv` has one row per local hour with the area `all`; a held-back count is empty with the state `masked`.
+    `hours.csv` has one row per local hour with the area `all`; a count too small to print is empty with the state `masked`, one
+    that would tell such a count with the state `held_back`.
     Times are ISO 8601 with offset. Names that a spreadsheet would take for a formula get an apostrophe before them.
     """
     report = rounded(report)
@@ -84,14 +85,14 @@ def to_csv(report: WeekReport) -> dict[str, str]:
 def _hour(cell: HourCell) -> tuple[Any, ...]:
     is_open = cell.state != "closed"
     minutes = None if cell.share is None or not is_open else round(cell.share * 60, 1)
-    state = "masked" if cell.is_masked else cell.state
+    state = "masked" if cell.is_masked else "held_back" if cell.is_held_back else cell.state
     return cell.start.isoformat(), "yes" if is_open else "no", minutes, cell.violations, state
 
 
 def _area(row: AreaRow) -> tuple[Any, ...]:
-    if row.is_masked:
-        held_back = (None,) * 12
-        return row.area_id or "", safe_cell(row.name), *held_back, row.recorded_share, "masked"
+    if row.is_masked or row.is_held_back:
+        state = "masked" if row.is_masked else "held_back"
+        return row.area_id or "", safe_cell(row.name), *(None,) * 12, row.recorded_share, state
     often = row.often
     return (
         row.area_id or "",

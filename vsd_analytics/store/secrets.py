@@ -13,7 +13,8 @@ import secrets
 from datetime import date
 from pathlib import Path
 
-from vsd_analytics.store.durable import fsync_dir, make_dirs
+from vsd_analytics.errors import StoreError, Where
+from vsd_analytics.store.durable import fsync_dir, make_dirs, sweep_temporaries
 
 KEY_BYTES = 32
 
@@ -30,17 +31,31 @@ class DayKeys:
         self._known: dict[date, bytes] = {}
 
     def key(self, day: date) -> bytes:
-        """Return the key of a site day, made (durably, once) when it does not exist yet."""
+        """Return the key of a site day, made (durably, once) when it does not exist yet.
+
+        Raises:
+            StoreError: E303, the key's file does not hold a key.
+        """
         if day not in self._known:
             path = self.folder / f"{day.isoformat()}.key"
             if not path.exists():
                 self.put(day, secrets.token_bytes(KEY_BYTES))
-            self._known[day] = path.read_bytes()
+            key = path.read_bytes()
+            if len(key) != KEY_BYTES:
+                raise StoreError(
+                    "a day's key for pseudonyms is damaged",
+                    code="E303",
+                    where=Where(str(path)),
+                    why=f"a key has {KEY_BYTES} bytes, this file {len(key)}",
+                    mend="restore it from a backup; without it records of that day cannot be recognised again",
+                )
+            self._known[day] = key
         return self._known[day]
 
     def put(self, day: date, key: bytes) -> None:
         """Store a key for a day unless it has one; two processes agree on whoever came first."""
         make_dirs(self.folder)
+        sweep_temporaries(self.folder)
         temporary = self.folder / f".{day.isoformat()}.{os.getpid()}.tmp"
         fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(fd, "wb") as f:

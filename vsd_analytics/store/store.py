@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.duck import connect
+from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
 from vsd_analytics.store import durable
 from vsd_analytics.store.layout import HOUR_MS, Part, hour_of, list_parts, segment_paths, unit_folder
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
     import duckdb
 
 ENGINES = b"vsd.engines"
-SPAN_ROWS = 3_000_000
-"""Rows folded at once: days of quiet sites together, hours of busy ones apart."""
+SPAN_ROWS = 500_000
+"""Rows folded at once: whole days of quiet sites, single hours of busy ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ class Store:
         schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(sorted(set(engines))).encode()})
         data = _parquet_bytes(rows.select(schema.names).cast(schema), compression="lz4")
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
-        return rows.num_rows
+        return int(rows.num_rows)
 
     def fold(self, *, on_rows: Callable[[int], None] | None = None) -> FoldResult:
         """Move the spool into parts.
@@ -101,7 +103,12 @@ class Store:
 
         Returns:
             Counts per table and the hours that changed.
+
+        Raises:
+            StoreError: E302, a file of the spool or the store is damaged; nothing is removed from the spool then.
         """
+        if not self.root.is_dir():
+            return FoldResult()
         with durable.exclusive(self.root / ".lock"):
             durable.sweep_temporaries(self.root)
             tables: dict[TableName, Counts] = {}
@@ -127,60 +134,99 @@ class Store:
 
     def damaged(self) -> list[Path]:
         """Return the parts whose bytes do not match the hash in their name."""
-        return [
-            p.path for t in TABLES for p in self.parts(t) if durable.digest(p.path.read_bytes()) != p.digest
-        ]
+        return [p.path for t in TABLES for p in self.parts(t) if durable.digest(p.path.read_bytes()) != p.digest]
 
     def _fold_table(
         self, table: TableName, segments: list[Path], hours: set[int], on_rows: Callable[[int], None] | None
     ) -> Counts:
-        con = connect()
+        for path in segments:
+            if durable.digest(path.read_bytes()) != path.stem:
+                raise _damaged(path, "records acknowledged earlier", mend="move it away and ingest their source again")
         done = Counts()
-        for names, first, last in _spans(segments):
-            done += self._fold_span(con, table, names, first, last, hours)
-            if on_rows is not None:
-                on_rows(sum(pq.read_metadata(n).num_rows for n in names))
-        con.close()
+        with connect() as con:
+            for span in _spans(segments):
+                rows, n_read, n_second = self._new_rows(con, table, span)
+                engines = sorted({e for path in span.segments for e in engines_of(path)})
+                for hour, part in _by_hour(rows):
+                    data = part_bytes(table, part, engines)
+                    folder = unit_folder(self.root, table, self.site_id, hour)
+                    durable.publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
+                    hours.add(hour)
+                done += Counts(rows.num_rows, n_read - rows.num_rows - n_second, n_second)
+                if on_rows is not None:
+                    on_rows(n_read)
         for path in segments:
             durable.remove(path)
         durable.fsync_dir(self.root / "live" / table)
         return done
 
-    def _fold_span(
-        self, con: duckdb.DuckDBPyConnection, table: TableName, names: list[Path], first: int, last: int, hours: set[int]
-    ) -> Counts:
-        columns = ", ".join(SCHEMAS[table].names)
-        key = ", ".join(KEYS[table])
-        con.execute(
-            f"create or replace temp table spooled as select {columns} from read_parquet($names) "
-            "where epoch_ms(ts) >= $first and epoch_ms(ts) < $after",
-            {"names": [str(n) for n in names], "first": first * HOUR_MS, "after": (last + 1) * HOUR_MS},
-        )
-        n_rows, n_distinct = con.execute(
-            f"select (select count(*) from spooled), (select count(*) from (select distinct {columns} from spooled))"
-        ).fetchall()[0]
-        if not n_rows:
-            return Counts()
-        con.execute(
-            f"create or replace temp table fresh as select distinct on ({key}) {columns} from spooled order by {key}, {columns}"
-        )
-        n_keys = con.execute("select count(*) from fresh").fetchall()[0][0]
-        known = self.parts(table, first_hour=first, last_hour=last)
-        if known:
+    def _new_rows(self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span) -> tuple[pa.Table, int, int]:
+        """Return a span's rows that the table lacks, sorted by hour, how many were read, and how many second sightings.
+
+        Of several rows with one key the least by its columns is taken, whatever the order of files. Rows are only
+        compared where a 64-bit hash of their keys says that they may be the same.
+        """
+        import duckdb
+
+        columns, key = ", ".join(SCHEMAS[table].names), ", ".join(KEYS[table])
+        known = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
+        try:
             con.execute(
-                f"create or replace temp table stored as select {columns} from read_parquet($names)",
-                {"names": [str(p.path) for p in known]},
+                f"create or replace temp table spooled as select {columns}, hash({key}) as key_hash "
+                "from read_parquet($names) where ts >= to_timestamp($first_s) and ts < to_timestamp($end_s)",
+                {
+                    "names": [str(path) for path in span.segments],
+                    "first_s": span.first_hour * 3600,
+                    "end_s": (span.last_hour + 1) * 3600,
+                },
             )
-            same = " and ".join(f"{_qualified(k, 'fresh')} is not distinct from {_qualified(k, 'stored')}" for k in KEYS[table])
-            con.execute(f"create or replace temp table fresh as select fresh.* from fresh anti join stored on {same}")
-        rows = con.sql(f"select * from fresh order by {columns}").to_arrow_table().cast(SCHEMAS[table])
-        engines = sorted({e for n in names for e in engines_of(n)})
-        for hour, part in _by_hour(rows):
-            data = part_bytes(table, part, engines)
-            folder = unit_folder(self.root, table, self.site_id, hour)
-            durable.publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
-            hours.add(hour)
-        return Counts(rows.num_rows, n_rows - rows.num_rows - (n_distinct - n_keys), n_distinct - n_keys)
+            con.execute(
+                "create or replace temp table doubtful as "
+                "select * from spooled where key_hash in (select key_hash from spooled group by 1 having count(*) > 1)"
+            )
+            con.execute(
+                f"create or replace temp table fresh as select {columns} from spooled "
+                "where key_hash not in (select key_hash from doubtful) union all "
+                f"(select distinct on ({key}) {columns} from doubtful order by {key}, {columns})"
+            )
+            n_read, n_second = con.execute(
+                "select (select count(*) from spooled), (select count(*) from (select distinct * from doubtful)) "
+                f"- (select count(*) from (select distinct {key} from doubtful))"
+            ).fetchall()[0]
+            if known:
+                aliases = [f"key_{i}" for i in range(len(KEYS[table]))]
+                aliased = ", ".join(f"{k} as {a}" for k, a in zip(KEYS[table], aliases, strict=True))
+                is_same = " and ".join(f"f.{a} is not distinct from s.{a}" for a in aliases)
+                con.execute(
+                    f"create or replace temp table fresh as select {columns} from (select *, {aliased} from fresh) as f"
+                    f" "
+                    f"anti join (select {aliased} from read_parquet($names)) as s on {is_same}",
+                    {"names": [str(part.path) for part in known]},
+                )
+            order = f"cast(floor(epoch_ms(ts) / {HOUR_MS}) as bigint), {columns}"
+            rows = con.sql(f"select * from fresh order by {order}").to_arrow_table().cast(SCHEMAS[table])
+            for name in ("spooled", "doubtful", "fresh"):
+                con.execute(f"drop table {name}")
+        except duckdb.Error as error:
+            for part in known:
+                if durable.digest(part.path.read_bytes()) != part.digest:
+                    raise _damaged(
+                        part.path, "stored records", mend="restore it from a backup, or move it away"
+                    ) from None
+            raise StoreError(
+                "the spool cannot be folded into the store", code="E302", why=str(error)[:300], mend="vsd doctor"
+            ) from None
+        return rows, n_read, n_second
+
+
+def _damaged(path: Path, what: str, *, mend: str) -> StoreError:
+    return StoreError(
+        f"a file with {what} is damaged",
+        code="E302",
+        where=Where(str(path)),
+        why="its bytes are not those whose hash stands in its name: the disk or a program changed them",
+        mend=mend,
+    )
 
 
 def engines_of(path: Path) -> list[str]:
@@ -210,47 +256,44 @@ def _parquet_bytes(rows: pa.Table, **options: object) -> pa.Buffer:
     return sink.getvalue()
 
 
-def _spans(segments: list[Path]) -> Iterator[tuple[list[Path], int, int]]:
-    """Yield (segments that may hold them, first hour, last hour) so that no span holds more than about SPAN_ROWS rows."""
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """Hours that are folded together, and the segments that may hold records of them."""
+
+    segments: Sequence[Path]
+    first_hour: int
+    last_hour: int
+
+
+def _spans(segments: Sequence[Path]) -> Iterator[_Span]:
+    """Yield the days of a spool, or the hours of days with more than SPAN_ROWS rows."""
     ranges = []
     for path in segments:
         meta = pq.read_metadata(path)
-        index = meta.schema.names.index("ts")
-        stats = [meta.row_group(i).column(index).statistics for i in range(meta.num_row_groups)]
-        first = min(_ms(s.min) for s in stats)
-        last = max(_ms(s.max) for s in stats)
-        ranges.append((hour_of(first), hour_of(last), meta.num_rows, path))
-    if not ranges:
-        return
-    day = min(r[0] for r in ranges) // 24
-    last_day = max(r[1] for r in ranges) // 24
-    days = sorted({d for r in ranges for d in range(r[0] // 24, r[1] // 24 + 1)}) if last_day - day < 100_000 else []
-    for d in days:
-        inside = [r for r in ranges if r[0] // 24 <= d <= r[1] // 24]
-        if sum(r[2] for r in inside) <= SPAN_ROWS:
-            yield [r[3] for r in inside], d * 24, d * 24 + 23
+        column = meta.schema.names.index("ts")
+        statistics = [meta.row_group(i).column(column).statistics for i in range(meta.num_row_groups)]
+        first, last = min(s.min for s in statistics), max(s.max for s in statistics)
+        ranges.append((hour_of(_ms(first)), hour_of(_ms(last)), meta.num_rows, path))
+    for day in sorted({d for first, last, _, _ in ranges for d in range(first // 24, last // 24 + 1)}):
+        inside = [r for r in ranges if r[0] // 24 <= day <= r[1] // 24]
+        if sum(n_rows for _, _, n_rows, _ in inside) <= SPAN_ROWS:
+            yield _Span([path for *_, path in inside], day * 24, day * 24 + 23)
             continue
-        for hour in range(d * 24, d * 24 + 24):
-            names = [r[3] for r in inside if r[0] <= hour <= r[1]]
-            if names:
-                yield names, hour, hour
+        for hour in range(day * 24, day * 24 + 24):
+            if paths := [path for first, last, _, path in inside if first <= hour <= last]:
+                yield _Span(paths, hour, hour)
 
 
-def _ms(value: object) -> int:
-    return round(value.timestamp() * 1000)  # type: ignore[attr-defined]
+def _ms(instant: datetime) -> int:
+    return round(instant.timestamp() * 1000)
 
 
 def _by_hour(rows: pa.Table) -> Iterator[tuple[int, pa.Table]]:
-    """Split rows into UTC hours, keeping their order."""
+    """Cut rows that are sorted by UTC hour into hours."""
     import numpy as np
 
     hours = rows["ts"].cast(pa.int64()).to_numpy() // HOUR_MS
-    for hour in np.unique(hours):
-        yield int(hour), rows.filter(pa.array(hours == hour))
-
-
-def _qualified(expression: str, relation: str) -> str:
-    if not expression.startswith("case"):
-        return f"{relation}.{expression}"
-    condition, column = expression.removeprefix("case when ").removesuffix(" end").split(" then ")
-    return f"case when {' or '.join(f'{relation}.{c}' for c in condition.split(' or '))} then {relation}.{column} end"
+    starts = np.flatnonzero(np.diff(hours, prepend=hours[:1] - 1))
+    lengths = np.diff(starts, append=len(hours))
+    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
+        yield int(hours[start]), rows.slice(start, length)

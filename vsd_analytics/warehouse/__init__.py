@@ -1,0 +1,1 @@
+"""The SQL files, the incremental facts, and the warehouse of a range."""

@@ -5,28 +5,44 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from vsd_analytics.duck import connect
-from vsd_analytics.schema import SCHEMAS, TABLES, TableName
+from vsd_analytics.schema import TABLES
 from vsd_analytics.site import Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.durable import make_dirs, remove, sweep_temporaries
-from vsd_analytics.store.layout import list_parts
-from vsd_analytics.warehouse.dimensions import register_quarters, register_site, site_digest
-from vsd_analytics.warehouse.sqlfiles import Relation, relations, sql_digest
-from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, fact_path, hour_unit, text_hash
+from vsd_analytics.store.layout import unit_folder
+from vsd_analytics.warehouse.compute import day_facts, hour_facts
+from vsd_analytics.warehouse.dimensions import site_digest
+from vsd_analytics.warehouse.sqlfiles import relations, sql_digest
+from vsd_analytics.warehouse.units import (
+    Causes,
+    PartIndex,
+    Unit,
+    day_unit,
+    fact_path,
+    hour_unit,
+    merged_parts,
+    text_hash,
+)
 
 CAUSES = b"vsd.causes"
 BATCH_HOURS = 24
-BATCH_ROWS = 3_000_000
+BATCH_ROWS = 2_000_000
+"""Rows computed at once: days of quiet sites together, hours of busy ones apart."""
+
+_WORDS = {
+    "records": "late data",
+    "sql": "SQL changed",
+    "settings": "settings changed",
+    "site": "cameras or calibrations changed",
+    "frame interval": "frame interval changed",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +53,13 @@ class BuildResult:
         n_fresh: Units that were already right.
         reasons: Number of recomputed hours by reason, such as "new" or "settings changed".
         fingerprints: Fingerprint by UTC hour of all hours in the range, now fresh.
+        day_fingerprints: Fingerprint by UTC day number of the days they lie in or border on.
     """
 
     n_fresh: int
     reasons: Counter[str]
-    fingerprints: dict[int, str]
+    fingerprints: Mapping[int, str]
+    day_fingerprints: Mapping[int, str]
 
     @property
     def n_built(self) -> int:
@@ -67,138 +85,145 @@ def build(
         on_plan: Called once with the number of stale hours.
 
     Returns:
-        What was recomputed, and why. A second call finds everything fresh.
+        What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on what its
+        fingerprint covers alone, not on the range asked for.
     """
-    store = Store(site.root / "store", site_id=site.site_id)
     root = site.root / "facts"
-    sweep_temporaries(root) if root.is_dir() else None
-    wide = (None if first_hour is None else first_hour - 25, None if last_hour is None else last_hour + 25)
-    index = PartIndex(store, first_hour=wide[0], last_hour=wide[1])
-    hours = [h for h in index.hours() if (first_hour is None or h >= first_hour) and (last_hour is None or h <= last_hour)]
+    around = (None if first_hour is None else first_hour - 25, None if last_hour is None else last_hour + 25)
+    index = PartIndex(Store(site.root / "store", site_id=site.site_id), first_hour=around[0], last_hour=around[1])
+    hours = [h for h in index.hours() if first_hour is None or h >= first_hour]
+    hours = [h for h in hours if last_hour is None or h <= last_hour]
     shared = {
         "sql": sql_digest("staging", "facts"),
         "settings": text_hash(site.settings.fact_values()),
         "site": site_digest(site),
     }
-    facts = [r for r in relations("facts").values() if r.unit == "hour"]
-    days = _camera_days(site, root, index, sorted({d for h in hours for d in ((h - 1) // 24, h // 24, (h + 1) // 24)}), shared)
+    days = _fresh_days(site, root, _day_units(index, sorted({d for h in hours for d in _days_around(h)}), shared))
     units = [
-        hour_unit(index, h, shared=shared, camera_days=text_hash([days[d].to_pylist() for d in sorted({(h - 1) // 24, h // 24, (h + 1) // 24}) if d in days]))
+        hour_unit(
+            index,
+            h,
+            shared=shared,
+            camera_days=text_hash([days[d].digest for d in _days_around(h) if d in days]),
+        )
         for h in hours
     ]
-    stale = [u for u in units if not all(fact_path(root, r.name, site.site_id, u, is_day=False).exists() for r in facts)]
+    names = [r.name for r in relations("facts").values() if r.unit == "hour"]
+    stale = [u for u in units if not all(fact_path(root, n, site.site_id, u, is_day=False).exists() for n in names)]
     reasons = Counter(_reason(root, site.site_id, u) for u in stale)
     if on_plan is not None:
         on_plan(len(stale))
     for batch in _batches(stale):
-        _build_batch(site, root, batch, facts, days)
+        _build_batch(site, root, batch, days)
         if on_hours is not None:
             on_hours(len(batch))
-    return BuildResult(len(units) - len(stale), reasons, {u.number: u.fingerprint for u in units})
+    return BuildResult(
+        len(units) - len(stale),
+        reasons,
+        {u.number: u.fingerprint for u in units},
+        {d: day.unit.fingerprint for d, day in days.items()},
+    )
 
 
-def _camera_days(
-    site: Site, root: Path, index: PartIndex, days: Sequence[int], shared: dict[str, str]
-) -> dict[int, pa.Table]:
-    """Return the fact `camera_days` of each UTC day with records, computed where it is stale."""
+@dataclass(frozen=True, slots=True)
+class _Day:
+    """The fact `camera_days` of one UTC day."""
+
+    unit: Unit
+    rows: pa.Table
+    digest: str
+
+
+def _days_around(hour: int) -> list[int]:
+    """Return the UTC days an hour and the hours beside it lie in."""
+    return sorted({(hour + k) // 24 for k in (-1, 0, 1)})
+
+
+def _day_units(index: PartIndex, days: Sequence[int], shared: Causes) -> list[Unit]:
+    units = (day_unit(index, day, shared=shared) for day in days)
+    return [u for u in units if any(u.parts.values())]
+
+
+def _fresh_days(site: Site, root: Path, units: Sequence[Unit]) -> dict[int, _Day]:
+    """Return the fact `camera_days` of each UTC day, computed where it is stale."""
     relation = relations("facts")["camera_days"]
-    found: dict[int, pa.Table] = {}
-    for day in days:
-        unit = day_unit(index, day, shared=shared)
-        if not any(unit.parts.values()):
-            continue
-        path = fact_path(root, relation.name, site.site_id, unit, is_day=True)
-        if not path.exists():
-            con = connect()
-            register_site(con, site)
-            _load(con, unit.parts)
-            _write(path, con.sql(relation.sql).to_arrow_table(), unit)
-            con.close()
-        found[day] = pq.ParquetFile(path).read()
-    return found
+    paths = {u.number: fact_path(root, relation.name, site.site_id, u, is_day=True) for u in units}
+    for batch in _batches([u for u in units if not paths[u.number].exists()]):
+        rows = day_facts(site, merged_parts(batch))
+        for unit in batch:
+            _write(paths[unit.number], _slice(rows, "utc_day", unit.number), unit)
+        _sweep([paths[u.number] for u in batch])
+    tables = {u.number: pq.ParquetFile(paths[u.number]).read() for u in units}
+    return {u.number: _Day(u, tables[u.number], text_hash(tables[u.number].to_pylist())) for u in units}
 
 
-def _build_batch(site: Site, root: Path, units: Sequence[Unit], facts: Sequence[Relation], days: dict[int, pa.Table]) -> None:
-    con = connect()
-    register_site(con, site)
-    register_quarters(con, first_hour=units[0].number - 1, last_hour=units[-1].number + 1)
-    parts: dict[TableName, list[object]] = {t: list({p.path: p for u in units for p in u.parts[t]}.values()) for t in TABLES}
-    _load(con, parts)
-    con.register("_camera_days", pa.concat_tables(days.values()))
-    con.execute("create temp table camera_days as select * from _camera_days")
-    for relation in relations("staging").values():
-        con.execute(f"create or replace temp table {relation.name} as {relation.sql}")
-    wanted = pa.array([u.number for u in units], pa.int64())
-    for relation in facts:
-        con.execute(f"create or replace temp table {relation.name} as {relation.sql}")
-        rows = con.sql(f"select * from {relation.name} order by {', '.join(relation.grain)}").to_arrow_table()
-        rows = rows.filter(pc.is_in(rows["hour"], value_set=wanted))
-        hour = rows["hour"].to_numpy()
-        for unit in units:
-            path = fact_path(root, relation.name, site.site_id, unit, is_day=False)
-            _write(path, rows.filter(pa.array(hour == unit.number)), unit)
-    con.close()
+def _build_batch(site: Site, root: Path, units: Sequence[Unit], days: Mapping[int, _Day]) -> None:
+    needed = sorted({d for u in units for d in _days_around(u.number) if d in days})
+    facts = hour_facts(
+        site,
+        parts=merged_parts(units),
+        camera_days=pa.concat_tables([days[d].rows for d in needed]),
+        first_hour=units[0].number,
+        last_hour=units[-1].number,
+    )
+    for relation, rows in facts:
+        paths = [fact_path(root, relation.name, site.site_id, u, is_day=False) for u in units]
+        for path, unit in zip(paths, units, strict=True):
+            _write(path, _slice(rows, "hour", unit.number), unit)
+        _sweep(paths)
 
 
-def _load(con: object, parts: object) -> None:
-    """Create `stored_frames`, `stored_observations`, `stored_pairs` from parts."""
-    for table in TABLES:
-        names = [str(p.path) for p in parts[table]]  # type: ignore[index]
-        columns = ", ".join(SCHEMAS[table].names)
-        if names:
-            con.execute(  # type: ignore[attr-defined]
-                f"create or replace temp table stored_{table} as select {columns} from read_parquet($names, union_by_name = true)",
-                {"names": names},
-            )
-        else:
-            con.register("_empty", SCHEMAS[table].empty_table())  # type: ignore[attr-defined]
-            con.execute(f"create or replace temp table stored_{table} as select * from _empty")  # type: ignore[attr-defined]
+def _slice(rows: pa.Table, column: str, number: int) -> pa.Table:
+    """Return the rows of one unit out of rows that are ordered by unit."""
+    import numpy as np
+
+    numbers = rows[column].to_numpy()
+    first, after = np.searchsorted(numbers, [number, number + 1])
+    return rows.slice(int(first), int(after - first))
 
 
 def _write(path: Path, rows: pa.Table, unit: Unit) -> None:
-    """Write a fact file wholly or not at all (facts can be made again, so nothing waits for the disk), drop older ones."""
+    """Write a fact file wholly or not at all (facts can be made again, so nothing waits for the disk)."""
     make_dirs(path.parent)
     temporary = path.parent / f".{path.name}.{os.getpid()}.tmp"
-    schema = rows.schema.with_metadata({CAUSES: json.dumps(unit.causes, sort_keys=True).encode()})
-    pq.write_table(rows.cast(schema), temporary, compression="zstd", write_page_checksum=True)
+    causes = json.dumps(dict(unit.causes), sort_keys=True).encode()
+    noted = rows.combine_chunks().replace_schema_metadata({CAUSES: causes})
+    pq.write_table(noted, temporary, compression="zstd", write_page_checksum=True)
     temporary.rename(path)
-    for other in path.parent.glob(f"{path.name[:3]}*.parquet"):
-        if other.name != path.name:
-            remove(other)
+
+
+def _sweep(paths: Sequence[Path]) -> None:
+    """Remove older facts of the units whose new files are given, and what dead processes left beside them."""
+    kept = {p.name: p for p in paths}
+    for folder in {p.parent for p in paths}:
+        sweep_temporaries(folder)
+        hours = {p.name[:3] for p in kept.values() if p.parent == folder}
+        for other in folder.glob("??-*.parquet"):
+            if other.name[:3] in hours and other.name not in kept:
+                remove(other)
 
 
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
-    """Yield runs of hours of one UTC day, shorter where there is much to read."""
-    for _, run in groupby(units, key=lambda u: u.number // BATCH_HOURS):
-        batch: list[Unit] = []
-        n_rows = 0
-        for unit in run:
-            own = sum(
-                pq.read_metadata(p.path).num_rows for t in TABLES for p in unit.parts[t] if p.hour == unit.number
-            )
-            if batch and n_rows + own > BATCH_ROWS:
-                yield batch
-                batch, n_rows = [], 0
-            batch.append(unit)
-            n_rows += own
-        if batch:
+    """Yield runs of units, each of at most about BATCH_ROWS rows and BATCH_HOURS hours or days."""
+    batch: list[Unit] = []
+    n_rows = 0
+    for unit in units:
+        own = sum(pq.read_metadata(p.path).num_rows for t in TABLES for p in unit.own_parts(t))
+        if batch and (n_rows + own > BATCH_ROWS or unit.number >= batch[0].number + BATCH_HOURS):
             yield batch
+            batch, n_rows = [], 0
+        batch.append(unit)
+        n_rows += own
+    if batch:
+        yield batch
 
 
 def _reason(root: Path, site_id: str, unit: Unit) -> str:
-    old = list_parts(root, "coverage", site_id, first_hour=unit.number, last_hour=unit.number)
+    folder = unit_folder(root, "coverage", site_id, unit.number)
+    old = sorted(folder.glob(f"{unit.number % 24:02d}-*.parquet"))
     if not old:
         return "new"
-    told = (pq.read_metadata(old[0].path).metadata or {}).get(CAUSES)
+    told = (pq.read_metadata(old[0]).metadata or {}).get(CAUSES)
     causes = json.loads(told) if told else {}
     changed = [c for c, h in unit.causes.items() if causes.get(c) != h]
-    words = {
-        "records": "late data",
-        "sql": "SQL changed",
-        "settings": "settings changed",
-        "site": "cameras or calibrations changed",
-        "frame interval": "frame interval changed",
-    }
-    return ", ".join(words[c] for c in changed) if changed else "incomplete"
-
-
+    return ", ".join(_WORDS[c] for c in changed) if changed else "incomplete"

@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from datetime import UTC, date, datetime, timedelta
+from functools import cache
 from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.settings import BY_NAME
 from vsd_analytics.site import Camera, Site
 
 if TYPE_CHECKING:
@@ -18,7 +21,15 @@ if TYPE_CHECKING:
 QUARTER_MS = 900_000
 _FOREVER_MS = 2**53
 
-_CAMERAS = pa.schema([("camera_id", pa.string()), ("camera_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string()), ("interval_ms", pa.int64())])
+_CAMERAS = pa.schema(
+    [
+        ("camera_id", pa.string()),
+        ("camera_no", pa.int32()),
+        ("name", pa.string()),
+        ("floor_id", pa.string()),
+        ("interval_ms", pa.int64()),
+    ]
+)
 _CALIBRATIONS = pa.schema(
     [("camera_id", pa.string()), ("from_ms", pa.int64()), ("to_ms", pa.int64())]
     + [(f"h{i}{j}", pa.float64()) for i in (1, 2, 3) for j in (1, 2, 3)]
@@ -26,7 +37,21 @@ _CALIBRATIONS = pa.schema(
 )
 _OWNERS = pa.schema([("floor_id", pa.string()), ("camera_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
 _AREA_CELLS = pa.schema([("floor_id", pa.string()), ("area_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
-_AREAS = pa.schema([("area_id", pa.string()), ("area_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string())])
+_CALENDAR = pa.schema(
+    [
+        ("quarter", pa.int64()),
+        ("local_date", pa.date32()),
+        ("local_hour", pa.int32()),
+        ("fold", pa.int32()),
+        ("weekday", pa.int32()),
+        ("hour_start_ms", pa.int64()),
+        ("offset_min", pa.int32()),
+        ("is_open", pa.bool_()),
+    ]
+)
+_AREAS = pa.schema(
+    [("area_id", pa.string()), ("area_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string())]
+)
 
 
 def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
@@ -55,31 +80,25 @@ def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
 
 
 def bucket_quarters(site: Site) -> int:
-    """Return 4 where local hours and opening times fall on UTC hours, else 1 (zones at :30 or :45, doors at half past)."""
+    """Return 4 where local hours and opening times fall on UTC hours, else 1 (zones or doors at half past)."""
     edges = [m for day in site.opening or () for span in day for m in span]
-    year = 366 * 24
-    offsets = {
-        datetime.fromtimestamp(1_577_836_800 + h * 3600, tz=UTC).astimezone(site.zone).utcoffset() for h in range(0, 10 * year, 168)
-    }
-    whole = all(o is not None and o.total_seconds() % 3600 == 0 for o in offsets)
-    return 4 if whole and all(m % 60 == 0 for m in edges) else 1
+    return 4 if _has_whole_hours(site.timezone) and all(m % 60 == 0 for m in edges) else 1
+
+
+@cache
+def _has_whole_hours(timezone: str) -> bool:
+    """Tell whether local hours of the zone start on UTC hours, in every week from the first year records may be of."""
+    zone = ZoneInfo(timezone)
+    first = datetime(int(BY_NAME["earliest_year"].default), 1, 1, tzinfo=UTC)
+    offsets = {(first + timedelta(weeks=w)).astimezone(zone).utcoffset() for w in range(60 * 53)}
+    return all(o is not None and o % timedelta(hours=1) == timedelta() for o in offsets)
 
 
 def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
     """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas` and `area_cells` on a connection."""
     _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
-    _create(
-        con,
-        "cameras",
-        _table(
-            _CAMERAS,
-            [
-                (c.camera_id, i, c.name, c.floor_id, None if c.hz is None else round(1000 / c.hz))
-                for i, c in enumerate(site.cameras)
-            ],
-        ),
-    )
-    _create(con, "calibrations", _table(_CALIBRATIONS, [row for c in site.cameras for row in _calibrations(c)]))
+    _create(con, "cameras", _camera_table(site))
+    _create(con, "calibrations", _calibration_table(site))
     _create(con, "owner_cells", owner_cells(site))
     _create(con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id) for i, a in enumerate(site.areas)]))
     _create(con, "area_cells", area_cells(site))
@@ -92,16 +111,9 @@ def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_h
 
 def site_digest(site: Site) -> str:
     """Return a hash of what facts depend on besides records, settings and SQL: cameras, calibrations, owner cells."""
-    cells = owner_cells(site)
-    h = hashlib.blake2b(digest_size=8)
-    for camera in site.cameras:
-        told = (camera.camera_id, camera.floor_id, camera.hz, [(c.calibration_id, str(c.valid_from)) for c in camera.calibrations])
-        h.update(json.dumps(told).encode())
-    for column in cells.columns:
-        for value in column.to_pylist():
-            h.update(f"{value};".encode())
-    h.update(str(bucket_quarters(site)).encode())
-    return h.hexdigest()
+    tables = (_camera_table(site).drop_columns(["camera_no", "name"]), _calibration_table(site), owner_cells(site))
+    told = [bucket_quarters(site), *(table.to_pydict() for table in tables)]
+    return hashlib.blake2b(json.dumps(told).encode(), digest_size=8).hexdigest()
 
 
 def owner_cells(site: Site) -> pa.Table:
@@ -117,7 +129,7 @@ def owner_cells(site: Site) -> pa.Table:
 
 
 def area_cells(site: Site) -> pa.Table:
-    """Return the floor cells whose centre lies in each area; a cell in several areas belongs to the first of vsd.toml."""
+    """Return the floor cells whose centre lies in each area; one in several belongs to the first of vsd.toml."""
     import shapely
 
     cell_m = site.settings.cell_m
@@ -127,7 +139,8 @@ def area_cells(site: Site) -> pa.Table:
         polygon = shapely.Polygon(area.polygon)
         x0, y0, x1, y1 = polygon.bounds
         cx, cy = np.meshgrid(
-            np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)), np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m))
+            np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)),
+            np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m)),
         )
         inside = shapely.contains_xy(polygon, (cx + 0.5) * cell_m, (cy + 0.5) * cell_m)
         for x, y in zip(cx[inside].astype(int), cy[inside].astype(int), strict=True):
@@ -147,9 +160,7 @@ def calendar(site: Site, first: date, last: date) -> pa.Table:
     zone = site.zone
     start = _quarter_at(first, site)
     end = _quarter_at(last + timedelta(days=1), site)
-    columns: dict[str, list[Any]] = {
-        k: [] for k in ("quarter", "local_date", "local_hour", "fold", "weekday", "hour_start_ms", "offset_min", "is_open")
-    }
+    rows: list[tuple[Any, ...]] = []
     previous: tuple[date, int, int] | None = None
     hour_start_ms = 0
     for quarter in range(start, end):
@@ -158,25 +169,10 @@ def calendar(site: Site, first: date, last: date) -> pa.Table:
         if previous != (day, local.hour, local.fold):
             previous = (day, local.hour, local.fold)
             hour_start_ms = quarter * QUARTER_MS
-        offset = local.utcoffset() or timedelta()
-        for name, value in zip(
-            columns,
-            (quarter, day, local.hour, local.fold, local.isoweekday(), hour_start_ms, int(offset.total_seconds() // 60), is_open(site, day, minute)),
-            strict=True,
-        ):
-            columns[name].append(value)
-    return pa.table(
-        {
-            "quarter": pa.array(columns["quarter"], pa.int64()),
-            "local_date": pa.array(columns["local_date"], pa.date32()),
-            "local_hour": pa.array(columns["local_hour"], pa.int32()),
-            "fold": pa.array(columns["fold"], pa.int32()),
-            "weekday": pa.array(columns["weekday"], pa.int32()),
-            "hour_start_ms": pa.array(columns["hour_start_ms"], pa.int64()),
-            "offset_min": pa.array(columns["offset_min"], pa.int32()),
-            "is_open": pa.array(columns["is_open"], pa.bool_()),
-        }
-    )
+        offset_min = (local.utcoffset() or timedelta()) // timedelta(minutes=1)
+        opened = is_open(site, day, minute)
+        rows.append((quarter, day, local.hour, local.fold, local.isoweekday(), hour_start_ms, offset_min, opened))
+    return _table(_CALENDAR, rows)
 
 
 def is_open(site: Site, day: date, minute: int) -> bool:
@@ -193,6 +189,18 @@ def _quarter_at(day: date, site: Site) -> int:
     return int(midnight.timestamp()) // 900
 
 
+def _camera_table(site: Site) -> pa.Table:
+    rows: list[tuple[Any, ...]] = [
+        (c.camera_id, i, c.name, c.floor_id, None if c.hz is None else round(1000 / c.hz))
+        for i, c in enumerate(site.cameras)
+    ]
+    return _table(_CAMERAS, rows)
+
+
+def _calibration_table(site: Site) -> pa.Table:
+    return _table(_CALIBRATIONS, [row for c in site.cameras for row in _calibrations(c)])
+
+
 def _calibrations(camera: Camera) -> list[tuple[Any, ...]]:
     from vsd_analytics import geometry
 
@@ -200,7 +208,11 @@ def _calibrations(camera: Camera) -> list[tuple[Any, ...]]:
     for i, c in enumerate(camera.calibrations):
         following = camera.calibrations[i + 1] if i + 1 < len(camera.calibrations) else None
         from_ms = -_FOREVER_MS if i == 0 or c.valid_from is None else round(c.valid_from.timestamp() * 1000)
-        to_ms = _FOREVER_MS if following is None or following.valid_from is None else round(following.valid_from.timestamp() * 1000)
+        to_ms = (
+            _FOREVER_MS
+            if following is None or following.valid_from is None
+            else round(following.valid_from.timestamp() * 1000)
+        )
         h = c.homography
         sign = geometry.ground_sign(h, picture_px=camera.picture_px)
         rows.append((camera.camera_id, from_ms, to_ms, *h[0], *h[1], *h[2], sign))

@@ -18,12 +18,13 @@ _BY: dict[str | None, str] = {
         "exposure_s, violation_s, cameras_down, is_inferred, state from hours order by hour_start_ms"
     ),
     "camera": (
-        "select hour_start_ms, camera_id, person_records, violation_records, n_violations, recorded_s, open_s, exposure_s, "
-        "violation_s, is_inferred from camera_hours order by hour_start_ms, camera_no"
+        "select hour_start_ms, camera_id, person_records, violation_records, n_violations, recorded_s, open_s, "
+        "exposure_s, violation_s, is_inferred from camera_hours order by hour_start_ms, camera_no"
     ),
     "area": (
-        "select hour_start_ms, floor_id, area_id, sum(exposure_open_s) as exposure_s, sum(violation_open_s) as violation_s, "
-        "sum(n_violations_open)::bigint as n_violations from area_hours group by all order by hour_start_ms, floor_id, area_id"
+        "select hour_start_ms, floor_id, area_id, sum(exposure_open_s) as exposure_s, "
+        "sum(violation_open_s) as violation_s, sum(n_violations_open)::bigint as n_violations "
+        "from area_hours group by all order by hour_start_ms, floor_id, area_id"
     ),
 }
 
@@ -44,7 +45,8 @@ def hours(warehouse: Warehouse, *, by: Literal["camera", "area"] | None = None) 
     frame = warehouse.frame(_BY[by])
     starts = [local_iso(warehouse, ms) for ms in frame.pop("hour_start_ms")]
     frame.insert(0, "start", starts)
-    return frame
+    counts = [c for c in ("person_records", "violation_records", "n_violations") if c in frame]
+    return frame.astype(dict.fromkeys(counts, "Int64"))
 
 
 def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midpoint") -> pd.DataFrame:
@@ -79,8 +81,8 @@ def coverage(warehouse: Warehouse) -> dict[str, Any]:
     """Return how much of the opening time was recorded.
 
     Returns:
-        `cameras`: per camera `camera_id`, `name`, `share`, `recorded_h`, `scheduled_h`, `days` (date, share or None when
-        closed, recorded_h, scheduled_h); `outages`: camera_id, start, end, open_h, is_inferred; `share` over all.
+        `cameras`: per camera `camera_id`, `name`, `share`, `recorded_h`, `scheduled_h`, `days` (date, share or None
+        when closed, recorded_h, scheduled_h); `outages`: camera_id, start, end, open_h, is_inferred; `share` over all.
     """
     days = warehouse.rows(
         "select camera_id, local_date, sum(recorded_open_s) / 3600 as recorded_h, sum(open_s) / 3600 as scheduled_h "

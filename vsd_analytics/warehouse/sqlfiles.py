@@ -9,7 +9,7 @@
 -- params: distance_mm
 -- columns:
 --   duration_s   seconds; ...
--- assumes: ...
+-- assumes: ...                              (what it takes for granted, or decides for the reader)
 ```
 """
 
@@ -67,16 +67,17 @@ class Relation:
 
 
 @cache
-def relations(layer: str) -> Mapping[str, Relation]:
-    """Return the relations of one layer in an order in which each stands after what it reads.
+def relations(*layers: str) -> Mapping[str, Relation]:
+    """Return the relations of some layers in an order in which each stands after what it reads.
 
     Args:
-        layer: One of `LAYERS`.
+        layers: Some of `LAYERS`.
 
     Raises:
         SqlError: E601, a header is incomplete or relations read each other in a circle.
     """
-    found = {r.name: r for r in (read_relation(p) for p in sorted((shipped("sql") / layer).glob("*.sql")))}
+    paths = [path for layer in layers for path in sorted((shipped("sql") / layer).glob("*.sql"))]
+    found = {r.name: r for r in map(read_relation, paths)}
     ordered: dict[str, Relation] = {}
 
     def add(name: str, path: tuple[str, ...]) -> None:
@@ -113,12 +114,14 @@ def read_relation(path: Path) -> Relation:
         elif current == "name":
             description.append(line.removeprefix("--").strip())
         else:
-            raise SqlError("a header line is not understood", code="E601", where=Where(str(path), number, line.rstrip()))
+            raise SqlError(
+                "a header line is not understood", code="E601", where=Where(str(path), number, line.rstrip())
+            )
     layer, _, name = fields.get("name", "").partition("/")
-    missing = [f for f in ("name", "grain", "reads") if not fields.get(f)]
-    if missing or not columns or not description:
-        lacking = missing + [] if columns else [*missing, "columns"]
-        raise SqlError(f"the header lacks {', '.join(lacking) or 'a description'}", code="E601", where=Where(str(path), 1))
+    lacking = [f for f in ("name", "grain", "reads", "assumes") if not fields.get(f)]
+    lacking += [what for what, given in (("columns", columns), ("a description", description)) if not given]
+    if lacking:
+        raise SqlError(f"the header lacks {', '.join(lacking)}", code="E601", where=Where(str(path), 1))
     if layer != path.parent.name or name != path.stem or not _IDENTIFIER.match(name):
         raise SqlError("the header's name is not the file's place", code="E601", where=Where(str(path), 1))
     return Relation(
@@ -151,9 +154,8 @@ def check_columns(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
 def sql_digest(*layers: str) -> str:
     """Return a hash of the queries of some layers (headers do not count)."""
     h = hashlib.blake2b(digest_size=8)
-    for layer in layers:
-        for relation in relations(layer).values():
-            h.update(relation.name.encode() + b"\0" + relation.sql.encode() + b"\0")
+    for relation in sorted(relations(*layers).values(), key=lambda r: r.name):
+        h.update(relation.name.encode() + b"\0" + relation.sql.encode() + b"\0")
     return h.hexdigest()
 
 

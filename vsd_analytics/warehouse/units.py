@@ -1,4 +1,4 @@
-"""What facts are made of: one unit per UTC hour (and per UTC day), known by the fingerprint of everything it depends on."""
+"""What facts are made of: units of a UTC hour or day, each known by the fingerprint of all it depends on."""
 
 from __future__ import annotations
 
@@ -25,13 +25,18 @@ class Unit:
         causes: Hashes of what it depends on, by cause ("records", "sql", "settings", "site"), so that a change can be
             explained.
         fingerprint: 16 hexadecimal digits over all of it; stands in the names of the unit's fact files.
-        n_rows_hint: Rough size, for batching: number of its own parts.
+        hours: First and last UTC hour of its own.
     """
 
     number: int
     parts: Mapping[TableName, Sequence[Part]]
     causes: Causes
     fingerprint: str
+    hours: tuple[int, int]
+
+    def own_parts(self, table: TableName) -> list[Part]:
+        """Return its parts of one table without those of the hours beside it."""
+        return [p for p in self.parts[table] if self.hours[0] <= p.hour <= self.hours[1]]
 
 
 class PartIndex:
@@ -60,14 +65,20 @@ class PartIndex:
 
 def day_unit(index: PartIndex, day: int, *, shared: Causes) -> Unit:
     """Return the unit of a UTC day: all its parts."""
-    parts = index.between(day * 24, day * 24 + 23)
-    return _unit(day, parts, {**shared, "records": _parts_hash(parts)})
+    hours = (day * 24, day * 24 + 23)
+    parts = index.between(*hours)
+    return _unit(day, parts, {**shared, "records": _parts_hash(parts)}, hours)
 
 
 def hour_unit(index: PartIndex, hour: int, *, shared: Causes, camera_days: str) -> Unit:
     """Return the unit of a UTC hour: its parts and its neighbours', and its cameras' frame intervals."""
     parts = index.between(hour - 1, hour + 1)
-    return _unit(hour, parts, {**shared, "records": _parts_hash(parts), "frame interval": camera_days})
+    return _unit(hour, parts, {**shared, "records": _parts_hash(parts), "frame interval": camera_days}, (hour, hour))
+
+
+def merged_parts(units: Sequence[Unit]) -> dict[TableName, list[Part]]:
+    """Return the parts several units read, each once, in order."""
+    return {t: sorted({p for u in units for p in u.parts[t]}) for t in TABLES}
 
 
 def text_hash(value: object) -> str:
@@ -83,8 +94,8 @@ def fact_path(root: Path, relation: str, site_id: str, unit: Unit, *, is_day: bo
     return unit_folder(root, relation, site_id, hour) / f"{hour % 24:02d}-{unit.fingerprint}.parquet"
 
 
-def _unit(number: int, parts: Mapping[TableName, Sequence[Part]], causes: Causes) -> Unit:
-    return Unit(number, parts, causes, text_hash([number, sorted(causes.items())]))
+def _unit(number: int, parts: Mapping[TableName, Sequence[Part]], causes: Causes, hours: tuple[int, int]) -> Unit:
+    return Unit(number, parts, causes, text_hash([number, sorted(causes.items())]), hours)
 
 
 def _parts_hash(parts: Mapping[TableName, Sequence[Part]]) -> str:

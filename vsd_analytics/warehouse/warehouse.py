@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from vsd_analytics.duck import connect
+from vsd_analytics.duck import connect, literal_list
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site import Site
 from vsd_analytics.store import Store
@@ -47,7 +47,9 @@ def stored_extent(site: Site) -> Extent | None:
     hours = store.hours()
     if hours is None:
         return None
-    first, last = (datetime.fromtimestamp(h * 3600 + s, tz=site.zone).date() for h, s in ((hours[0], 0), (hours[1], 3599)))
+    first, last = (
+        datetime.fromtimestamp(h * 3600 + s, tz=site.zone).date() for h, s in ((hours[0], 0), (hours[1], 3599))
+    )
     return Extent(first, last)
 
 
@@ -118,22 +120,19 @@ class Warehouse:
         return found
 
     def _facts(self, first_hour: int, last_hour: int) -> None:
+        """Make every fact a relation of the fresh files of the range; `pairs`, the great one, is read when asked."""
+        root, site_id = self.site.root / "facts", self.site.site_id
         for relation in relations("facts").values():
             if relation.unit == "day":
-                days = list_parts(self.site.root / "facts", relation.name, self.site.site_id, first_hour=first_hour - 24, last_hour=last_hour)
-                names = [str(p.path) for p in days]
+                days = self.built.day_fingerprints
+                parts = list_parts(root, relation.name, site_id, first_hour=first_hour - 48, last_hour=last_hour + 48)
+                paths = [p.path for p in parts if days.get(p.hour // 24) == p.digest]
             else:
-                parts = list_parts(self.site.root / "facts", relation.name, self.site.site_id, first_hour=first_hour, last_hour=last_hour)
-                names = [str(p.path) for p in parts if self.built.fingerprints.get(p.hour) == p.digest]
-            if names:
-                self.con.execute("set variable fact_files = $names", {"names": names})
-                self.con.execute(
-                    f"create temp table {relation.name} as select * from read_parquet(getvariable('fact_files'))"
-                    if relation.name != "pairs"
-                    else f"create temp view {relation.name} as select * from read_parquet({_listed(names)})"
-                )
-            else:
-                self.con.execute(f"create temp table {relation.name} as select * from ({_empty(relation.name)})")
+                parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
+                paths = [p.path for p in parts if self.built.fingerprints.get(p.hour) == p.digest]
+            kind = "view" if relation.name == "pairs" else "table"
+            rows = f"read_parquet({literal_list(paths)})" if paths else f"({_empty(relation.name)})"
+            self.con.execute(f"create temp {kind} {relation.name} as select * from {rows}")
 
 
 def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Warehouse:
@@ -156,10 +155,6 @@ def _utc_hour(day: date, site: Site) -> int:
     return int(datetime(day.year, day.month, day.day, tzinfo=site.zone).timestamp()) // 3600
 
 
-def _listed(names: list[str]) -> str:
-    return "[" + ", ".join("'" + n.replace("'", "''") + "'" for n in names) + "]"
-
-
 def _empty(name: str) -> str:
     """Return a query with the columns of a fact and no rows."""
     columns = ", ".join(f"{_EMPTY_TYPES.get(c, 'null::bigint')} as {c}" for c in relations("facts")[name].columns)
@@ -176,4 +171,5 @@ _EMPTY_TYPES = {
     "open_left": "null::boolean",
     "open_right": "null::boolean",
     "has_heartbeat": "null::boolean",
+    "has_persons": "null::boolean",
 }

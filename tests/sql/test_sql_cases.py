@@ -1,0 +1,18 @@
+"""Every rule of every relation on a handful of rows: `tests/sql/*.toml`."""
+
+from __future__ import annotations
+
+import pytest
+from given_expect import Case, all_relations, cases, run
+
+CASES = list(cases())
+
+
+@pytest.mark.parametrize("case", CASES, ids=[c.label for c in CASES])
+def test_case_gives_the_expected_rows(case: Case) -> None:
+    found, expected = run(case)
+    assert found == expected
+
+
+def test_every_relation_has_cases() -> None:
+    assert {r.name for r in all_relations()} == {c.relation.partition("/")[2] for c in CASES}

@@ -1,0 +1,158 @@
+"""The SQL files keep their own headers, the portable subset, and the style."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+
+import pytest
+from given_expect import all_inputs, all_relations
+
+from vsd_analytics.errors import SqlError
+from vsd_analytics.resources import shipped
+from vsd_analytics.warehouse.sqlfiles import Relation, check_columns, read_relation, relations
+
+RELATIONS = all_relations()
+PORTABLE = [r for r in RELATIONS if r.layer in ("staging", "facts")]
+_NOT_PORTABLE = {
+    "cast by ::": r"::",
+    "qualify": r"\bqualify\b",
+    "group by all": r"\bgroup by all\b",
+    "date_trunc": r"\bdate_trunc\b",
+    "strftime": r"\bstrftime\b",
+    "time zones": r"\bat time zone\b",
+    "integer division": r"//",
+    "asof join": r"\basof\b",
+    "decimal literals": r"(?<!percentile_cont\()(?<![\w.])\d+\.\d+",
+    "star": r"select\s+\*|\w\.\*",
+    "approximations": r"\bapprox_",
+    "columns by exclusion": r"\bexclude\b",
+}
+_CLOCK_OR_CHANCE = r"\b(now|random|uuid|get_current_\w+|today|setseed)\s*\(|\bcurrent_\w+"
+
+by_name = pytest.mark.parametrize("relation", RELATIONS, ids=lambda r: f"{r.layer}/{r.name}")
+
+
+def _body(relation: Relation) -> str:
+    """Return a query without comments and text literals."""
+    return re.sub(r"'[^']*'", "''", re.sub(r"--.*", "", relation.sql))
+
+
+def _ctes(body: str) -> set[str]:
+    return set(re.findall(r"(?:\bwith|\),)\s+(?:recursive\s+)?(\w+) as \(", body))
+
+
+@by_name
+def test_header_names_every_relation_read(relation: Relation) -> None:
+    body = _body(relation)
+    read = set(re.findall(r"\b(?:from|join)\s+([a-z_]\w*)", body)) - _ctes(body)
+    assert read - {"params"} == set(relation.reads)
+
+
+@by_name
+def test_header_names_every_param_used(relation: Relation) -> None:
+    body = _body(relation)
+    aliases = {"params", *re.findall(r"\bparams as (\w+)", body)}
+    used = {c for a in aliases for c in re.findall(rf"\b{a}\.(\w+)", body)}
+    assert used == set(relation.params)
+    assert bool(relation.params) == bool(re.search(r"\b(?:from|join) params\b", body))
+
+
+@by_name
+def test_declared_columns_are_returned_in_order_and_explained(relation: Relation) -> None:
+    with all_inputs() as con:
+        check_columns(con, relation)
+    assert set(relation.grain) <= set(relation.columns)
+    plain = {"camera_id", "floor_id", "local_date"}
+    assert [c for c, told in relation.columns.items() if not told and c not in plain] == []
+
+
+def test_a_wrong_column_is_noticed(tmp_path: Path) -> None:
+    folder = tmp_path / "marts"
+    folder.mkdir()
+    (folder / "one.sql").write_text(
+        "-- name: marts/one\n-- One row.\n-- grain: a\n-- reads: cameras\n-- columns:\n--   b  what\n"
+        "-- assumes: nothing\nselect camera_id as a from cameras\n"
+    )
+    with all_inputs() as con, pytest.raises(SqlError, match="declared columns differ"):
+        check_columns(con, read_relation(folder / "one.sql"))
+
+
+@pytest.mark.parametrize("lacking", ["grain", "reads", "assumes", "columns"])
+def test_an_incomplete_header_is_refused_by_name(tmp_path: Path, lacking: str) -> None:
+    folder = tmp_path / "marts"
+    folder.mkdir()
+    header = {
+        "grain": "-- grain: a\n",
+        "reads": "-- reads: cameras\n",
+        "columns": "-- columns:\n--   a  what\n",
+        "assumes": "-- assumes: nothing\n",
+    }
+    text = (
+        "-- name: marts/one\n-- One row.\n" + "".join(v for k, v in header.items() if k != lacking) + "select 1 as a\n"
+    )
+    (folder / "one.sql").write_text(text)
+    with pytest.raises(SqlError, match=lacking):
+        read_relation(folder / "one.sql")
+
+
+@by_name
+def test_no_clock_and_no_chance(relation: Relation) -> None:
+    assert not re.search(_CLOCK_OR_CHANCE, _body(relation), re.IGNORECASE)
+
+
+@by_name
+def test_one_statement_without_markers(relation: Relation) -> None:
+    assert ";" not in _body(relation)
+    assert not re.search(r"[{}$?]", _body(relation))
+
+
+@pytest.mark.parametrize("relation", PORTABLE, ids=lambda r: f"{r.layer}/{r.name}")
+@pytest.mark.parametrize("what", _NOT_PORTABLE)
+def test_facts_keep_to_the_portable_subset(relation: Relation, what: str) -> None:
+    assert not re.search(_NOT_PORTABLE[what], _body(relation), re.IGNORECASE)
+
+
+@pytest.mark.parametrize("relation", [r for r in RELATIONS if r.layer != "staging"], ids=lambda r: r.name)
+def test_delivered_rows_are_ordered(relation: Relation) -> None:
+    assert re.search(r"\norder by [^()]*$", relation.sql)
+
+
+@pytest.mark.parametrize("relation", [r for r in RELATIONS if r.layer == "marts"], ids=lambda r: r.name)
+def test_marts_name_their_columns(relation: Relation) -> None:
+    assert not re.search(r"select\s+\*|\w\.\*", _body(relation))
+
+
+def test_names_are_unique_over_layers() -> None:
+    names = [r.name for r in RELATIONS]
+    assert len(names) == len(set(names))
+
+
+def test_a_relation_stands_after_what_it_reads() -> None:
+    order = list(relations("staging", "facts"))
+    for relation in relations("staging", "facts").values():
+        for read in relation.reads:
+            assert read not in order or order.index(read) < order.index(relation.name)
+
+
+@cache
+def _sqlfluff() -> dict[str, list[str]]:
+    folder = shipped("sql")
+    form = ["--format", "github-annotation", "--annotation-level", "error"]
+    command = [sys.executable, "-m", "sqlfluff", "lint", str(folder), *form]
+    told = subprocess.run(command, capture_output=True, text=True, cwd=folder.parent, check=False)
+    assert told.returncode in (0, 1), told.stderr
+    problems: dict[str, list[str]] = defaultdict(list)
+    for found in json.loads(told.stdout):
+        problems[Path(found["file"]).name].append(f"line {found['start_line']}: {found['message']}")
+    return problems
+
+
+@by_name
+def test_sqlfluff_finds_nothing(relation: Relation) -> None:
+    assert _sqlfluff().get(relation.path.name, []) == []

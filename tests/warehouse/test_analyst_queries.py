@@ -1,0 +1,106 @@
+"""An analyst may read facts and marts, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from warehouse_projects import T0, Person, fact_files, make_site, open_days, put
+
+from vsd_analytics.errors import SqlError
+from vsd_analytics.warehouse.analyst import run_query
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("analyst")
+
+
+@pytest.fixture(scope="module")
+def warehouse(folder: Path) -> Iterator[Warehouse]:
+    site = make_site(folder / "pro'ject")  # a quote in the path must not matter
+    put(site, [Person(T0 + k * 1000, t, x, 0) for k in range(5) for t, x in (("a", 0), ("b", 900))])
+    (folder / "secret.csv").write_text("a,b\n1,2\n")
+    with open_days(site) as opened:
+        yield opened
+
+
+def test_facts_marts_and_dimensions_can_be_read(warehouse: Warehouse) -> None:
+    assert run_query(warehouse, "select count(*) as n from pairs;")["n"].tolist() == [5]
+    assert run_query(warehouse, "from violations select duration_s")["duration_s"].tolist() == [5.0]
+    assert run_query(warehouse, "with c as (select * from cameras) select camera_id from c")["camera_id"].tolist() == [
+        "cam"
+    ]
+    assert len(run_query(warehouse, "select * from hours")) == 24
+    store = f"{warehouse.site.root}/store/observations/**/*.parquet".replace("'", "''")
+    assert run_query(warehouse, f"select count(*) as n from read_parquet('{store}')")["n"].tolist() == [10]
+
+
+READS = [
+    "select * from read_text('/etc/passwd')",
+    "select * from read_csv('/etc/passwd')",
+    "select * from '/etc/passwd'",
+    "select * from read_blob('/proc/self/environ')",
+    "select * from glob('/etc/*')",
+    "select * from read_csv('{outside}/secret.csv')",
+    "select * from read_csv('{root}/store/../../secret.csv')",
+    "select * from read_csv('http://localhost/x.csv')",
+]
+WRITES = [
+    "copy (select 1) to '{root}/store/x.csv'",
+    "copy (select 1) to '{root}/facts/x.parquet'",
+    "copy (select 1) to '/tmp/x.csv'",
+    "export database '{root}/store/dump'",
+    "attach '{root}/store/x.duckdb' as x",
+    "attach '/tmp/x.duckdb' as x",
+    "create table t as select 1",
+    "create or replace view hours as select 1",
+    "drop view hours",
+    "insert into coverage select * from coverage",
+    "delete from coverage",
+    "set enable_external_access = true",
+    "set lock_configuration = false",
+    "set memory_limit = '1TB'",
+    "reset allowed_directories",
+    "pragma memory_limit = '1TB'",
+    "install httpfs",
+    "load httpfs",
+    "call pragma_version()",
+    "select 1; select 2",
+    "select 1; copy (select 1) to '{root}/store/x.csv'",
+    "explain analyze copy (select 1) to '{root}/store/x.csv'",
+    "explain copy (select 1) to '{root}/store/x.csv'",
+    "",
+    ";",
+    "prepare q as copy (select 1) to '{root}/store/x.csv'",
+    "execute q",
+]
+
+
+@pytest.mark.parametrize("query", READS + WRITES)
+def test_nothing_else_can_be_read_written_or_set(warehouse: Warehouse, folder: Path, query: str) -> None:
+    root = str(warehouse.site.root).replace("'", "''")
+    before = sorted(folder.rglob("*")), fact_files(warehouse.site)
+    with pytest.raises(SqlError) as caught:
+        run_query(warehouse, query.format(root=root, outside=folder))
+    assert caught.value.code == "E603"
+    assert caught.value.mend
+    assert (sorted(folder.rglob("*")), fact_files(warehouse.site)) == before
+    assert run_query(warehouse, "select count(*) as n from hours")["n"].tolist() == [24], "later queries still work"
+
+
+def test_python_variables_are_no_relations(warehouse: Warehouse) -> None:
+    frame = pd.DataFrame({"a": [1]})
+    with pytest.raises(SqlError, match="could not be run"):
+        run_query(warehouse, "select * from frame")
+    assert len(frame) == 1
+
+
+def test_a_mistake_is_told_in_duckdb_words_with_a_mend(warehouse: Warehouse) -> None:
+    with pytest.raises(SqlError) as caught:
+        run_query(warehouse, "select no_such_column from hours")
+    assert "no_such_column" in str(caught.value.why)
+    assert "vsd sql --list" in str(caught.value.mend)

@@ -1,0 +1,78 @@
+"""The small relations every query may join."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import pytest
+from warehouse_projects import T0, Person, make_site, open_days, put
+
+from vsd_analytics.site import Area, Calibration, Camera
+from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar, site_digest
+
+ROOT = Path()
+HALF_PAST = tuple(((8 * 60 + 30, 20 * 60),) for _ in range(7))
+
+
+@pytest.mark.parametrize(
+    ("zone", "quarters"),
+    [
+        ("UTC", 4),
+        ("Europe/Rome", 4),
+        ("Asia/Tokyo", 4),
+        ("Asia/Kathmandu", 1),
+        ("Asia/Kolkata", 1),
+        ("Australia/Lord_Howe", 1),
+        ("America/Caracas", 1),  # half an hour off from 2007 to 2016
+    ],
+)
+def test_buckets_are_hours_where_local_hours_start_on_utc_hours(zone: str, quarters: int) -> None:
+    assert bucket_quarters(make_site(ROOT, timezone=zone)) == quarters
+
+
+def test_buckets_are_quarters_where_doors_open_at_half_past() -> None:
+    assert bucket_quarters(make_site(ROOT, opening=HALF_PAST)) == 1
+
+
+def test_cells_of_an_opening_at_half_past_are_counted_in_opening_time(tmp_path: Path) -> None:
+    site = replace(
+        make_site(tmp_path, opening=HALF_PAST),
+        areas=(Area("all", "All", "ground", ((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0))),),
+    )
+    put(site, [Person(T0 + minutes * 60_000, "a", 0, 0) for minutes in (10, 29, 30, 50)])
+    with open_days(site) as warehouse:
+        areas = warehouse.rows("select area_id, exposure_open_s from area_hours")
+        hours = warehouse.rows("select open_s, person_records from hours where local_hour = 8")
+    assert areas == [{"area_id": "all", "exposure_open_s": 2.0}]
+    assert hours == [{"open_s": 1800, "person_records": 4}]
+
+
+@pytest.mark.parametrize(
+    ("day", "n_quarters"),
+    [("2026-03-29", 92), ("2026-10-25", 100), ("2026-11-09", 96)],
+    ids=["spring", "autumn", "plain"],
+)
+def test_a_day_has_92_96_or_100_quarters(day: str, n_quarters: int) -> None:
+    rows = calendar(make_site(ROOT, timezone="Europe/Rome"), date.fromisoformat(day), date.fromisoformat(day))
+    assert rows.num_rows == n_quarters
+    assert set(rows["local_date"].to_pylist()) == {date.fromisoformat(day)}
+
+
+def test_a_cell_in_two_areas_belongs_to_the_first(tmp_path: Path) -> None:
+    square = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+    wide = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))
+    site = replace(make_site(tmp_path), areas=(Area("a", "A", "ground", square), Area("b", "B", "ground", wide)))
+    rows = area_cells(site).to_pylist()
+    assert len(rows) == len({(r["cx"], r["cy"]) for r in rows}) == 32
+    assert [sum(r["area_id"] == a for r in rows) for a in "ab"] == [16, 16]
+
+
+def test_what_decides_the_ground_side_of_a_homography_is_part_of_the_digest() -> None:
+    """The picture's size tells which side of the horizon is floor: a change of it changes positions."""
+    tilted = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -0.01, 1.0)), None, "0" * 8)
+    camera = Camera("cam", "Cam", "ground", calibrations=(tilted,), picture_px=(640, 90))
+    high = replace(camera, picture_px=(640, 480))
+    digests = {site_digest(make_site(ROOT, cameras=[c])) for c in (camera, high)}
+    assert len(digests) == 2

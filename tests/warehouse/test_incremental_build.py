@@ -1,0 +1,222 @@
+"""The build is like make: it recomputes what is stale, says why, and its bytes do not depend on the range asked for."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from warehouse_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
+
+from vsd_analytics.site import Calibration, Camera
+from vsd_analytics.warehouse import build as build_module
+from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.sqlfiles import relations
+
+HOUR0 = T0 // HOUR
+N_FACTS = len([r for r in relations("facts").values() if r.unit == "hour"])
+
+
+def three_hours(rng: np.random.Generator) -> list[Person | Frame]:
+    people = [
+        Person(T0 + s * 1000, f"t{i}", *map(int, rng.integers(-2500, 2500, size=2)))
+        for s in range(0, 3 * 3600, 20)
+        for i in range(3)
+    ]
+    return [*people, *beats(T0, T0 + 3 * HOUR)]
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    put(make_site(tmp_path), three_hours(np.random.default_rng(1)))
+    build(make_site(tmp_path))
+    return tmp_path
+
+
+def test_first_build_is_new_and_second_computes_nothing(project: Path) -> None:
+    files = fact_files(make_site(project))
+    hours = [f for f in files if not f.startswith("camera_days")]
+    assert len(hours) == 3 * N_FACTS
+    done: list[int] = []
+    planned: list[int] = []
+    result = build(make_site(project), on_hours=done.append, on_plan=planned.append)
+    assert (result.n_built, result.n_fresh, dict(result.reasons)) == (0, 3, {})
+    assert (done, planned) == ([], [0])
+    assert fact_files(make_site(project)) == files
+
+
+def test_late_data_recomputes_the_hour_and_those_beside_it(project: Path) -> None:
+    site = make_site(project)
+    put(site, beats(T0 + 10 * HOUR, T0 + 11 * HOUR))
+    assert dict(build(site).reasons) == {"new": 1}
+    put(site, [Person(T0 + HOUR // 2, "late", 0, 0)])
+    before = fact_files(site)
+    assert dict(build(site).reasons) == {"late data": 2}
+    changed = {f.split("/")[-1][:2] for f in fact_files(site).keys() - before.keys() if "camera_days" not in f}
+    assert changed == {"08", "09"}
+    put(site, [Person(T0 + HOUR + HOUR // 2, "late", 0, 0)])
+    assert dict(build(site).reasons) == {"late data": 3}
+
+
+def test_late_data_gives_what_timely_data_would_have_given(project: Path, tmp_path: Path) -> None:
+    late = [Person(T0 + HOUR - 1000, "x", 0, 0), Person(T0 + HOUR + 1000, "x", 0, 0)]
+    put(make_site(project), late)
+    build(make_site(project))
+    timely = make_site(tmp_path / "timely")
+    put(timely, [*three_hours(np.random.default_rng(1)), *late])
+    build(timely)
+
+    def rows(root: Path) -> dict[str, list[object]]:
+        found: dict[str, list[object]] = {}
+        for path in sorted((root / "facts").rglob("*.parquet")):
+            key = f"{path.parent.parent.parent.name} {path.name[:2]}"
+            found[key] = pq.ParquetFile(path).read().to_pylist()
+        return found
+
+    assert rows(project) == rows(timely.root)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"distance_m": 1.5}, "settings changed"),
+        ({"pair_max_m": 3.0}, "settings changed"),
+        ({"episode_gap_s": 5.0}, "settings changed"),
+    ],
+)
+def test_changed_settings_make_all_stale_and_say_so(project: Path, change: dict[str, float], reason: str) -> None:
+    assert dict(build(make_site(project, **change)).reasons) == {reason: 3}
+
+
+def test_settings_facts_do_not_depend_on_change_nothing(project: Path) -> None:
+    assert build(make_site(project, episode_min_s=10.0, full_hour_share=0.8)).n_built == 0
+
+
+def calibrated(camera: Camera, *rows: tuple[float, float, float], valid_from: datetime | None = None) -> Camera:
+    calibration = Calibration(rows, valid_from, "0" * 8)  # type: ignore[arg-type]
+    return replace(camera, calibrations=(*camera.calibrations, calibration))
+
+
+def test_changed_calibration_says_so(project: Path) -> None:
+    camera = make_site(project).cameras[0]
+    one = calibrated(camera, (0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 1.0))
+    two = calibrated(camera, (0.02, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 1.0))
+    reason = {"cameras or calibrations changed": 3}
+    assert dict(build(make_site(project, cameras=[one])).reasons) == reason
+    assert dict(build(make_site(project, cameras=[two])).reasons) == reason, "the numbers count, not the id alone"
+    later = calibrated(
+        one, (0.01, 0.0, 0.5), (0.0, 0.01, 0.0), (0.0, 0.0, 1.0), valid_from=datetime(2026, 11, 9, tzinfo=UTC)
+    )
+    assert dict(build(make_site(project, cameras=[later])).reasons) == reason
+
+
+def test_a_display_name_makes_nothing_stale(project: Path) -> None:
+    camera = replace(make_site(project).cameras[0], name="Another name")
+    assert build(make_site(project, cameras=[camera])).n_built == 0
+
+
+def test_a_changed_frame_interval_says_so(project: Path) -> None:
+    camera = replace(make_site(project).cameras[0], hz=None)
+    assert dict(build(make_site(project, cameras=[camera])).reasons) == {"cameras or calibrations changed": 3}
+    put(make_site(project), beats(T0 + 9 * HOUR + 500, T0 + 13 * HOUR, every=200))
+    reasons = build(make_site(project, cameras=[camera])).reasons
+    assert reasons == {"new": 4, "frame interval changed": 3}
+
+
+@pytest.mark.parametrize("relation", [r.name for r in relations("facts").values()])
+def test_a_removed_fact_file_is_rebuilt(project: Path, relation: str) -> None:
+    site = make_site(project)
+    before = fact_files(site)
+    victim = sorted((site.root / "facts" / relation).rglob("*.parquet"))[0]
+    victim.unlink()
+    build(site)
+    assert fact_files(site) == before
+
+
+def test_a_removed_fact_file_of_an_hour_is_called_incomplete(project: Path) -> None:
+    next(iter((project / "facts" / "pairs").rglob("09-*.parquet"))).unlink()
+    assert dict(build(make_site(project)).reasons) == {"incomplete": 1}
+
+
+def test_older_facts_are_removed_and_other_hours_left(project: Path) -> None:
+    site = make_site(project)
+    first = fact_files(site)
+    build(make_site(project, distance_m=1.5))
+    second = fact_files(site)
+    assert len(second) == len(first)
+    assert not first.keys() & second.keys() - {f for f in first if "camera_days" in f}
+    causes = json.loads(pq.read_metadata(site.root / "facts" / next(iter(second))).metadata[b"vsd.causes"])
+    assert {"sql", "settings", "site", "records"} <= causes.keys()
+
+
+def mixed(rng: np.random.Generator) -> list[Person | Pair | Frame]:
+    """Return records of two days with gaps, sent and derived pairs, with and without ids, near midnight."""
+    start = T0 + 14 * HOUR
+    records: list[Person | Pair | Frame] = []
+    ts = start
+    while ts < start + 5 * HOUR:
+        ts += int(
+            rng.choice([200, 1000, 1000, 1000, 2100, 60_000, 601_000, 3_000_000], p=[0.1] * 4 + [0.3, 0.28, 0.01, 0.01])
+        )
+        for i in range(int(rng.integers(0, 6))):
+            track = f"t{i}" if rng.random() < 0.8 else None
+            records.append(Person(ts, track, *map(int, rng.integers(-2500, 2500, size=2))))
+        if rng.random() < 0.2:
+            records.append(Frame(ts, n_pairs=2))
+            records += [Pair(ts, "t0", "t9", int(rng.integers(0, 2500))), Pair(ts, None, None, 500, persons=(3, 4))]
+    return records
+
+
+@pytest.mark.parametrize("hz", [None, 1.0])
+def test_bytes_do_not_depend_on_range_or_batch(
+    tmp_path: Path, hz: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cameras = [Camera("cam", "Cam", "ground", hz=hz)]
+    whole = make_site(tmp_path / "whole", cameras=cameras)
+    put(whole, mixed(np.random.default_rng(5)))
+    shutil.copytree(whole.root / "store", tmp_path / "hourly" / "store")
+    shutil.copytree(whole.root / "store", tmp_path / "small" / "store")
+    numbers = sorted(build(whole).fingerprints)
+    assert len(numbers) > 4
+    expected = fact_files(whole)
+    hourly = make_site(tmp_path / "hourly", cameras=cameras)
+    for number in numbers[::-1]:
+        build(hourly, first_hour=number, last_hour=number)
+    assert fact_files(hourly) == expected
+    small = make_site(tmp_path / "small", cameras=cameras)
+    monkeypatch.setattr(build_module, "BATCH_ROWS", 1000)
+    build(small)
+    assert fact_files(small) == expected
+
+
+def test_an_engine_with_a_frame_an_hour_gives_the_same_bytes_in_any_range(tmp_path: Path) -> None:
+    """Frames farther apart than the hours a unit reads must not reach over them."""
+    cameras = [Camera("cam", "Cam", "ground")]
+    instants = [T0 + k * 90 * 60_000 for k in range(8)]
+    records = [Person(ts, t, x, 0) for ts in instants for t, x in (("a", 0), ("b", 1000))]
+    sites = [make_site(tmp_path / name, cameras=cameras) for name in ("whole", "hourly")]
+    for site in sites:
+        put(site, records)
+    for number in build(sites[0]).fingerprints:
+        build(sites[1], first_hour=number, last_hour=number)
+    assert fact_files(sites[0]) == fact_files(sites[1])
+
+
+def test_a_build_leaves_no_temporary_files_and_sweeps_those_of_the_dead(project: Path) -> None:
+    folder = next(iter((project / "facts" / "pairs").rglob("*.parquet"))).parent
+    dead = folder / ".08-0123456789abcdef.parquet.4194999.tmp"
+    dead.write_bytes(b"torn")
+    build(make_site(project, distance_m=1.5))
+    assert list((project / "facts").rglob(".*")) == []
+
+
+def test_a_day_file_left_by_a_crash_is_not_read_twice(project: Path) -> None:
+    day = next(iter((project / "facts" / "camera_days").rglob("*.parquet")))
+    shutil.copy(day, day.with_name("00-0123456789abcdef.parquet"))
+    with open_days(make_site(project)) as warehouse:
+        assert warehouse.rows("select count(*) as n from camera_days")[0]["n"] == 1

@@ -1,0 +1,77 @@
+"""Track ids as they are stored: keyed hashes that link nobody across cameras or site days, or the engine's own."""
+
+from __future__ import annotations
+
+from datetime import date, datetime, timedelta
+
+import numpy as np
+import pyarrow as pa
+
+from vsd_analytics.ingest.instants import QUARTER_MS
+from vsd_analytics.site import Site
+from vsd_analytics.store.secrets import DayKeys, pseudonym
+
+NAMES_MAX = 500_000
+
+
+class Pseudonyms:
+    """Names the tracks of one ingest.
+
+    Args:
+        site: Its zone and start of day are used.
+        keys: Per-day secrets; None keeps the engine's ids.
+    """
+
+    def __init__(self, site: Site, keys: DayKeys | None) -> None:
+        self._site = site
+        self._keys = keys
+        self._days: dict[int, date] = {}
+        self._names: dict[tuple[str, date, str], str] = {}
+
+    def tracks(self, engine_tracks: pa.Array, *, camera_ids: pa.Array, ts_ms: np.ndarray) -> pa.Array:
+        """Return stored track ids, one a row; an empty id is missing.
+
+        Args:
+            engine_tracks: The engine's ids, strings.
+            camera_ids: Our camera ids, strings without nulls.
+            ts_ms: UTC milliseconds.
+        """
+        coded = engine_tracks.dictionary_encode()
+        tracks = [t or None for t in coded.dictionary.to_pylist()]
+        if self._keys is None:
+            return pa.array(tracks, pa.string()).take(coded.indices)
+        # each row's camera, day and track as one number; few of them are different
+        cameras = camera_ids.dictionary_encode()
+        quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
+        days = [self._site_day(q) for q in quarters.tolist()]
+        different_days = sorted(set(days))
+        day_of_row = np.array([different_days.index(d) for d in days], dtype=np.int64)[of_row]
+        track_of_row = np.asarray(coded.indices.fill_null(len(tracks)), dtype=np.int64)
+        shape = (len(cameras.dictionary), len(different_days), len(tracks) + 1)
+        numbers = np.ravel_multi_index((np.asarray(cameras.indices), day_of_row, track_of_row), shape)
+        different, of_row = np.unique(numbers, return_inverse=True)
+        camera_names, all_tracks = cameras.dictionary.to_pylist(), [*tracks, None]
+        names = [
+            self._name(self._keys, camera_names[camera], different_days[day], all_tracks[track])
+            for camera, day, track in zip(*(a.tolist() for a in np.unravel_index(different, shape)), strict=True)
+        ]
+        return pa.array(names, pa.string()).take(pa.array(of_row))
+
+    def _name(self, keys: DayKeys, camera_id: str, day: date, track: str | None) -> str | None:
+        if track is None:
+            return None
+        name = self._names.get((camera_id, day, track))
+        if name is None:
+            if len(self._names) >= NAMES_MAX:
+                self._names.clear()
+            name = pseudonym(keys.key(day), camera_id=camera_id, engine_track=track)
+            self._names[camera_id, day, track] = name
+        return name
+
+    def _site_day(self, quarter: int) -> date:
+        """Return the site day a quarter of an hour (counted from 1970 in UTC) belongs to."""
+        day = self._days.get(quarter)
+        if day is None:
+            local = datetime.fromtimestamp(quarter * QUARTER_MS / 1000, tz=self._site.zone).replace(tzinfo=None)
+            day = self._days[quarter] = (local - timedelta(minutes=self._site.day_starts_min)).date()
+        return day

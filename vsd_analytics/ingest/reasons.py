@@ -1,0 +1,28 @@
+"""What a person can do about records in quarantine, by reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+MENDS: Final[Mapping[str, str]] = {
+    "bad-json": "look at the line: it was cut off, or it is not JSON; export it again",
+    "bad-message": "compare it with the format: vsd schema frame",
+    "bad-quotes": 'quote cells as "a""b", without line breaks inside, or leave such columns out of the export',
+    "line-too-long": "if such lines are right, raise line_max_bytes under [ingest] in vsd.toml",
+    "long-track-id": "use the engine's short ids",
+    "negative-distance": "export distances in metres; leave the cell empty where there is none",
+    "no-camera": "--camera ID, or a column camera_id",
+    "no-distance": "export distance_m, or both positions",
+    "no-position": "export x_m y_m, or u_px v_px",
+    "no-time": "export an ISO time with offset, or unix seconds",
+    "not-a-number": "correct the export; an empty cell is missing, a text or NaN is not",
+    "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds",
+    "out-of-range": "check units (metres, pixels) and columns; the limit is coordinate_max_m under [ingest]",
+    "same-person": "export pairs of two different persons",
+    "time-out-of-range": "check the unit of the times and the engine's clock; files may reach a day beyond now (--now)",
+    "unknown-camera": 'add engine_ids = ["its name"] to its [[camera]] in vsd.toml, or describe it in a new one',
+    "unknown-quality": "vsd schema frame",
+    "wrong-number-of-fields": "check the delimiter and decimal commas of these lines",
+}
+"""What to do, by reason; adapters' own reasons explain themselves in their details."""

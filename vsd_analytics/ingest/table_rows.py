@@ -1,0 +1,120 @@
+"""From the cells of a table to raw records: times, numbers, foot points of boxes, ids."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+
+from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
+from vsd_analytics.ingest.cells import floats_or_null, ids, numbers
+from vsd_analytics.ingest.columns import BOX, NUMBERS, Plan
+from vsd_analytics.ingest.instants import Instants, parse_instants
+from vsd_analytics.ingest.raw import raw_table, rejected
+
+_MAX_MS = 2.0**53
+
+
+def raw_batch(
+    plan: Plan,
+    columns: Mapping[str, pa.Array],
+    lines: np.ndarray,
+    options: IngestOptions,
+    *,
+    decimal_comma: bool = False,
+) -> RawBatch:
+    """Return the records of some rows of a table.
+
+    Args:
+        plan: What is in the table.
+        columns: The columns of `plan`, by our names, each of the length of `lines`.
+        lines: Line or record numbers.
+        options: What the user said.
+        decimal_comma: Numbers may have a comma for the point.
+
+    Raises:
+        pyarrow.ArrowException: A column is of a type that cannot hold what it should.
+    """
+    bad = _BadRows(plan, columns, lines)
+    values: dict[str, np.ndarray] = {}
+    for name in (c for c in columns if c in NUMBERS or c in BOX or c == "frame"):
+        values[name], is_wrong = numbers(columns[name], decimal_comma=decimal_comma)
+        bad.add(is_wrong, name, reason="not-a-number", what="a number")
+    camera = ids(columns.get("camera_id"), default=options.camera, length=len(lines))
+    if "ts" in columns:
+        instants = _instants(columns["ts"], camera, options)
+        bad.add(instants.is_wrong, "ts", reason="not-a-time", what="a time")
+    else:
+        instants = _from_frames(values.pop("frame"), options)
+        bad.add(instants.is_wrong, "frame", reason="not-a-time", what="a frame number")
+    ts_ms = instants.ms
+    if options.period_s:
+        period_ms = options.period_s * 1000
+        ts_ms = (np.floor(ts_ms / period_ms) * period_ms).astype(np.int64)
+    values.pop("frame", None)
+    _foot_points(values)
+    keep = pa.array(~bad.mask)
+    kept = {name: floats_or_null(v).filter(keep) for name, v in values.items()}
+    shared = {"camera": camera.filter(keep), "ts_ms": ts_ms[~bad.mask], "line": lines[~bad.mask]}
+    if plan.kind == "pairs":
+        # a table sends pair by pair: each is the first person and the second of its own message
+        tracks = {t: ids(columns[t], default=None, length=len(lines)).filter(keep) for t in ("track_a", "track_b")}
+        table = raw_table("pairs", **shared, **tracks, **kept, person_a=0, person_b=1, quality="metric")
+    else:
+        track = ids(columns.get("track_id"), default=None, length=len(lines)).filter(keep)
+        quality = "metric" if "x_m" in kept else "relative"
+        table = raw_table("observations", **shared, track=track, **kept, person=0, quality=quality)
+    return RawBatch({plan.kind: table}, bad.rejected, notes=instants.notes)
+
+
+class _BadRows:
+    """Collects rows that cannot be used, each with the first thing wrong with it."""
+
+    def __init__(self, plan: Plan, columns: Mapping[str, pa.Array], lines: np.ndarray) -> None:
+        self._plan, self._columns, self._lines = plan, columns, lines
+        self.mask = np.zeros(len(lines), dtype=bool)
+        self.rejected: list[Rejected] = []
+
+    def add(self, is_wrong: np.ndarray, name: str, *, reason: str, what: str) -> None:
+        for i in np.flatnonzero(is_wrong & ~self.mask).tolist():
+            cells = {c: str(column[i].as_py())[:200] for c, column in self._columns.items()}
+            detail = f"{self._plan.names[name]} is not {what}: {cells[name][:80]!r}"
+            text = ", ".join(f"{c}={cell}" for c, cell in cells.items())
+            self.rejected.append(rejected(int(self._lines[i]), reason=reason, detail=detail, record=text))
+        self.mask |= is_wrong
+
+
+def _instants(values: pa.Array, camera: pa.Array, options: IngestOptions) -> Instants:
+    """Parse times, those without an offset by the clock of each row's camera."""
+    clocks = {c: options.clocks.get(c, options.frame_zone) for c in camera.unique().to_pylist()}
+    zones = sorted(set(clocks.values()))
+    if len(zones) < 2:
+        return parse_instants(values, zone=zones[0] if zones else options.frame_zone)
+    zone_of = np.array([zones.index(clocks[c]) for c in camera.to_pylist()])
+    ms, is_wrong = np.zeros(len(values), dtype=np.int64), np.zeros(len(values), dtype=bool)
+    notes: list[str] = []
+    for i, zone in enumerate(zones):
+        at = np.flatnonzero(zone_of == i)
+        some = parse_instants(values.take(pa.array(at)), zone=zone)
+        ms[at], is_wrong[at] = some.ms, some.is_wrong
+        notes += some.notes
+    return Instants(ms, is_wrong, notes)
+
+
+def _from_frames(frames: np.ndarray, options: IngestOptions) -> Instants:
+    ms = np.rint((options.start or 0) + (frames - (options.first_frame or 0.0)) / (options.fps or 1.0) * 1000)
+    is_wrong = ~(np.abs(ms) < _MAX_MS)
+    return Instants(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong)
+
+
+def _foot_points(values: dict[str, np.ndarray]) -> None:
+    """Replace boxes by their foot points: u = middle of left and right, v = bottom."""
+    if "left" not in values:
+        return
+    left, top = values.pop("left"), values.pop("top")
+    if "right" in values:
+        right, bottom = values.pop("right"), values.pop("bottom")
+    else:
+        right, bottom = left + values.pop("width"), top + values.pop("height")
+    values["u_px"], values["v_px"] = (left + right) / 2, np.maximum(top, bottom)

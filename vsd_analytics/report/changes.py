@@ -1,0 +1,115 @@
+"""What changed at the site around a week: its log, outages nobody logged, a new calibration or engine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+
+from vsd_analytics.changelog import read_log
+from vsd_analytics.report import estimates, words
+from vsd_analytics.report import format as fmt
+from vsd_analytics.report.model import Coverage, Estimate, LogLine, Outage, SettingsChange
+from vsd_analytics.report.privacy import is_small
+from vsd_analytics.report.weekdata import WEEK, Place, WeekData
+from vsd_analytics.site import LogEntry
+
+DETECTED_MIN_H = 2.0
+NEAR = timedelta(hours=1)
+"""An outage that begins this near to an entry for the whole site is taken as logged."""
+
+
+def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple[LogLine, ...]:
+    """Return the site's log of both weeks, and this week's long outages that nobody logged, in order of time.
+
+    For an entry in an area of this floor and week, the area since then is compared with the same hours of the week
+    before.
+    """
+    zone, start = data.site.zone, data.midnight(data.monday)
+    entries = [e for e in read_log(data.site) if data.midnight(data.monday - WEEK) <= e.at < start + WEEK]
+    names = {a.area_id: a.name for a in data.areas}
+    elsewhere = {a.area_id for a in data.site.areas} - names.keys()
+    lines = []
+    for entry in entries:
+        if entry.area_id in elsewhere:
+            continue
+        since = moved = None
+        if entry.at >= start and entry.area_id in names and is_compared:
+            since, moved = _since(data, data.area(entry.area_id), round(entry.at.timestamp() * 1000))
+        lines.append(
+            LogLine(
+                at=entry.at.astimezone(zone),
+                text=entry.text,
+                area_id=entry.area_id,
+                area_name=names.get(entry.area_id or ""),
+                since=since,
+                moved_after=moved,
+            )
+        )
+    lines += [_detected(data, o) for o in coverage.outages if _is_news(o, entries)]
+    return tuple(sorted(lines, key=lambda line: line.at))
+
+
+def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str, ...]) -> SettingsChange | None:
+    """Return the change inside the two weeks that forbids a comparison: a calibration or the engine.
+
+    Args:
+        data: The week.
+        engines: Engines of this week.
+        before: Engines of the week before.
+    """
+    start = data.midnight(data.monday)
+    for camera in data.cameras:
+        for old, new in zip(camera.calibrations, camera.calibrations[1:], strict=False):
+            if new.valid_from is not None and data.midnight(data.monday - WEEK) <= new.valid_from < start + WEEK:
+                found = SettingsChange(name="calibration", before=old.calibration_id, after=new.calibration_id)
+                at = new.valid_from.astimezone(data.site.zone)
+                return _with_parts(data, replace(found, at=at)) if at >= start else found
+    if engines and before and engines != before:
+        return SettingsChange(name="engine", before=", ".join(before), after=", ".join(engines))
+    return None
+
+
+def _with_parts(data: WeekData, change: SettingsChange) -> SettingsChange:
+    """Return the change with how often before and after it in this week, unless a count is too small to print."""
+    ms = None if change.at is None else round(change.at.timestamp() * 1000)
+    before = estimates.measure(data, data.whole, is_compared=False, until=ms)
+    after = estimates.measure(data, data.whole, is_compared=False, since=ms)
+    below = data.site.settings.mask_below
+    if any(is_small(m.n, below=below) or m.often.value is None for m in (before, after)):
+        return change
+    return replace(change, often_before=before.often, often_after=after.often)
+
+
+def _since(data: WeekData, place: Place, ms: int) -> tuple[Estimate | None, float | None]:
+    """Return a place since an instant against the same hours of the week before, and the share of its change.
+
+    Nothing is told where a count of before or after the instant, in either week, is too small to print.
+    """
+    if data.why_no_violations is not None or data.why_no_places is not None:
+        return None, None
+    whole, after = (estimates.measure(data, place, is_compared=True, since=at) for at in (None, ms))
+    counts = (whole.n, after.n, whole.n - after.n, whole.n_before, after.n_before, whole.n_before - after.n_before)
+    if any(is_small(n, below=data.site.settings.mask_below) for n in counts):
+        return None, None
+    change, late = (_difference(data, place, since=at) for at in (None, ms))
+    return after.often, None if change == 0 else min(1.0, max(0.0, late / change))
+
+
+def _difference(data: WeekData, place: Place, *, since: int | None) -> float:
+    before, now = data.compared(place, since=since)
+    return float(now.n.sum() - before.n.sum())
+
+
+def _is_news(outage: Outage, entries: list[LogEntry]) -> bool:
+    """Tell whether an outage is long, certain, and not in the log already."""
+    if outage.open_h < DETECTED_MIN_H or outage.is_inferred:
+        return False
+    return not any(e.area_id is None and outage.start - NEAR <= e.at <= outage.start + NEAR for e in entries)
+
+
+def _detected(data: WeekData, outage: Outage) -> LogLine:
+    names = {c.camera_id: c.name for c in data.cameras}
+    is_all = len(outage.camera_ids) == len(names) > 1
+    who = "All cameras" if is_all else words.joined(words.camera_name(names[c]) for c in outage.camera_ids)
+    text = f"{who}: no data until {fmt.instant_short(outage.end)}."
+    return LogLine(at=outage.start, text=text, kind="detected")

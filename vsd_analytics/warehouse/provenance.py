@@ -1,0 +1,61 @@
+"""Where a range's records came from: engines, and each camera's last record. Read from the store's own metadata."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from datetime import UTC, date, datetime, timedelta
+from itertools import groupby
+
+from vsd_analytics.duck import connect
+from vsd_analytics.schema import TABLES
+from vsd_analytics.site import Site
+from vsd_analytics.store import Store
+from vsd_analytics.store.layout import Part
+from vsd_analytics.store.store import engines_of
+
+LOOK_BACK = timedelta(days=60)
+
+
+def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
+    """Return the engines noted in the first and last part of each day of a range of local days, sorted."""
+    noted: set[str] = set()
+    for found in _parts(site, first, last).values():
+        for _, day in groupby(found, key=lambda p: p.hour // 24):
+            parts = list(day)
+            for part in {parts[0], parts[-1]}:
+                noted.update(engines_of(part.path))
+    return tuple(sorted(noted))
+
+
+def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dict[str, datetime]:
+    """Return the instant of each camera's last record up to a local day, inclusive, in the site's zone.
+
+    Cameras without a record in the sixty days before are left out.
+    """
+    found: dict[str, datetime] = {}
+    by_hour: dict[int, list[str]] = {}
+    for parts in _parts(site, until - LOOK_BACK, until).values():
+        for part in parts:
+            by_hour.setdefault(part.hour, []).append(str(part.path))
+    with connect() as con:
+        for hour in sorted(by_hour, reverse=True):
+            if len(found) == len(set(camera_ids)):
+                break
+            rows = con.execute(
+                "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by all",
+                {"names": by_hour[hour]},
+            ).fetchall()
+            for camera_id, ms in rows:
+                if camera_id in camera_ids and camera_id not in found:
+                    found[camera_id] = datetime.fromtimestamp(ms // 1000, tz=UTC).astimezone(site.zone)
+    return found
+
+
+def _parts(site: Site, first: date, last: date) -> dict[str, list[Part]]:
+    """Return the parts of each table over a range of local days, in order of time."""
+    store = Store(site.root / "store", site_id=site.site_id)
+    hours = [
+        int(datetime(day.year, day.month, day.day, tzinfo=site.zone).timestamp()) // 3600
+        for day in (first, last + timedelta(days=1))
+    ]
+    return {t: store.parts(t, first_hour=hours[0], last_hour=hours[1] - 1) for t in TABLES}
