@@ -31,7 +31,7 @@ SCHEMAS: Final[dict[TableName, pa.Schema]] = {
         ("n_persons", pa.int32(), True),
         ("n_pairs", pa.int32(), True),
     ),
-    # one row per person and frame; person is the index within the frame the engine sent
+    # one row per person and frame; person is the index within the message the engine sent (tables send one by one: 0)
     "observations": _columns(
         ("camera_id", pa.string(), False),
         ("ts", TS, False),

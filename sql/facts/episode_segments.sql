@@ -55,8 +55,7 @@ neighboured as (
         y2_mm,
         distance_mm,
         ts_ms - lag(ts_ms) over (partition by camera_id, track_a, track_b order by ts_ms) <= gap_ms as follows,
-        lead(ts_ms) over (partition by camera_id, track_a, track_b order by ts_ms) - ts_ms <= gap_ms as is_followed,
-        lag(hour) over (partition by camera_id, track_a, track_b order by ts_ms) as previous_hour
+        lead(ts_ms) over (partition by camera_id, track_a, track_b order by ts_ms) - ts_ms <= gap_ms as is_followed
     from close
 ),
 
@@ -74,7 +73,7 @@ numbered as (
         distance_mm,
         coalesce(follows, false) as follows,
         coalesce(is_followed, false) as is_followed,
-        sum(case when follows and previous_hour = hour then 0 else 1 end) over (
+        sum(case when follows then 0 else 1 end) over (
             partition by camera_id, track_a, track_b order by ts_ms rows between unbounded preceding and current row
         ) as run
     from neighboured

@@ -186,7 +186,7 @@ def test_a_clean_file_is_exit_code_0_and_says_so_once(vsd: Vsd, tmp_path: Path) 
     assert vsd("ingest", tmp_path / "a.csv")[0] == 0
     code, out, err = vsd("ingest", tmp_path / "a.csv")
     assert (code, err) == (0, "")
-    assert out.endswith("0 new records stored, 1 known already\n")
+    assert out.endswith("0 new records stored, 1 was known already\n")
 
 
 def test_control_characters_of_data_never_reach_the_terminal(vsd: Vsd, tmp_path: Path) -> None:

@@ -115,14 +115,22 @@ def test_a_bad_person_record_is_rejected_and_its_neighbours_are_kept(name: str) 
 
 
 def test_the_edges_of_what_is_accepted_are_accepted() -> None:
-    edges = [{"ts_ms": 631152000000}, {"ts_ms": int(NOW.timestamp() * 1000) + 86_400_000}, {"x_m": -10_000.0}]
+    edges: list[dict[str, Any]] = [
+        {"ts_ms": 631152000000},
+        {"ts_ms": int(NOW.timestamp() * 1000) + 86_400_000},
+        {"x_m": -10_000.0},
+    ]
     assert len(stored("observations", *(person(**e) for e in edges))) == 3
 
 
 def test_settings_move_the_edges() -> None:
     strict = Settings().with_values({"earliest_year": 2026, "coordinate_max_m": 5.0, "future_max_s": 0.0})
     site = small_site(Path("unused"), settings=strict)
-    bad = [{"ts_ms": NINE_MS - 365 * 86_400_000}, {"x_m": 5.1}, {"ts_ms": int(NOW.timestamp() * 1000) + 1}]
+    bad: list[dict[str, Any]] = [
+        {"ts_ms": NINE_MS - 365 * 86_400_000},
+        {"x_m": 5.1},
+        {"ts_ms": int(NOW.timestamp() * 1000) + 1},
+    ]
     assert len(reasons("observations", *(person(**b) for b in bad), site=site)) == 3
     assert reasons("observations", *(person(**b) for b in bad)) == {}
 
@@ -227,15 +235,15 @@ def test_a_pseudonym_is_the_same_within_camera_and_site_day_only(tmp_path: Path)
 
 
 def test_a_site_day_starts_at_four_local_time(tmp_path: Path) -> None:
-    def at(*time: int) -> tuple[str, datetime, str]:
-        return ("cam-1", datetime(2026, 11, 10, *time, tzinfo=SITE.zone), "7")
+    def at(hour: int, minute: int = 0, second: int = 0) -> tuple[str, datetime, str]:
+        return ("cam-1", datetime(2026, 11, 10, hour, minute, second, tzinfo=SITE.zone), "7")
 
     evening = ("cam-1", datetime(2026, 11, 9, 23, 59, tzinfo=SITE.zone), "7")
-    names = _tracks(DayKeys(tmp_path), evening, at(0, 0), at(3, 59, 59), at(4, 0), at(12, 0))
+    names = _tracks(DayKeys(tmp_path), evening, at(0), at(3, 59, 59), at(4), at(12, 0))
     assert names[0] == names[1] == names[2] != names[3] == names[4]
     assert sorted(p.name for p in tmp_path.iterdir()) == ["2026-11-09.key", "2026-11-10.key"]
     midnight = small_site(Path("unused"), day_starts_min=0)
-    names = _tracks(DayKeys(tmp_path), evening, at(0, 0), at(4, 0), site=midnight)
+    names = _tracks(DayKeys(tmp_path), evening, at(0), at(4), site=midnight)
     assert names[0] != names[1] == names[2]
 
 

@@ -301,7 +301,7 @@ def _tell_total(result: IngestResult, *, is_dry_run: bool) -> None:
     n_known = sum(c.n_known for c in tables.values())
     n_second = sum(c.n_second for c in tables.values())
     said = [f"{_count(n_new, 'new record')} stored"]
-    said += [f"{n_known:,} known already"] if n_known else []
+    said += [f"{n_known:,} {'was' if n_known == 1 else 'were'} known already"] if n_known else []
     said += [f"{_count(n_second, 'second sighting')} left out"] if n_second else []
     said += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
     click.echo(", ".join(said))

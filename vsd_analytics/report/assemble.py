@@ -178,12 +178,13 @@ def _week(site: Site, monday: date) -> WeekRef:
 
 
 def _made_at(data: WeekData, now: datetime | None) -> datetime:
-    """Return the instant to print as the time of making: `now`, else the end of what was recorded, else of the week."""
+    """Return the instant to print as the time of making: `now`, else the week's last record, else its end."""
     if now is not None:
         return now.astimezone(data.site.zone)
     end = data.midnight(data.monday + WEEK)
     last = data.warehouse.rows("select max(ended_ms) as ms from recorded_spans")[0]["ms"]
-    return end if last is None else min(end, data.local(last))
+    is_before = last is None or data.local(last) < data.midnight(data.monday)
+    return end if is_before else min(end, data.local(last))
 
 
 def _inputs(warehouse: Warehouse) -> str:

@@ -9,6 +9,7 @@ from datetime import date
 import numpy as np
 from numpy.typing import NDArray
 
+from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Estimate, Verdict
 from vsd_analytics.report.privacy import is_small
 from vsd_analytics.report.weekdata import Panel, Place, WeekData
@@ -120,6 +121,9 @@ def _often(data: WeekData, panel: Panel, pair: tuple[Panel, Panel] | None, histo
         confidence=settings.confidence,
         min_days=settings.min_days,
     )
+    if level.rate is None and data.hours.recorded_s[:, data.week()].any():
+        share = fmt.percent(settings.partial_hour_share)
+        return Estimate(value=None, state="not_enough_data", reason=f"no open hour was recorded to {share} or more")
     if pair is None:
         return _estimate(level)
     before, now = pair

@@ -149,8 +149,10 @@ def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> tuple[list[Markup],
     labels = []
     for area in areas:
         ring = frame.ring(area.ring)
-        left = min(x for x, _ in ring)
-        top = min(y for _, y in ring)
+        left = max(3.0, min(x for x, _ in ring))
+        top = max(0.0, min(y for _, y in ring))
+        if left >= frame.width or top >= frame.height or max(x for x, _ in ring) <= 0 or max(y for _, y in ring) <= 0:
+            continue
         y = top - 6 if top > FONT_PHONE else top + FONT + 4
         fits = {}
         for size, boxes in taken.items():
@@ -253,7 +255,7 @@ def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
     parts = [el("circle", cx=round(x, 1), cy=round(centre, 1), r=round(max(radius, 1.5), 1), **line)]
     said = f"{fmt.metres(rules.distance_m)} across"
     if radius > MAX_FOOT_RADIUS:
-        parts.append(_text(said, x, centre + 5, class_="pt i halo", fill=INK, anchor="middle"))
+        parts.append(_text(said, x - radius - 10, centre + 5, class_="pt i halo", fill=INK, anchor="end"))
     else:
         if radius > 6:
             parts.append(el("path", d=f"M{x - radius:.1f} {y}h{2 * radius:.1f}", **line))

@@ -15,9 +15,10 @@ from vsd_analytics.report.floorplan import nice_metres
 from vsd_analytics.report.model import AreaRow, Extent, FloorMap, MapArea, MapBand, MapImage, MapSpot, Polygon
 from vsd_analytics.report.pictures import has_paper, picture_image, plan_image
 from vsd_analytics.report.privacy import is_small
-from vsd_analytics.report.weekdata import Array, WeekData, positions
+from vsd_analytics.report.weekdata import Array, Flags, WeekData, positions
 
 MARGIN_M = 1.0
+SIDE_MIN_M = 8.0
 CELLS_MAX = 4_000_000
 SPOTS_MAX = 3
 
@@ -26,7 +27,8 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
     """Return the maps of a floor: one over its plan or bare floor, or the picture of its only calibrated camera.
 
     Density of a cell = sum over cameras of (violations there / the camera's recorded open hours) / cell area, over the
-    camera-hours that enter rates, smoothed by a Gaussian of `smoothing_m`.
+    camera-hours that enter rates (in a week too incomplete to rank, over all that was recorded), smoothed by a Gaussian
+    of `smoothing_m`.
 
     Args:
         data: The week.
@@ -39,7 +41,7 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
     extent = _extent(data)
     if extent is None or data.why_no_violations is not None or data.why_no_places is not None:
         return ()
-    grid = _Grid(data, extent)
+    grid = _Grid(data, extent, used=data.hours.is_counted if is_ranked else data.hours.recorded_s > 0)
     density = grid.density()
     polygons = heat.heat_bands(density, cell_m=grid.cell_m, origin_m=grid.origin, steps=data.site.settings.heat_steps)
     pictured = _picture_map(data, polygons) if data.floor.plan is None else None
@@ -63,10 +65,10 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
 
 
 class _Grid:
-    """Violations of the week on the floor grid, over the camera-hours that enter rates."""
+    """Violations of the week on the floor grid, over the camera-hours `used`."""
 
-    def __init__(self, data: WeekData, extent: Extent) -> None:
-        self._data = data
+    def __init__(self, data: WeekData, extent: Extent, *, used: Flags) -> None:
+        self._data, self._used = data, used
         self.cell_m = data.site.settings.cell_m
         x0, y0, x1, y1 = extent
         self._first = (int(np.floor(x0 / self.cell_m)), int(np.floor(y0 / self.cell_m)))
@@ -106,8 +108,8 @@ class _Grid:
         x = rows["cx"].to_numpy() - self._first[0]
         y = rows["cy"].to_numpy() - self._first[1]
         inside = (x >= 0) & (y >= 0) & (x < self.shape[1]) & (y < self.shape[0])
-        inside &= data.hours.is_counted[camera, hour] & data.whole.cameras[camera]
-        recorded_h = (data.hours.recorded_s * data.hours.is_counted)[:, data.week()].sum(axis=1) / 3600
+        inside &= self._used[camera, hour] & data.whole.cameras[camera]
+        recorded_h = (data.hours.recorded_s * self._used)[:, data.week()].sum(axis=1) / 3600
         n = rows["n"].to_numpy()[inside]
         counts, rates = np.zeros(self.shape), np.zeros(self.shape)
         at = (y[inside], x[inside])
@@ -134,7 +136,7 @@ class _Grid:
 
 
 def _extent(data: WeekData) -> Extent | None:
-    """Return the floor to draw: the plan, else what was walked on with a margin; None when unknown or too large."""
+    """Return the floor to draw: the plan, else what was walked on and the areas; None when unknown or too large."""
     extent = geometry.plan_bounds(data.floor)
     cell_m = data.site.settings.cell_m
     if extent is None:
@@ -145,14 +147,18 @@ def _extent(data: WeekData) -> Extent | None:
         )[0]
         if seen["x0"] is None:
             return None
-        extent = (
-            seen["x0"] * cell_m - MARGIN_M,
-            seen["y0"] * cell_m - MARGIN_M,
-            seen["x1"] * cell_m + MARGIN_M,
-            seen["y1"] * cell_m + MARGIN_M,
-        )
+        walked = shapely.box(*(seen[k] * cell_m for k in ("x0", "y0", "x1", "y1")))
+        whole = shapely.union_all([walked, *(shapely.Polygon(a.polygon) for a in data.areas)])
+        extent = _at_least(whole.buffer(MARGIN_M).bounds)
     n_cells = (extent[2] - extent[0]) * (extent[3] - extent[1]) / cell_m**2
     return extent if n_cells <= CELLS_MAX else None
+
+
+def _at_least(bounds: Extent) -> Extent:
+    """Return bounds widened around their middle to `SIDE_MIN_M`, so that a still week has a floor to stand on."""
+    x0, y0, x1, y1 = bounds
+    dx, dy = (max(0.0, SIDE_MIN_M - side) / 2 for side in (x1 - x0, y1 - y0))
+    return x0 - dx, y0 - dy, x1 + dx, y1 + dy
 
 
 def _plan(data: WeekData) -> MapImage | None:

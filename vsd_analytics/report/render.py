@@ -16,6 +16,7 @@ from vsd_analytics.report import floorplan, svg, tables, titles, words
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.headline import finish
 from vsd_analytics.report.model import AreaRow, Estimate, FloorMap, Outage, Story, WeekReport
+from vsd_analytics.report.privacy import GIVES_AWAY
 from vsd_analytics.report.tiles import Tile, tiles
 from vsd_analytics.report.twins import rounded
 from vsd_analytics.resources import shipped
@@ -150,7 +151,7 @@ def make_page(report: WeekReport) -> Page:
     if report.story is None:
         raise AssertionError("finish fills the story")
     style = _style(report)
-    is_compared = report.state == "normal" and report.previous is not None
+    is_compared = report.state == "normal" and report.level.often.verdict is not None
     is_ranked = report.state in ("normal", "first_week", "settings_changed")
     shown = _shown(report)
     timetable = tables.timetable(report)
@@ -196,7 +197,8 @@ def _shown(report: WeekReport) -> frozenset[str]:
     if report.state == "no_data":
         return frozenset({"data", "about"} | ({"changed"} if report.log else set()))
     maps = {"where"} if report.maps else set()
-    return frozenset({"when", "changed", "data", "about"} | maps)
+    hours = set() if report.level.often.state == "not_measurable" else {"when"}
+    return frozenset({"changed", "data", "about"} | hours | maps)
 
 
 def _down(report: WeekReport) -> list[str]:
@@ -211,6 +213,8 @@ def _down(report: WeekReport) -> list[str]:
 
 def _why_not_compared(report: WeekReport) -> str:
     match report.state:
+        case _ if report.level.often.state == "not_measurable":
+            return "Violations cannot be counted on this floor, so there is nothing to compare."
         case "first_week":
             return "There is no earlier week to compare with. Comparisons start next week."
         case "settings_changed":
@@ -255,13 +259,16 @@ def _change_row(
     clear = estimate.verdict in ("clear_fall", "clear_rise")
     said = "Not measurable" if estimate.state == "not_measurable" else words.verdict_words(estimate)
     unknown = estimate.change is None
+    detail = fmt.likely_signed(estimate) or estimate.reason or ""
+    if estimate.reason == GIVES_AWAY:
+        said, detail = "Held back", "or a count too small to print could be worked out"
     return ChangeRow(
         name=name,
         previous=fmt.number(estimate.previous),
         value=fmt.number(estimate.value),
         bar=svg.change_bar(estimate, limit=limit),
         words=f"{said}, {fmt.signed(estimate.change)}" if clear and not unknown else said,
-        detail=fmt.likely_signed(estimate) or estimate.reason or "",
+        detail=detail,
         direction=words.direction(estimate.verdict),
         is_total=is_total,
     )

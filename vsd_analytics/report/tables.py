@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from datetime import date
+from itertools import groupby
 from typing import Final
 
 from markupsafe import Markup
@@ -37,6 +39,7 @@ class TimetableRow:
     Attributes:
         label: Hour in two digits.
         is_second: True for the second of two equal hours.
+        until: Last hour of a run of hours without any data, in two digits; empty for a single hour.
         cells: Monday to Sunday.
         mean: Mean of its full cells; None without one.
         bar: That mean as a small drawing.
@@ -47,6 +50,7 @@ class TimetableRow:
     cells: tuple[Cell, ...]
     mean: float | None
     bar: Markup
+    until: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +103,23 @@ def timetable(report: WeekReport) -> Timetable:
     by_day = {m.day: m.value for m in report.when.day_means}
     return Timetable(
         days=days,
-        rows=tuple(out),
+        rows=_joined(out),
         day_means=tuple(by_day.get(d) for d in days),
         used=used,
         has_means=any(v is not None for v in by_day.values()),
     )
+
+
+def _joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:
+    """Return the rows with runs of three or more that hold no data on any day written as one."""
+    joined: list[TimetableRow] = []
+    for is_blank, run in groupby(rows, key=lambda r: all(c.style in ("hatch", "cl", "nx") for c in r.cells)):
+        found = list(run)
+        alike = len({r.cells for r in found}) == 1
+        if is_blank and alike and len(found) >= 3:
+            found = [replace(found[0], until=found[-1].label)]
+        joined += found
+    return tuple(joined)
 
 
 def step_of(value: float, steps: tuple[float, ...]) -> int:

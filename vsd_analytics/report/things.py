@@ -66,6 +66,8 @@ def _worked(report: WeekReport) -> Thing:
                 f"{since_week} ({fmt.likely_change(line.since)}).",
                 target="changed",
             )
+    if not report.areas:
+        return _worked_at_all(report, since_week)
     falls = [a for a in report.areas if a.often.verdict == "clear_fall"]
     if falls:
         best = min(falls, key=lambda a: a.often.change or 0.0)
@@ -81,6 +83,16 @@ def _worked(report: WeekReport) -> Thing:
         text=f"Nothing changed at the site shows in the figures yet, compared with {since_week}.",
         target="changed",
     )
+
+
+def _worked_at_all(report: WeekReport, since_week: str) -> Thing:
+    """Say the same of a floor without areas."""
+    often = report.level.often
+    if often.verdict == "clear_fall" and often.change is not None:
+        text = f"{fmt.fewer_more(often.change).capitalize()} than in {since_week} ({fmt.likely_change(often)})."
+        return Thing(kind="worked", title="The whole floor clearly fell", text=text, target="changed")
+    text = f"The floor as a whole, compared with {since_week}: {words.verdict_words(often).lower()}."
+    return Thing(kind="worked", title="Nothing clearly fell", text=text, target="changed")
 
 
 def _watch(report: WeekReport) -> Thing:
@@ -186,6 +198,8 @@ def question(report: WeekReport) -> str:
     distance = fmt.metres(report.rules.distance_m)
     if report.state == "no_data":
         return "Who is told when the cameras or the engine stop, and who starts them again?"
+    if report.level.often.state == "not_measurable":
+        return "What would it take to have violations counted here?"
     if report.state == "empty":
         return f"When was the {distance} distance last checked against a tape measure?"
     camera = weakest_camera(report)

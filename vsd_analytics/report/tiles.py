@@ -154,7 +154,8 @@ def _hour(report: WeekReport) -> Tile | None:
 
 def _recorded(report: WeekReport) -> Tile:
     coverage = report.coverage
-    note = [f"{fmt.count(coverage.recorded_h)} of {fmt.count(coverage.scheduled_h)} camera-hours"]
+    recorded = fmt.number(coverage.recorded_h) if coverage.recorded_h < 1 else fmt.count(coverage.recorded_h)
+    note = [f"{recorded} of {fmt.count(coverage.scheduled_h)} camera-hours"]
     camera = weakest_camera(report)
     if camera is not None and report.state == "normal":
         lost = camera.scheduled_h - camera.recorded_h
@@ -176,7 +177,7 @@ def _rough(report: WeekReport) -> Tile:
     value = f"about {fmt.number(often.value)}" if often.value is not None else "Too little data"
     return Tile(
         title="How often",
-        unit="violations per recorded hour",
+        unit="violations per recorded hour" if often.value is not None else "",
         value=value,
         note=sentences([often.reason or "Rough, and not compared"]),
         is_wordy=often.value is None,
@@ -227,7 +228,7 @@ def _before_after(report: WeekReport) -> tuple[Tile, Tile] | None:
             title=name,
             value=fmt.number(e.value),
             unit="violations per open hour",
-            note=sentences([fmt.likely_level(e), e.reason or ""]),
+            note=sentences([fmt.likely_level(e) or "too few days for a likely range"]),
         )
         for name, e in parts
     )
