@@ -166,16 +166,17 @@ def test_close_pairs_equal_all_pairs_compared(data: st.DataObject) -> None:
 
 
 def test_violations_break_after_the_gap_and_need_three_seconds(before: Day) -> None:
-    # one pair: frames 0-2 (4 s), then 6 s silence, then frames 5-6 (2 s): one violation; a gap of 4 s would join them
+    # one pair, a frame every 2 s: frames 0-2 stand for 6 s, then a silence of 6 s, then frame 5 alone for 2 s
     def world(frames: list[int]) -> Day:
         f = np.array([*frames, *frames], dtype=np.int64)
         person = np.repeat([0, 1], len(frames))
         x = np.where(person == 0, 3.0, 4.5)
         return replace(before, person=person, party=person, frame=f, x_m=x, y_m=np.full(len(f), 5.0), interval_ms=2000)
 
-    found = violations(world([0, 1, 2, 5, 6]))
+    found = violations(world([0, 1, 2, 5]))
     assert found.frame.tolist() == [0]
-    assert found.duration_s.tolist() == [4.0]
+    assert found.duration_s.tolist() == [6.0]
     assert (found.x_m[0], found.y_m[0]) == (3.75, 5.0)
-    assert violations(world([0, 1, 2, 4, 5])).duration_s.tolist() == [10.0]
-    assert len(violations(world([0, 1])).frame) == 0
+    assert violations(world([0, 1, 2, 4, 5])).duration_s.tolist() == [12.0]
+    assert violations(world([0, 1])).duration_s.tolist() == [4.0]
+    assert len(violations(world([0])).frame) == 0

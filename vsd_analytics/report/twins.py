@@ -72,7 +72,8 @@ def to_csv(report: WeekReport) -> dict[str, str]:
     """Return the tidy tables by file name: one row per hour of the floor, one row per area.
 
     `hours.csv` has one row per local hour with the area `all`; a count too small to print is empty with the state
-    `masked`, one that would tell such a count with the state `held_back`. Times are ISO 8601 with offset. Names that a spreadsheet would take for a formula get an apostrophe before them.
+    `masked`, one that would tell such a count with the state `held_back`. Times are ISO 8601 with offset. Names that a
+    spreadsheet would take for a formula get an apostrophe before them.
     """
     report = rounded(report)
     place = (report.site.site_id, report.site.floor_id)
