@@ -2,6 +2,7 @@
 # make test   installs the test extra and runs everything, within 15 minutes on two cores
 # make prove  the long proofs, whose tables stand in docs/
 # make docs   writes the pages of docs/ that are made from the code
+# make screenshots  the pictures of the documentation, from the demo (needs a Chromium)
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
@@ -27,6 +28,9 @@ prove: $(VENV)/.installed-test
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python -m vsd_analytics.reference docs
+
+screenshots: $(VENV)/.installed-test
+	$(BIN)/python docs/screenshots.py
 
 $(VENV)/.installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from report import worlds as w
+from report.test_report_numbers import strangers
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.shared import run
@@ -285,6 +286,10 @@ def test_no_small_count_is_printed_anywhere(small: WeekReport) -> None:
         for row in part if isinstance(part, list) else part["rows"]:
             row.pop("hour", None), row.pop("fold", None), row.pop("cameras_down", None)
             assert set(leaves(row)) & {n / k for n in (1.0, 2.0, 3.0, 4.0) for k in (1, 21)} <= {1.0}  # shares of 1
+
+
+def test_every_number_of_a_page_with_small_counts_is_in_its_twin(small: WeekReport) -> None:
+    assert strangers(small, render_html(small)) == set()
 
 
 def test_a_week_of_few_violations_tells_only_that(tmp_path: Path) -> None:

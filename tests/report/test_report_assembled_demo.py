@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from report.test_report_numbers import strangers
 
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
@@ -78,6 +79,10 @@ def test_page_of_the_demo_is_small_and_marked_as_made_up(report: WeekReport) -> 
     page = render_html(report)
     assert "Made-up data" in page
     assert len(page.encode()) < 250_000
+
+
+def test_every_number_of_the_demos_page_is_in_its_twin(report: WeekReport) -> None:
+    assert strangers(report, render_html(report)) == set()
 
 
 def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site) -> None:

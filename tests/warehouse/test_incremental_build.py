@@ -194,17 +194,19 @@ def test_bytes_do_not_depend_on_range_or_batch(
     assert fact_files(small) == expected
 
 
-def test_the_hour_before_midnight_knows_the_frame_after_it(tmp_path: Path) -> None:
-    """Also when it is built alone: the person before midnight stands there until the next frame, 1.5 s later."""
+@pytest.mark.parametrize("built_first", [-1, 0])
+def test_hours_on_both_sides_of_midnight_know_each_other(tmp_path: Path, built_first: int) -> None:
+    """Also when one is built alone: the time a frame covers reaches over midnight, into another UTC day's intervals."""
     site = make_site(tmp_path)
     midnight = T0 + 16 * HOUR
     put(site, [Person(midnight - 1000, "a", 0, 0), Person(midnight + 500, "a", 0, 0)])
-    build(site, first_hour=midnight // HOUR - 1, last_hour=midnight // HOUR - 1)
+    build(site, first_hour=midnight // HOUR + built_first, last_hour=midnight // HOUR + built_first)
     alone = fact_files(site)
     build(site)
     assert alone.items() <= fact_files(site).items()
-    with open_days(site) as warehouse:
-        assert warehouse.rows("select sum(exposure_s) as s from hours") == [{"s": 1.5}]
+    with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
+        hours = warehouse.rows("select recorded_s, exposure_s from hours where recorded_s > 0")
+    assert hours == [{"recorded_s": 1.0, "exposure_s": 1.5}, {"recorded_s": 1.5, "exposure_s": 1.0}]
 
 
 def test_an_engine_with_a_frame_an_hour_gives_the_same_bytes_in_any_range(tmp_path: Path) -> None:

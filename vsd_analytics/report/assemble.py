@@ -110,7 +110,7 @@ def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | 
             version=VERSION,
             engines=sent,
             settings_id=settings.settings_id(),
-            settings_non_default=tuple((k, str(v)) for k, v in settings.non_default().items()),
+            settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
             inputs_digest=_inputs(warehouse),
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
         ),
@@ -185,6 +185,11 @@ def _made_at(data: WeekData, now: datetime | None) -> datetime:
     last = data.warehouse.rows("select max(ended_ms) as ms from recorded_spans")[0]["ms"]
     is_before = last is None or data.local(last) < data.midnight(data.monday)
     return end if is_before else min(end, data.local(last))
+
+
+def _plain(value: object) -> str:
+    """Return a setting as a person would write it: 0, 100, 200."""
+    return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else str(value)
 
 
 def _inputs(warehouse: Warehouse) -> str:

@@ -39,7 +39,9 @@ def when(report: WeekReport) -> str:
 
 def changed(report: WeekReport) -> str:
     """Return the title of the areas table."""
-    clear = [a.name for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
+    moved = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
+    moved.sort(key=lambda a: -abs(a.often.change or 0.0))
+    clear = ["the rest of the floor" if a.area_id is None else a.name for a in moved]
     if report.state != "normal":
         return "Areas of this floor"
     if not report.areas:
@@ -48,7 +50,10 @@ def changed(report: WeekReport) -> str:
         return "No area clearly changed"
     if len(clear) == 1:
         return f"Only {clear[0]} clearly changed"
-    return f"{words.joined(clear)} clearly changed" if len(clear) <= 3 else f"{len(clear)} areas clearly changed"
+    if len(clear) > 3:
+        return f"{len(clear)} areas clearly changed"
+    said = words.joined(clear)
+    return f"{said[:1].upper()}{said[1:]} clearly changed"
 
 
 def data(report: WeekReport) -> str:
