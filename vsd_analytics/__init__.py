@@ -14,7 +14,7 @@ import importlib
 from typing import Any
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.version import VERSION as __version__
+from vsd_analytics.version import VERSION as __version__  # noqa: N811
 
 _PLACES = {
     "Site": "vsd_analytics.site",

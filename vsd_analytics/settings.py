@@ -38,6 +38,8 @@ class Setting:
     is_fact: bool = False
 
 
+# one setting a line: the table is read across
+# fmt: off
 SETTINGS: tuple[Setting, ...] = (
     Setting("distance_m", "site", 2.0, "metres", 0.1, 10.0, "Two people closer than this are in violation (strictly closer).", True),
     Setting("pair_max_m", "rule", 2.5, "metres", 0.1, 20.0, "Pairs farther apart than this are not kept.", True),
@@ -63,6 +65,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("pseudonyms", "privacy", True, "", None, None, "Replace the engine's track ids by keyed hashes; false only for published research recordings."),
     Setting("retention_days", "privacy", 30, "days", 1, 36500, "Days raw records are meant to be kept; printed on the report."),
 )
+# fmt: on
 
 BY_NAME: Mapping[str, Setting] = {s.name: s for s in SETTINGS}
 

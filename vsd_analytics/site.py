@@ -119,7 +119,7 @@ class Site:
         floors, cameras, areas: In the order of the file.
         settings: Values in force.
         ingest_map: `[ingest.map]`, ours to theirs.
-        setting_sources: For each setting that is not the default: "vsd.toml line 7" or the name of an environment variable.
+        setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """
 
     site_id: str
