@@ -1,7 +1,7 @@
 """Draws the pictures of the documentation: `make screenshots`.
 
 Makes the demo in a temporary folder, opens its report in a headless Chromium and writes `docs/images/report.png`, the
-first part of the page, in a palette of 256 colours.
+first part of the page.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import tempfile
 from datetime import date
 from pathlib import Path
 
-WIDTH_PX, HEIGHT_PX = 1280, 1850
-COLOURS = 256
+WIDTH_PX, HEIGHT_PX = 1280, 1900
 IMAGES = Path(__file__).resolve().parent / "images"
 
 
@@ -49,7 +48,7 @@ def picture(page: Path) -> bytes:
         browser.close()
     image = Image.open(io.BytesIO(shot)).convert("RGB")
     out = io.BytesIO()
-    image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+    image.quantize(256, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
     return out.getvalue()
 
 

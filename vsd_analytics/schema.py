@@ -86,6 +86,7 @@ KEYS: Final[dict[TableName, tuple[str, ...]]] = {
         "case when track_a is null or track_b is null then y_b_mm end",
         "case when track_a is null or track_b is null then person_a end",
         "case when track_a is null or track_b is null then person_b end",
+        "case when track_a is null or track_b is null then distance_mm end",
     ),
 }
 

@@ -125,6 +125,12 @@ def test_pairs_are_known_by_both_tracks_or_by_both_members(tmp_path: Path) -> No
     assert _folded(tmp_path, [*batch, pair(b="d")], name="pairs") == Counts(1, 4, 0)
 
 
+def test_pairs_without_ids_at_one_instant_are_told_apart_by_their_distance(tmp_path: Path) -> None:
+    batch = [pair(a=None, b=None, mm=1500), pair(a=None, b=None, mm=1501)]
+    assert _folded(tmp_path, batch, name="pairs") == Counts(2, 0, 0)
+    assert _folded(tmp_path, batch, name="pairs") == Counts(0, 2, 0)
+
+
 rows_of_two_hours = st.lists(
     st.builds(
         person,

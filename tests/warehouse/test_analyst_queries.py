@@ -52,10 +52,10 @@ READS = [
 WRITES = [
     "copy (select 1) to '{root}/store/x.csv'",
     "copy (select 1) to '{root}/facts/x.parquet'",
-    "copy (select 1) to '/tmp/x.csv'",
+    "copy (select 1) to '{outside}/x.csv'",
     "export database '{root}/store/dump'",
     "attach '{root}/store/x.duckdb' as x",
-    "attach '/tmp/x.duckdb' as x",
+    "attach '{outside}/x.duckdb' as x",
     "create table t as select 1",
     "create or replace view hours as select 1",
     "drop view hours",
