@@ -9,6 +9,8 @@
 --   interval_ms    frame interval: 1000 / hz of vsd.toml, else the median time between frames of the day; 1000 when the day has one frame
 --   has_heartbeat  frames were reported, not only records of people
 --   has_persons    people were reported, not only their pairs, so that a count of 0 is one
+--   has_tracks     most of its records carry track ids, so that records can be joined to violations; true where nobody was seen
+--   sends_pairs    the engine measures pairs itself
 -- assumes: a whole UTC day of stored records is loaded; an interval beyond 20 minutes is taken as 20, so that neighbouring hours tell all
 with seen as (
     select
@@ -44,6 +46,40 @@ instants as (
     group by camera_id, ts_ms
 ),
 
+identified as (
+    select
+        camera_id,
+        cast(floor(unix_millis(ts) / 86400000) as bigint) as utc_day,
+        case when track_id is null then 0 else 1 end as is_tracked,
+        0 as is_pair
+    from stored_observations
+    union all
+    select
+        camera_id,
+        cast(floor(unix_millis(ts) / 86400000) as bigint) as utc_day,
+        case when track_a is null or track_b is null then 0 else 1 end as is_tracked,
+        1 as is_pair
+    from stored_pairs
+),
+
+told as (
+    select
+        camera_id,
+        utc_day,
+        2 * sum(is_tracked) >= count(*) as has_tracks,
+        max(is_pair) = 1 as sends_pairs
+    from identified
+    group by camera_id, utc_day
+),
+
+announced as (
+    select distinct
+        camera_id,
+        cast(floor(unix_millis(ts) / 86400000) as bigint) as utc_day
+    from stored_frames
+    where n_pairs is not null
+),
+
 spaced as (
     select
         utc_day,
@@ -66,8 +102,12 @@ select
         1200000
     ) as interval_ms,
     max(spaced.is_frame) = 1 as has_heartbeat,
-    max(spaced.is_person) = 1 as has_persons
+    max(spaced.is_person) = 1 as has_persons,
+    coalesce(bool_and(told.has_tracks), true) as has_tracks,
+    coalesce(bool_or(told.sends_pairs), false) or count(announced.camera_id) > 0 as sends_pairs
 from spaced
 inner join cameras on spaced.camera_id = cameras.camera_id
+left join told on spaced.camera_id = told.camera_id and spaced.utc_day = told.utc_day
+left join announced on spaced.camera_id = announced.camera_id and spaced.utc_day = announced.utc_day
 group by spaced.utc_day, spaced.camera_id
 order by spaced.utc_day, spaced.camera_id

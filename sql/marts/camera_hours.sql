@@ -19,11 +19,11 @@
 --   person_records       person records; null also where the engine sends pairs only
 --   exposure_s           person-seconds in view; likewise
 --   exposure_open_s      person-seconds in opening hours
---   violation_records    violation records
---   violation_s          person-seconds in violation
---   n_violations         violations that started in it
+--   violation_records    violation records; null also where people have pixels only and the camera no calibration
+--   violation_s          person-seconds in violation; likewise
+--   n_violations         violations that started in it; null also where the engine sends no track ids
 --   n_violations_open    those that started in opening hours
--- assumes: where nothing was recorded every count is null, never 0
+-- assumes: where nothing was recorded, or a count cannot be known, it is null, never 0
 with spine as (
     select
         cameras.camera_id,
@@ -52,10 +52,14 @@ per_quarter as (
         spine.weekday,
         spine.is_open,
         camera_days.has_persons,
+        camera_days.has_tracks,
+        camera_days.sends_pairs,
         coalesce(coverage.recorded_ms, 0) as recorded_ms,
         coverage.is_inferred,
         coalesce(exposure.person_records, 0) as person_records,
         coalesce(exposure.exposure_ms, 0) as exposure_ms,
+        coalesce(exposure.person_records + exposure.n_doubled, 0) as n_seen,
+        coalesce(exposure.n_unlocated, 0) as n_unlocated,
         coalesce(violation_time.violation_records, 0) as violation_records,
         coalesce(violation_time.violation_ms, 0) as violation_ms
     from spine
@@ -81,6 +85,8 @@ per_hour as (
         coalesce(sum(recorded_ms) filter (where is_open), 0) / 1000.0 as recorded_open_s,
         bool_or(is_inferred) as is_inferred,
         coalesce(bool_or(has_persons), false) as has_persons,
+        coalesce(bool_and(has_tracks), true) as has_tracks,
+        coalesce(bool_or(sends_pairs), false) or 2 * sum(n_unlocated) <= sum(n_seen) as has_distances,
         sum(person_records)::bigint as person_records,
         sum(exposure_ms) / 1000.0 as exposure_s,
         coalesce(sum(exposure_ms) filter (where is_open), 0) / 1000.0 as exposure_open_s,
@@ -117,10 +123,15 @@ select
     case when per_hour.recorded_s > 0 and per_hour.has_persons then per_hour.person_records end as person_records,
     case when per_hour.recorded_s > 0 and per_hour.has_persons then per_hour.exposure_s end as exposure_s,
     case when per_hour.recorded_open_s > 0 and per_hour.has_persons then per_hour.exposure_open_s end as exposure_open_s,
-    case when per_hour.recorded_s > 0 then per_hour.violation_records end as violation_records,
-    case when per_hour.recorded_s > 0 then per_hour.violation_s end as violation_s,
-    case when per_hour.recorded_s > 0 then coalesce(counted.n_violations, 0) end as n_violations,
-    case when per_hour.recorded_open_s > 0 then coalesce(counted.n_violations_open, 0) end as n_violations_open
+    case when per_hour.recorded_s > 0 and per_hour.has_distances then per_hour.violation_records end as violation_records,
+    case when per_hour.recorded_s > 0 and per_hour.has_distances then per_hour.violation_s end as violation_s,
+    case
+        when per_hour.recorded_s > 0 and per_hour.has_distances and per_hour.has_tracks then coalesce(counted.n_violations, 0)
+    end as n_violations,
+    case
+        when per_hour.recorded_open_s > 0 and per_hour.has_distances and per_hour.has_tracks
+            then coalesce(counted.n_violations_open, 0)
+    end as n_violations_open
 from per_hour
 left join counted on per_hour.camera_id = counted.camera_id and per_hour.hour_start_ms = counted.hour_start_ms
 order by per_hour.hour_start_ms, per_hour.camera_no

@@ -22,7 +22,7 @@
 --   n_violations       violations that started in it
 --   n_violations_open  those that started in opening hours
 --   state              full, partial, low_data, no_data or closed
--- assumes: the state governs rates and verdicts only; counts are given as they are, null where no camera recorded them
+-- assumes: the state governs rates and verdicts only; counts are sums over the cameras that can know them, null where none can
 with summed as (
     select
         hour_start_ms,

@@ -172,4 +172,6 @@ _EMPTY_TYPES = {
     "open_right": "null::boolean",
     "has_heartbeat": "null::boolean",
     "has_persons": "null::boolean",
+    "has_tracks": "null::boolean",
+    "sends_pairs": "null::boolean",
 }
