@@ -24,7 +24,7 @@ lint: $(VENV)/.installed-test
 
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
-	$(BIN)/python -m pytest -m prove
+	$(BIN)/python tests/benchmarks/bench_demo.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python -m vsd_analytics.reference docs

@@ -27,7 +27,7 @@ FREE_BYTES = 64 * 1024**2
 """Below this size no compression ratio is absurd: small tables of zeros compress a thousandfold."""
 MAX_HEADER_BYTES = 1024**2
 
-_DAMAGE = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError)
+_DAMAGE = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 
 Kind = Literal["folder", "zip", "tar"]
 
