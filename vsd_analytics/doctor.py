@@ -160,6 +160,12 @@ def _store(site: Site) -> Finding:
     )
     if not days:
         return Finding("store", "needs you", "nothing is stored yet", "vsd ingest FILES...")
+    from vsd_analytics.store import Store
+
+    if damaged := Store(site.root / "store", site_id=site.site_id).damaged():
+        names = ", ".join(str(path.relative_to(site.root)) for path in damaged[:3])
+        detail = f"{len(damaged)} damaged file(s), the bytes are not those whose hash stands in the name: {names}"
+        return Finding("store", "needs you", detail, "restore them from a backup, or move them away: vsd explain E302")
     return Finding("store", "ok", f"{len(days)} UTC day(s), {days[0]} to {days[-1]}")
 
 
@@ -182,10 +188,12 @@ def _plans(site: Site) -> Finding:
 
 
 def _pictures(site: Site) -> Finding:
-    without = [camera.camera_id for camera in site.cameras if camera.picture is None]
+    without = [c for c in site.cameras if c.picture is None]
     if not without:
         return Finding("camera pictures", "ok", "every camera has one")
-    detail = f"none for {', '.join(without)}: what these see is unknown without picture_px or view"
+    detail = f"none for {', '.join(c.camera_id for c in without)}"
+    if blind := [c.camera_id for c in without if c.view is None and not (c.calibrations and c.picture_px)]:
+        detail += f"; unknown without view or picture_px: what {', '.join(blind)} can see"
     return Finding("camera pictures", "note", detail)
 
 

@@ -68,7 +68,8 @@ Form: opening = { mon-fri = "08:00-21:00", sat = ["09:00-13:00", "15:00-19:00"],
 or ranges; a day that is not named is closed; times are on quarter hours; the end of a day is 24:00.
 A night past midnight is two spans: fri = "18:00-24:00", sat = "00:00-02:00".""",
     "E128": """\
-A polygon is not a simple one: it has fewer than three corners, no area, or crosses or touches itself.
+A polygon is not a simple one: it has fewer than three corners, no area, or crosses or touches itself; or it is far
+too large (over 250,000 m2 from corner to corner), as when millimetres or pixels were given for metres.
 Mend: list each corner once, in the order in which you would walk around it, in floor metres [x, y]; the last corner
 joins the first by itself.""",
     "E129": """\
@@ -147,7 +148,8 @@ Mend: vsd ingest FILES..., then vsd coverage.""",
 A file of the store or of its spool is damaged, or cannot be folded into the store. Nothing is removed then: what was
 acknowledged stays where it is.
 Common causes: a failing disk, a copy of the store that broke off, a file changed by hand.
-Mend: put the file named back from a backup, or move it away and ingest its hour again; then vsd doctor.""",
+Mend: put the file named back from a backup, or move it away and ingest its hour again; then vsd doctor. Facts are
+computed from the store: a folder facts with damaged files can be deleted, and vsd build makes it again.""",
     "E303": """\
 The key of a day in secrets/ is damaged. With another key, records of that day that are delivered again would not be
 recognised and would count twice, so they are refused.

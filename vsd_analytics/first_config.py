@@ -109,7 +109,7 @@ def render(answers: Answers) -> str:
     if answers.opening.strip().lower() != ALWAYS:
         opening = f"opening = {_inline(parse_opening_words(answers.opening))}"
     lines = [
-        "# What this site is. Every key: docs/settings.md; after a change: vsd doctor",
+        "# What this site is. Every key: docs/guide.md; after a change: vsd doctor",
         "[site]",
         f"id = {_quoted(answers.site_id or suggest_id(answers.name))}",
         f"name = {_quoted(answers.name)}",
@@ -124,14 +124,17 @@ def render(answers: Answers) -> str:
         *_plan(answers),
     ]
     for camera in answers.cameras:
-        camera_id, _, name = camera.partition("=")
+        said, _, name = (part.strip() for part in camera.partition("="))
+        # an engine's "Cam 2" becomes cam-2 and stays known by its own name; a path or markup is refused as an id
+        camera_id = suggest_id(said) if re.fullmatch(r"[\w .-]+", said) else said
+        known = '# engine_ids = ["what the engine calls it"]'
         lines += [
             "",
             "[[camera]]",
-            f"id = {_quoted(camera_id.strip())}",
-            f"name = {_quoted(name.strip() or camera_id.strip())}",
-            f'# picture = "pictures/{suggest_id(camera_id)}.png"   # of the empty scene; then: vsd calibrate',
-            '# engine_ids = ["what the engine calls it"]',
+            f"id = {_quoted(camera_id)}",
+            f"name = {_quoted(name or said)}",
+            f'# picture = "pictures/{camera_id}.png"   # of the empty scene; then: vsd calibrate',
+            known if said == camera_id else f"engine_ids = [{_quoted(said)}]",
         ]
     lines += [
         "",

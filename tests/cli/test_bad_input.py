@@ -77,6 +77,8 @@ REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
     "empty file": ("a.csv", "", "E202", "a.csv is empty", "export it again"),
     "empty gzip": ("a.jsonl.gz", gzip.compress(b""), "E202", "a.jsonl.gz is empty", "export it again"),
     "missing column": ("a.csv", HEADER.replace("x_m", "px") + GOOD, "E203", "no column 'x_m'", "--map x_m="),
+    "pair without distance": ("a.csv", "ts,track_a,track_b\n1,2,3\n", "E203", "'distance_m'", "distance_m=THEIR_NAME"),
+    "bytes with a quote": ("a.zip", b'PK\x03\x04"\r"\x00\xff\n', "E204", "not recognised", "--format"),
     "headerless": ("a.csv", "1794214800,1,2,3\n", "E203", "no header", "--columns"),
     "no format": ("a.txt", "hello\n", "E204", "not recognised", "--format"),
     "Parquet cut in half": (
@@ -286,6 +288,45 @@ def test_ctrl_c_stops_an_ingest_and_nothing_acknowledged_is_lost(vsd: Vsd, tmp_p
     assert "4 new records stored" in vsd("ingest", tmp_path / "b.jsonl")[1]
 
 
+def test_a_command_without_its_words_prints_its_help_and_no_error_message(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in ([], ["log"]):
+        assert run(cli, arguments) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.startswith("Usage: vsd")
+        assert err.count("Usage:") == 1
+        assert "error[" not in err
+
+
+def test_a_table_under_any_name_is_read_once_its_columns_are_mapped(vsd: Vsd, tmp_path: Path) -> None:
+    (tmp_path / "a.top").write_text("when who east north\n1794214800 7 1 2\n")
+    assert vsd("check", tmp_path / "a.top")[0] == 2
+    renames = "--map", "ts=when,track_id=who,x_m=east,y_m=north"
+    code, out, _ = vsd("check", tmp_path / "a.top", "--camera", "cam-1", *renames)
+    assert (code, "1 person record" in out) == (0, True)
+
+
+def test_hours_by_camera_leave_out_closed_hours_without_data(vsd: Vsd, tmp_path: Path) -> None:
+    config = CONFIG.replace('timezone = "Europe/Rome"', 'timezone = "Europe/Rome"\nopening = { mon = "10:00-12:00" }')
+    (tmp_path / "vsd.toml").write_text(config)
+    (tmp_path / "a.csv").write_text(HEADER + GOOD)
+    vsd("ingest", tmp_path / "a.csv")
+    out = vsd("hours", "--by", "camera", "--range", "2026-11-09")[1]
+    assert re.findall(r"T(\d\d):00:00\S+ +(cam-\d)", out) == [(h, c) for h in ("10", "11") for c in ("cam-1", "cam-2")]
+
+
+def test_coverage_names_its_days_and_halves_of_hours(vsd: Vsd, tmp_path: Path) -> None:
+    config = CONFIG.replace('timezone = "Europe/Rome"', 'timezone = "Europe/Rome"\nopening = { mon = "10:00-12:30" }')
+    (tmp_path / "vsd.toml").write_text(config)
+    (tmp_path / "a.csv").write_text(HEADER + GOOD)
+    vsd("ingest", tmp_path / "a.csv")
+    head, first, *_ = vsd("coverage", "--range", "2026-11-08..2026-11-09")[1].splitlines()
+    assert head.split() == ["camera", "recorded", "11-08", "11-09"]
+    assert "of 2.5 open hours" in first
+    assert first.split()[-2:] == ["–", "0%"]
+    assert len(head) == len(first)
+
+
 def test_help_imports_nothing_heavy() -> None:
     script = (
         "import sys\n"
@@ -304,3 +345,55 @@ def test_every_code_in_the_source_is_explained() -> None:
     package = Path(cli.callback.__code__.co_filename).parent.parent  # type: ignore[union-attr]
     used = {c for p in package.rglob("*.py") for c in re.findall(r"\"([EW]\d{3})[\":]", p.read_text("utf-8"))}
     assert used - set(EXPLANATIONS) == set()
+
+
+def test_what_is_missing_in_the_table_of_a_query_is_a_dash(vsd: Vsd, tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_text(MESSAGE)
+    vsd("ingest", tmp_path / "a.jsonl")
+    values = "('x', 1, 1.5::double, true), (null, null, null, null)"
+    out = vsd("sql", f"select * from (values {values}) as t (name, n, share, is_open)")[1]
+    head, first, second = (line.split() for line in out.splitlines())
+    assert head == ["name", "n", "share", "is_open"]
+    assert first == ["x", "1", "1.5", "True"]
+    assert second == ["–"] * 4
+
+
+def test_control_characters_of_a_query_do_not_reach_the_terminal(vsd: Vsd, tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_text(MESSAGE)
+    assert vsd("ingest", tmp_path / "a.jsonl")[0] == 0
+    code, out, _ = vsd("sql", "select chr(27) || '[31mred' as a")
+    assert (code, "\x1b" in out, "red" in out) == (0, False, True)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["hours", "--week", "9999-W52"],
+        ["hours", "--week", "0001-W01"],
+        ["hours", "--week", "last-9999"],
+        ["hours", "--range", "0001-01-01..0001-01-02"],
+        ["hours", "--range", "9999-12-30..9999-12-31"],
+        ["report", "--week", "9999-W52"],
+    ],
+)
+def test_days_at_the_ends_of_the_calendar_are_told(vsd: Vsd, tmp_path: Path, arguments: list[str]) -> None:
+    (tmp_path / "a.jsonl").write_text(MESSAGE)
+    assert vsd("ingest", tmp_path / "a.jsonl")[0] == 0
+    code, _, err = vsd(*arguments)
+    assert (code, "E101" in err) == (2, True)
+
+
+@pytest.mark.parametrize("now", ["0001-01-01", "9999-12-31T23:59:59"])
+def test_clock_at_the_ends_of_the_calendar_is_told(capsys: pytest.CaptureFixture[str], now: str) -> None:
+    assert run(cli, ["--now", now, "report"]) == 2
+    assert "E101" in capsys.readouterr().err
+
+
+def test_doctor_finds_a_damaged_file_of_the_store(vsd: Vsd, tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_text(MESSAGE)
+    assert vsd("ingest", tmp_path / "a.jsonl")[0] == 0
+    assert "damaged" not in vsd("doctor")[1]
+    part = next((tmp_path / "store" / "observations").rglob("*.parquet"))
+    part.write_bytes(part.read_bytes()[:-9])
+    code, out, _ = vsd("doctor")
+    assert (code, "1 damaged file(s)" in out, part.name in out) == (1, True, True)

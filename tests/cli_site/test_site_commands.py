@@ -73,6 +73,7 @@ def test_init_writes_a_site_that_loads(vsd: Vsd, tmp_path: Path) -> None:
     site = load_site(tmp_path)
     assert (site.site_id, site.name) == ("riverside-store", "Riverside Store")
     assert [(c.camera_id, c.name) for c in site.cameras] == [("cam-1", "Entrance"), ("cam-2", "cam-2")]
+    assert [c.engine_ids for c in site.cameras] == [(), ()]
     assert site.opening is not None
     assert site.opening[5:] == (((480, 1260),), ())
     assert site.settings.distance_m == 3.0
@@ -342,6 +343,17 @@ def test_every_command_shows_an_example(command: Any) -> None:
     assert re.search(r"\x08\n +Example:\n +vsd ", str(command.help))
 
 
+def test_init_keeps_what_the_engine_calls_a_camera(vsd: Vsd, tmp_path: Path) -> None:
+    named = ("--camera", "Cam 2=Exit", "--camera", "PETS09-S2L1")
+    code, _, err = vsd("init", "--no-input", "--name", "Shop", "--timezone", "UTC", *named)
+    assert code == 0, err
+    cameras = load_site(tmp_path).cameras
+    assert [(c.camera_id, c.name, c.engine_ids) for c in cameras] == [
+        ("cam-2", "Exit", ("Cam 2",)),
+        ("pets09-s2l1", "PETS09-S2L1", ("PETS09-S2L1",)),
+    ]
+
+
 # doctor ---------------------------------------------------------------------------------------------------------------
 
 
@@ -354,6 +366,16 @@ def store_something(project: Path) -> None:
     folder = project / "store" / "frames" / "site=shop" / "date=2026-11-09"
     folder.mkdir(parents=True)
     (folder / "part.parquet").write_bytes(b"")
+
+
+def test_cameras_with_a_view_are_not_called_blind(vsd: Vsd, project: Path) -> None:
+    assert "cam-1" in findings(vsd)[1]["camera pictures"]["detail"].partition("unknown")[0]
+    path = project / "vsd.toml"
+    view = "view = [[0, 0], [8, 0], [8, 6]]"
+    path.write_text(path.read_text().replace('name = "Entrance"', f'name = "Entrance"\n{view}'))
+    detail = findings(vsd)[1]["camera pictures"]["detail"]
+    assert "none for cam-1" in detail
+    assert "what cam-1" not in detail
 
 
 def test_fresh_project_needs_data(vsd: Vsd, project: Path) -> None:

@@ -95,6 +95,22 @@ def test_a_quote_that_is_not_closed_spoils_its_own_line_only(tmp_path: Path, bad
     assert list(found.reasons) == [3]
 
 
+def test_notes_above_a_headerless_table_are_no_records(tmp_path: Path) -> None:
+    text = "# written by a tracker, 25 fps\n\n# id time x/m y/m\n7\t1794214801\t1.5\t2.5\n8\t1794214802\t3\t4\n"
+    found = read_table(
+        tmp_path / "a.txt", text, IngestOptions(camera="cam-1", columns=("track_id", "ts", "x_m", "y_m"))
+    )
+    assert _places(found) == [("cam-1", 1000, "7", 1.5, 2.5, 4), ("cam-1", 2000, "8", 3.0, 4.0, 5)]
+    assert found.rejected == []
+
+
+def test_a_missing_column_of_named_columns_is_to_be_named_there(tmp_path: Path) -> None:
+    options = IngestOptions(camera="cam-1", columns=("ts", "track_a", "track_b"))
+    found = read_table(tmp_path / "a.txt", "1794214801 7 8\n", options)
+    assert found.error is not None
+    assert str(found.error.mend).startswith("name it in --columns: distance_m")
+
+
 def test_headerless_files_need_names_and_ignored_columns_may_stand_at_the_end(tmp_path: Path) -> None:
     text = "1794214800.5,7,1.5,2.5,9,9\n1794214801,8,3,4,9,9\n"
     options = IngestOptions(camera="cam-1", columns=("ts", "track_id", "x_m", "_", "y_m"))
@@ -136,9 +152,9 @@ def test_renames_are_found_whatever_their_case(tmp_path: Path) -> None:
         ("time,x_m,y_m", "ts", "time"),
         ("timestamp,x_m,y_m", "ts", "timestamp"),
         ("ts,x,y", "x_m", "x"),
-        ("ts,x_m,pos_y", "y_m", "x_m"),
+        ("ts,x_m,pos_y", "y_m", "pos_y"),
         ("ts,track_a,track_b,dist", "distance_m", "dist"),
-        ("ts,track_a,id_b,distance_m", "track_b", "track_a"),
+        ("ts,track_a,id_b,distance_m", "track_b", "id_b"),
         ("ts,left,top,right", "bottom", None),
     ],
 )

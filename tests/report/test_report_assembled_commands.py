@@ -65,7 +65,7 @@ def test_now_changes_the_made_on_line_only(shop: Site) -> None:
     lines = zip(plain.decode().splitlines(), dated.decode().splitlines(), strict=True)
     changed = [after for before, after in lines if before != after]
     assert len(changed) == 1
-    assert "Made Thursday 24 December 2026, 18:30 (Europe/Rome)" in changed[0]
+    assert "As of Thursday 24 December 2026, 18:30 (Europe/Rome)" in changed[0]
 
 
 def test_a_second_report_makes_no_fact_again(shop: Site) -> None:

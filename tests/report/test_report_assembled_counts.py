@@ -311,6 +311,39 @@ def test_a_week_of_few_violations_tells_only_that(tmp_path: Path) -> None:
     assert 3 / 21 not in {round(v, 6) for v in leaves(twin["level"])} | {round(v, 6) for v in leaves(twin["figures"])}
 
 
+def test_an_area_whose_only_camera_was_down_has_no_count_rather_than_zero(tmp_path: Path) -> None:
+    queue, door = w.steady({w.QUEUE: 20}), w.steady({w.DOOR: 20})
+    site = w.world(
+        tmp_path,
+        w.toml(cameras=TWO),
+        w.messages(queue, monday=w.BEFORE),
+        w.messages(door, monday=w.BEFORE, camera="cam-2"),
+        w.messages(queue),
+    )
+    report = w.report(site)
+    rows = {a.area_id: a for a in report.areas}
+    assert rows["queue"].counted == 20 * 21
+    assert (rows["door"].counted, rows["door"].exposure_h, rows["door"].often.value) == (None, None, None)
+    assert re.search(r"<th scope=\"row\">Door</th><td class=\"n\">–</td>", render_html(report))
+    twin = {a["area_id"]: a for a in json.loads(to_json(report))["areas"]}
+    assert (twin["door"]["counted"], twin["door"]["exposure_h"]) == (None, None)
+
+
+def test_a_week_before_of_few_violations_is_not_told_nor_worked_out(tmp_path: Path) -> None:
+    def few(day: int, hour: int) -> dict[w.Place, int]:
+        return {w.QUEUE: 1} if (day, hour) in {(0, 9), (3, 9), (5, 11)} else {}
+
+    site = w.world(tmp_path, w.toml(), w.messages(few, monday=w.BEFORE), w.messages(busy))
+    report = w.report(site)
+    queue = next(a for a in report.areas if a.area_id == "queue")
+    for told in (report.level.often, queue.often):
+        assert told.value is not None
+        assert (told.previous, told.change) == (None, None)
+        assert told.reason == "fewer than 5 violations were counted in the week before"
+    twin = json.loads(to_json(report))
+    assert 3 / 21 not in {round(v, 6) for v in leaves(twin)}
+
+
 def test_a_patch_of_floor_with_few_violations_stays_blank_on_the_map(tmp_path: Path) -> None:
     """One recorded hour: three violations at one place would reach the first colour."""
 

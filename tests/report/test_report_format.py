@@ -69,6 +69,6 @@ def test_dates_do_not_repeat_what_they_share() -> None:
 
 
 def test_units_are_written_once_and_plainly() -> None:
-    assert (fmt.metres(2.0), fmt.metres(1.83)) == ("2 m", "1.83 m")
+    assert (fmt.metres(2.0), fmt.metres(1.83), fmt.metres(1.8288)) == ("2 m", "1.83 m", "1.83 m")
     assert (fmt.seconds(3.0), fmt.seconds(1.0)) == ("3 seconds", "1 second")
     assert fmt.one_in(3 / 86) == "1 in 28"

@@ -284,6 +284,20 @@ def test_crossing_polygon_is_refused_where_it_begins(tmp_path: Path) -> None:
     assert "0.5 0.5" in str(problem.why)  # where it crosses itself
 
 
+@pytest.mark.parametrize("size", ["501", "4000", "1e300", "9223372036854775807"])
+def test_polygon_far_too_large_is_refused_before_it_is_cut_into_cells(tmp_path: Path, size: str) -> None:
+    area = f'[[area]]\nid = "q"\nname = "Q"\npolygon = [[0, 0], [{size}, 0], [{size}, {size}], [0, {size}]]\n'
+    problem = the_problem(tmp_path, SMALLEST + area)
+    assert problem.code == "E128"
+    assert "too large" in problem.what
+
+
+def test_largest_polygon_is_taken(tmp_path: Path) -> None:
+    area = '[[area]]\nid = "q"\nname = "Q"\npolygon = [[0, 0], [500, 0], [500, 500], [0, 500]]\n'
+    (tmp_path / "vsd.toml").write_text(SMALLEST + area, encoding="utf-8")
+    assert len(load_site(tmp_path).areas) == 1
+
+
 def test_camera_on_a_site_of_two_floors_needs_its_floor(tmp_path: Path) -> None:
     text = SMALLEST.replace("[[camera]]", '[[floor]]\nid = "upper"\nname = "Upper"\n[[camera]]')
     assert the_problem(tmp_path, text).what == "[[camera]] 'cam-1' has no floor"

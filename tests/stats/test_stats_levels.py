@@ -178,6 +178,20 @@ def test_interval_reaches_to_the_usual_rate_with_the_weekdays_a_camera_missed() 
     assert estimate.hi == pytest.approx(3 * 205 / 86)
 
 
+def test_interval_reaches_down_to_the_usual_rate_when_a_quiet_weekday_was_missed() -> None:
+    counts = np.array([3, 22, 25, 28, 35, 60, 15])
+    past, x = np.tile(counts, (3, 4)), HOURS.copy()
+    x[2, 0] = 0
+    estimate = how_often(
+        np.tile(counts, (3, 1)), x, weekday=WEEK, history_weekday=np.tile(WEEK, 4), history_n=past,
+        history_x_h=np.tile(HOURS, 4),
+    )  # fmt: skip
+    usual = 3 * counts.sum() / HOURS[0].sum()
+    assert estimate.rate is not None
+    assert estimate.rate > usual
+    assert (estimate.lo, estimate.hi) == (pytest.approx(usual), pytest.approx(estimate.rate))
+
+
 @pytest.mark.parametrize(("n_missing", "is_conservative"), [(1, False), (2, True)])
 def test_weekday_profile_needs_all_but_one_of_its_weeks_recorded(n_missing: int, is_conservative: bool) -> None:
     past_x = np.tile(HOURS, 4)

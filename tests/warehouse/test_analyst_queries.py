@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from warehouse_projects import T0, Person, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
-from vsd_analytics.warehouse.analyst import run_query
+from vsd_analytics.warehouse.analyst import query_rows, run_query
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 
@@ -104,3 +105,18 @@ def test_a_mistake_is_told_in_duckdb_words_with_a_mend(warehouse: Warehouse) -> 
         run_query(warehouse, "select no_such_column from hours")
     assert "no_such_column" in str(caught.value.why)
     assert "vsd sql --list" in str(caught.value.mend)
+
+
+def test_missing_inside_a_list_is_null_in_rows_not_zero(warehouse: Warehouse) -> None:
+    rows = query_rows(warehouse, "select [1, null] as a, {'b': null} as c, 'nan'::double as d, null::bigint as e")
+    assert rows == [{"a": [1, None], "c": {"b": None}, "d": None, "e": None}]
+
+
+def test_rows_of_every_type_are_json(warehouse: Warehouse) -> None:
+    query = """select uuid() as u, '\\xFF'::blob as b, 12345678901234567890123::hugeint as h, 1.5::decimal(4, 1) as d,
+        interval 1 month as i, bit '101' as t, date '2026-11-10' as day, timestamptz '2026-11-10' as ts,
+        [uuid()] as us, 'inf'::double as f, 1 as twice, 2 as twice"""
+    (row,) = json.loads(json.dumps(query_rows(warehouse, query), allow_nan=False))
+    assert (row["d"], row["day"], row["f"]) == (1.5, "2026-11-10", None)
+    assert (row["h"], row["twice"], row["twice_1"]) == (12345678901234567890123.0, 1, 2)
+    assert row["ts"].startswith("2026-11-10T00:00:00")

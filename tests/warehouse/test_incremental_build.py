@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from warehouse_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
 
+from vsd_analytics.errors import StoreError
 from vsd_analytics.site import Calibration, Camera
 from vsd_analytics.warehouse import build as build_module
 from vsd_analytics.warehouse.build import build
@@ -209,6 +210,22 @@ def test_hours_on_both_sides_of_midnight_know_each_other(tmp_path: Path, built_f
     assert hours == [{"recorded_s": 1.0, "exposure_s": 1.5}, {"recorded_s": 1.5, "exposure_s": 1.0}]
 
 
+def test_a_silence_taken_as_recorded_reaches_over_the_hour_in_any_range(tmp_path: Path) -> None:
+    """Without a heartbeat, five minutes of silence are recorded time, also when the next frame is in the next hour."""
+    sites = [
+        make_site(tmp_path / name, cameras=[Camera("cam", "Cam", "ground", hz=1.0)]) for name in ("whole", "hourly")
+    ]
+    instants = [T0 + HOUR + s * 1000 for start in (-600, 150) for s in range(start, start + 450)]
+    for site in sites:
+        put(site, [Person(ts, "a", 0, 0) for ts in instants])
+    for number in build(sites[0]).fingerprints:
+        build(sites[1], first_hour=number, last_hour=number)
+    assert fact_files(sites[0]) == fact_files(sites[1])
+    with open_days(sites[1]) as warehouse:
+        recorded = warehouse.rows("select recorded_s from hours where recorded_s > 0")
+    assert recorded == [{"recorded_s": 600.0}, {"recorded_s": 600.0}]
+
+
 def test_an_engine_with_a_frame_an_hour_gives_the_same_bytes_in_any_range(tmp_path: Path) -> None:
     """Frames farther apart than the hours a unit reads must not reach over them."""
     cameras = [Camera("cam", "Cam", "ground")]
@@ -235,3 +252,34 @@ def test_a_day_file_left_by_a_crash_is_not_read_twice(project: Path) -> None:
     shutil.copy(day, day.with_name("00-0123456789abcdef.parquet"))
     with open_days(make_site(project)) as warehouse:
         assert warehouse.rows("select count(*) as n from camera_days")[0]["n"] == 1
+
+
+@pytest.mark.parametrize("relation", ["exposure", "pairs", "coverage", "camera_days"])
+@pytest.mark.parametrize("n_bytes", [0, 7, 200])
+def test_fact_file_that_breaks_off_is_computed_again(project: Path, relation: str, n_bytes: int) -> None:
+    site = make_site(project)
+    whole = fact_files(site)
+    path = next((project / "facts" / relation).rglob("*.parquet"))
+    path.write_bytes(path.read_bytes()[:n_bytes])
+    with open_days(site) as warehouse:
+        assert warehouse.rows("select sum(person_records) as n from exposure") == [{"n": 3 * 540}]
+    assert fact_files(site) == whole
+    assert build(site).n_built == 0
+
+
+@pytest.mark.parametrize("relation", ["exposure", "camera_days"])
+def test_fact_file_of_garbage_between_right_ends_says_how_to_mend_it(project: Path, relation: str) -> None:
+    path = next((project / "facts" / relation).rglob("*.parquet"))
+    path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
+    with pytest.raises(StoreError, match="facts") as caught, open_days(make_site(project)):
+        pass
+    assert (caught.value.code, "delete the folder facts" in str(caught.value.mend)) == ("E302", True)
+
+
+def test_stored_part_that_breaks_off_is_named_by_the_build(project: Path) -> None:
+    path = next((project / "store" / "observations").rglob("*.parquet"))
+    path.write_bytes(path.read_bytes()[:100])
+    shutil.rmtree(project / "facts")
+    with pytest.raises(StoreError) as caught:
+        build(make_site(project))
+    assert (caught.value.code, caught.value.where and caught.value.where.file) == ("E302", str(path))

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from vsd_analytics.cli.ranges import range_options, warehouse_of
-from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project
+from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project, plain
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_MISSING = "–"
 
 
 @click.command()
@@ -61,15 +68,22 @@ def sql(
         return
     if query is None:
         raise UsageError("which query?", mend='vsd sql "select * from hours"')
-    from vsd_analytics.warehouse.analyst import run_query
+    from vsd_analytics.warehouse.analyst import query_rows, run_query
 
     with warehouse_of(project, week=week, days=days) as warehouse:
+        if as_json:
+            emit_json({"rows": query_rows(warehouse, query)})
+            return
         frame = run_query(warehouse, query)
-    if as_json:
-        import json
-
-        emit_json({"rows": json.loads(frame.to_json(orient="records", date_format="iso"))})
-    elif kind == "csv":
+    if kind == "csv":
         click.echo(frame.to_csv(index=False, lineterminator="\n"), nl=False)
     else:
-        click.echo(frame.to_string(index=False, max_rows=200))
+        click.echo(plain(_missing_as_dash(frame).to_string(index=False, max_rows=200, na_rep=_MISSING)))
+
+
+def _missing_as_dash(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a frame whose masked columns hold a dash for what is missing; `na_rep` does it for all others."""
+    import pandas as pd
+
+    masked = [c for c, kind in frame.dtypes.items() if isinstance(kind, pd.api.extensions.ExtensionDtype)]
+    return frame.assign(**{str(c): frame[c].astype(object).where(frame[c].notna(), _MISSING) for c in masked})

@@ -110,7 +110,7 @@ def ingest(project: Project, /, files: tuple[str, ...], dry_run: bool, as_json: 
     Example:
       vsd ingest frames.jsonl
       vsd ingest day1.csv.gz --format positions --columns ts,track_id,x_m,y_m --camera cam-1 --period 1
-      vsd ingest export.csv --map ts=time --map x_m=px --dry-run
+      vsd ingest export.csv --map ts=time --map x_m=x --map y_m=y --dry-run
     """
     return _read(project, files, given, is_dry_run=dry_run, as_json=as_json)
 

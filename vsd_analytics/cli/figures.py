@@ -11,6 +11,8 @@ from vsd_analytics.cli.ranges import range_options, warehouse_of
 from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project
 
 if TYPE_CHECKING:
+    from datetime import date
+
     import pandas as pd
 
 _HOUR_COLUMNS = (
@@ -49,8 +51,8 @@ def hours(
     if as_json:
         emit_json({"hours": _records(frame)})
         return
-    if by is None:
-        frame = frame[(frame["recorded_s"] > 0) | (frame["state"] == "no_data")]
+    if by != "area":
+        frame = frame[(frame["recorded_s"] > 0) | (frame["open_s"] > 0)]
     columns = [c for c in _HOUR_COLUMNS if c in frame]
     click.echo(_text(frame[columns]))
 
@@ -118,7 +120,7 @@ def heatmap(
                 floor_id=floor_id,
                 cell_m=cell_m,
                 path=str(out),
-                title=f"Violation records, {warehouse.first} to {warehouse.last}",
+                title=f"Violation records, {_days(warehouse.first, warehouse.last)}",
             )
             project.say(f"wrote {out}")
             return
@@ -153,12 +155,14 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
     if as_json:
         emit_json(found)
         return
+    dates = [d["date"][5:] for c in found["cameras"][:1] for d in c["days"][-14:]]
+    click.echo(f"{'camera':<16} {'recorded':<28} {' '.join(dates)}")
     for camera in found["cameras"]:
-        strip = " ".join("   –" if d["share"] is None else f"{d['share']:4.0%}" for d in camera["days"][-14:])
+        strip = " ".join("    –" if d["share"] is None else f"{d['share']:5.0%}" for d in camera["days"][-14:])
         share = (
             "no opening hours"
             if camera["share"] is None
-            else f"{camera['share']:.0%} of {camera['scheduled_h']:.0f} open hours"
+            else f"{camera['share']:.0%} of {round(camera['scheduled_h'], 1):g} open hours"
         )
         click.echo(f"{camera['camera_id']:<16} {share:<28} {strip}")
     if found["outages"]:
@@ -166,6 +170,10 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
     for o in found["outages"]:
         inferred = "  inferred: the engine sends no heartbeat" if o["is_inferred"] else ""
         click.echo(f"  {o['camera_id']:<14} {o['start']} to {o['end']}  {o['open_h']:.1f} open h{inferred}")
+
+
+def _days(first: date, last: date) -> str:
+    return f"{first}" if first == last else f"{first} to {last}"
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -97,9 +97,9 @@ def render_error(error: VsdError, *, word: str = "error") -> str:
                 lines.append(f"   |  {' ' * (error.where.column - 1)}^ {_short(error.where.note or '')}".rstrip())
     if isinstance(error, ConfigError):
         lines += [
-            text
+            f"  {text}"
             for p in error.problems
-            for text in render_error(p, word="  mistake").split("\n")
+            for text in render_error(p, word="mistake").split("\n")
             if "more:" not in text
         ]
     if error.why:
@@ -133,6 +133,9 @@ def run(command: click.Command, arguments: list[str]) -> int:
     except (click.Abort, KeyboardInterrupt):
         click.echo("interrupted", err=True)
         return 130
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        return 2
     except click.ClickException as error:
         if isinstance(error, click.UsageError) and error.ctx is not None and not as_json:
             click.echo(error.ctx.get_usage(), err=True)
@@ -187,11 +190,21 @@ def instant(text: str, *, zone: str, what: str) -> datetime:
 
     try:
         parsed = datetime.fromisoformat(text)
+        _in_reach(parsed.date())
     except ValueError:
         raise UsageError(
             f"{what}: {text!r} is not a date and time", mend=f"{what} 2026-11-11T12:00 or with an offset, …T12:00+01:00"
         ) from None
     return parsed if parsed.tzinfo is not None else parsed.replace(tzinfo=ZoneInfo(zone))
+
+
+_YEARS = range(1900, 2200)  # weeks before and after, and their instants in any zone, exist as well
+
+
+def _in_reach(day: date) -> date:
+    if day.year not in _YEARS:
+        raise ValueError(f"{day} lies outside {_YEARS.start} to {_YEARS.stop - 1}")
+    return day
 
 
 def parse_week(text: str, *, last: date) -> date:
@@ -206,12 +219,12 @@ def parse_week(text: str, *, last: date) -> date:
     """
     from datetime import timedelta
 
-    if match := re.fullmatch(r"last(?:-(\d{1,4}))?", text):
-        return last - timedelta(weeks=int(match[1] or 0))
     try:
+        if match := re.fullmatch(r"last(?:-(\d{1,4}))?", text):
+            return _in_reach(last - timedelta(weeks=int(match[1] or 0)))
         if re.fullmatch(r"\d{4}-W\d{2}", text):
-            return date.fromisoformat(f"{text}-1")
-    except ValueError:
+            return _in_reach(date.fromisoformat(f"{text}-1"))
+    except (ValueError, OverflowError):
         pass
     raise UsageError(
         f"{text!r} is not a week",
@@ -230,10 +243,10 @@ def parse_range(text: str) -> tuple[date, date]:
 
     try:
         if re.fullmatch(r"\d{4}-W\d{2}", text):
-            monday = date.fromisoformat(f"{text}-1")
+            monday = _in_reach(date.fromisoformat(f"{text}-1"))
             return monday, monday + timedelta(days=6)
         first, _, last = text.partition("..")
-        days = date.fromisoformat(first), date.fromisoformat(last or first)
+        days = _in_reach(date.fromisoformat(first)), _in_reach(date.fromisoformat(last or first))
     except ValueError:
         days = None
     if days is None or days[0] > days[1]:

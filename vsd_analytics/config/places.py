@@ -21,6 +21,8 @@ PLAN_SUFFIXES = (".svg", ".png", ".jpg", ".jpeg")
 HISTORY_FOLDER = "calibration"
 
 _POLYGON = "[[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]"
+_CORNER_MAX_M = 1e6  # as far as coordinate_max_m may reach
+_BOX_MAX_M2 = 250_000.0  # polygons are counted in cells of 0.25 m: beyond, the unit is wrong, or memory ends
 _KINDS = {"homography": '"calibration/cam-1.txt"', "points": '"calibration/cam-1.csv"'}
 
 
@@ -159,6 +161,17 @@ def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[P
     if points is None:
         if required and key not in table.values:
             table.missing(key, _POLYGON)
+        return None
+    xs, ys = zip(*points, strict=True)
+    box_m2 = (max(xs) - min(xs)) * (max(ys) - min(ys))
+    if max(map(abs, (*xs, *ys))) > _CORNER_MAX_M or box_m2 > _BOX_MAX_M2:
+        table.fault(
+            key,
+            f"{table.label} {key} is too large: {box_m2:g} m2 from corner to corner",
+            code="E128",
+            why=f"at most {_BOX_MAX_M2:,.0f} m2, and no corner beyond {_CORNER_MAX_M:,.0f} m; corners are in metres",
+            mend="give the corners in floor metres, not millimetres or pixels; split a very large area",
+        )
         return None
     from shapely import Polygon
     from shapely.validation import explain_validity

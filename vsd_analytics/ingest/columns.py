@@ -146,8 +146,12 @@ def _missing(
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             mend="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
-    near = _nearest(column, shown) if mend is None else None
+    # a column that is already one of ours is no other one under a wrong name
+    free = shown if ours is not None else [n for n in shown if n.lower() not in KNOWN]
+    near = _nearest(column, free) if mend is None else None
     at = header.text.find(near) + 1 if header.text and near else 0
+    if mend is None and header.line is None and header.text is not None:
+        mend = f"name it in --columns: {column}, at its place in the order of the file's columns"
     if mend is None:
         mend = f"--map {ours or column}={near or 'THEIR_NAME'}      (or in vsd.toml, under [ingest.map])"
     return InputError(

@@ -120,6 +120,8 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
             return candidate
     if source.path.is_file() and not source.head(1):
         raise empty(source)
+    if options.map and source.path.is_file():
+        return adapter("table")
     raise InputError(
         f"the format of {source.path.name} is not recognised",
         code="E204",

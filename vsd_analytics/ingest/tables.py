@@ -51,7 +51,10 @@ class Tables:
         first = next((line for line in _text(head).split("\n") if line.strip()), "")
         if first.lstrip().startswith(("{", "[")):
             return False
-        names = (name.strip().lower() for name in _split_by(_delimiter(first))(first))
+        try:
+            names = [name.strip().lower() for name in _split_by(_delimiter(first))(first)]
+        except BadRowError:
+            names = []
         return bool(set(source.suffixes) & _SUFFIXES) or any(name in KNOWN for name in names)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
@@ -168,7 +171,9 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
             mend=f"iconv -f UTF-16 -t UTF-8 {source.path.name} > utf8.csv   (or save it as CSV UTF-8)",
         )
     lines = _text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
-    at = next((i for i, line in enumerate(lines) if line.strip()), None)
+    # where --columns name the columns, lines before the first record that start with # are a note of its writer
+    skipped = "#" if options.columns is not None else ()
+    at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(skipped)), None)
     if at is None:
         raise empty(source)
     first = lines[at].rstrip("\r")

@@ -56,16 +56,17 @@ def areas(data: WeekData, *, is_compared: bool) -> Areas:
             why = f"{too_few(below)} in the week before" if key in before.small else GIVES_AWAY
             often, risky = (estimates.without_change(e, why) for e in (often, risky))
         weights = camera_weights(data, place)
+        is_known = bool(data.panel(place, data.week_days).x_h.any())
         rows.append(
             AreaRow(
                 area_id=key,
                 name=REST if key is None else next(a.name for a in data.areas if a.area_id == key),
-                counted=None if key in now else measured.n,
+                counted=measured.n if is_known and key not in now else None,
                 is_masked=key in now.small,
                 is_held_back=key in now.others,
                 often=often,
                 risky=risky,
-                exposure_h=None if data.why_no_exposure else _exposure_h(data, place),
+                exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
                 share=often.value / total if often.value is not None and total else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),

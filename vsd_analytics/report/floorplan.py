@@ -254,18 +254,19 @@ def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
         x, centre = frame.width - radius - 8, frame.height - radius - 8
     parts = [el("circle", cx=round(x, 1), cy=round(centre, 1), r=round(max(radius, 1.5), 1), **line)]
     said = f"{fmt.metres(rules.distance_m)} across"
+    words = "pt i" if frame.width > 0.6 * MAP_WIDTH else "pt i nar"  # a narrow floor is not shrunk on a phone
     if radius > MAX_FOOT_RADIUS:
         parts.append(_text(said, x - radius - 10, centre + 5, class_="pt i halo", fill=INK, anchor="end"))
     else:
         if radius > 6:
             parts.append(el("path", d=f"M{x - radius:.1f} {y}h{2 * radius:.1f}", **line))
-        parts.append(_text(said, x + radius + 10, y + 5, class_="pt i", fill=INK))
+        parts.append(_text(said, x + radius + 10, y + 5, class_=words, fill=INK))
     if shown.scale_bar_m:
         width = shown.scale_bar_m * frame.scale
         right = frame.width - 1
         parts.append(el("path", d=f"M{right - width:.1f} {y - 6}v8h{width:.1f}v-8", **line))
         parts.append(
-            _text(fmt.metres(shown.scale_bar_m), right - width - 10, y + 5, class_="pt i", fill=INK, anchor="end")
+            _text(fmt.metres(shown.scale_bar_m), right - width - 10, y + 5, class_=words, fill=INK, anchor="end")
         )
     return parts
 

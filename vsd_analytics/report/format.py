@@ -120,8 +120,8 @@ def one_in(rate: float) -> str:
 
 
 def metres(value: float) -> str:
-    """Write a distance: 2 m, 1.83 m, 5 m."""
-    return f"{value:g} m"
+    """Write a distance to the centimetre: 2 m, 1.83 m (six feet), 5 m."""
+    return f"{round(value, 2):g} m"
 
 
 def metres_unbroken(value: float) -> str:

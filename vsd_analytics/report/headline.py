@@ -184,7 +184,7 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
             if coverage.seen_h is not None:
                 seen = f" and saw people in {fmt.number(coverage.seen_h)} of {fmt.number(coverage.open_h)} open hours"
             text = (
-                f"Cameras recorded {fmt.count(coverage.recorded_h)} of {fmt.count(coverage.scheduled_h)} camera-hours"
+                f"Cameras recorded {fmt.number(coverage.recorded_h)} of {fmt.number(coverage.scheduled_h)} camera-hours"
                 f"{seen}. No two people stood closer than {distance} for {pause} or more."
             )
             return [Span(text=text)], [f"If this surprises you, ask whether the {distance} distance was calibrated."]

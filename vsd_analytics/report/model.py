@@ -252,7 +252,10 @@ class AreaRow:
     area_id: str | None = _f("Identifier; None for the rest of the floor.")
     name: str = _f("Display name; free text.")
     counted: int | None = _f(
-        "Violations counted in the hours that enter rates; None if masked.", "violations", "M15", default=None
+        "Violations counted in the hours that enter rates; None if masked or unknown.",
+        "violations",
+        "M15",
+        default=None,
     )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted; no figure of this area is shown.", default=False)
     is_held_back: bool = _f("True: its figures are held back, as they would tell a masked one.", default=False)

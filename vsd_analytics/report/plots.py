@@ -141,7 +141,8 @@ def _figure(
     plan = plan_bounds(floor)
     x0, y0, x1, y1 = plan or _extent(frame, [p for a in areas for p in a.polygon], cell_m)
     width, height = x1 - x0, y1 - y0
-    foot = 0.12 * max(width, 0.6 * height)
+    # room for the circle of `_scale`, also below a floor hardly wider than it
+    foot = max(0.12 * max(width, 0.6 * height), 1.25 * site.settings.distance_m)
     side = min(WIDTH_IN, (HEIGHT_MAX_IN - 1.0) * width / (height + foot))
     figure = Figure(figsize=(max(side, 6.0) + 2.2, max(side, 3.0) * (height + foot) / width + 0.8))
     FigureCanvasAgg(figure)

@@ -154,8 +154,7 @@ def _hour(report: WeekReport) -> Tile | None:
 
 def _recorded(report: WeekReport) -> Tile:
     coverage = report.coverage
-    recorded = fmt.number(coverage.recorded_h) if coverage.recorded_h < 1 else fmt.count(coverage.recorded_h)
-    note = [f"{recorded} of {fmt.count(coverage.scheduled_h)} camera-hours"]
+    note = [f"{fmt.number(coverage.recorded_h)} of {fmt.number(coverage.scheduled_h)} camera-hours"]
     camera = weakest_camera(report)
     if camera is not None and report.state == "normal":
         lost = camera.scheduled_h - camera.recorded_h

@@ -121,7 +121,13 @@ class Store:
 
     def n_spooled(self) -> int:
         """Return the number of rows acknowledged but not yet folded."""
-        return sum(pq.read_metadata(p).num_rows for t in TABLES for p in segment_paths(self.root, t))
+        n_rows = 0
+        for path in (p for t in TABLES for p in segment_paths(self.root, t)):
+            try:
+                n_rows += pq.read_metadata(path).num_rows
+            except pa.ArrowInvalid:
+                raise _damaged_segment(path) from None
+        return n_rows
 
     def parts(self, table: TableName, *, first_hour: int | None = None, last_hour: int | None = None) -> list[Part]:
         """Return the parts of one table by hour; see `layout.list_parts`."""
@@ -136,12 +142,17 @@ class Store:
         """Return the parts whose bytes do not match the hash in their name."""
         return [p.path for t in TABLES for p in self.parts(t) if durable.digest(p.path.read_bytes()) != p.digest]
 
+    def refuse_damaged(self) -> None:
+        """Raise StoreError E302 when a part is damaged: for whoever failed to read one."""
+        for path in self.damaged():
+            raise _damaged_part(path)
+
     def _fold_table(
         self, table: TableName, segments: list[Path], hours: set[int], on_rows: Callable[[int], None] | None
     ) -> Counts:
         for path in segments:
             if durable.digest(path.read_bytes()) != path.stem:
-                raise _damaged(path, "records acknowledged earlier", mend="move it away and ingest their source again")
+                raise _damaged_segment(path)
         done = Counts()
         with connect() as con:
             for span in _spans(segments):
@@ -210,13 +221,19 @@ class Store:
         except duckdb.Error as error:
             for part in known:
                 if durable.digest(part.path.read_bytes()) != part.digest:
-                    raise _damaged(
-                        part.path, "stored records", mend="restore it from a backup, or move it away"
-                    ) from None
+                    raise _damaged_part(part.path) from None
             raise StoreError(
                 "the spool cannot be folded into the store", code="E302", why=str(error)[:300], mend="vsd doctor"
             ) from None
         return rows, n_read, n_second
+
+
+def _damaged_segment(path: Path) -> StoreError:
+    return _damaged(path, "records acknowledged earlier", mend="move it away and ingest their source again")
+
+
+def _damaged_part(path: Path) -> StoreError:
+    return _damaged(path, "stored records", mend="restore it from a backup, or move it away")
 
 
 def _damaged(path: Path, what: str, *, mend: str) -> StoreError:

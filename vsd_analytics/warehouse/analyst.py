@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable
+from datetime import datetime
+from decimal import Decimal
+from itertools import count
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pandas as pd
 
@@ -12,9 +17,11 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 if TYPE_CHECKING:
     import duckdb
 
+T = TypeVar("T")
+
 
 def run_query(warehouse: Warehouse, query: str) -> pd.DataFrame:
-    """Return the rows of one `select` over the relations of a warehouse.
+    """Return the rows of one `select` over the relations of a warehouse as a pandas frame.
 
     The statement may read the project's store and facts only: no other file, no network, no extension, no setting; and
     it can write nothing, as it must be a query. The connection stays closed to everything else afterwards.
@@ -22,6 +29,27 @@ def run_query(warehouse: Warehouse, query: str) -> pd.DataFrame:
     Raises:
         SqlError: E603 with DuckDB's message, or because the text is not one query.
     """
+    return _run(warehouse, query, lambda con, statement: con.execute(statement).df())
+
+
+def query_rows(warehouse: Warehouse, query: str) -> list[dict[str, Any]]:
+    """Return the rows of one `select` as dictionaries fit for JSON; what `run_query` says holds.
+
+    Missing is None, also inside lists, and so are NaN and infinities; what JSON has no form for is text. Of columns
+    with one name the later get `_1`, `_2`, as in a frame.
+    """
+
+    def read(con: duckdb.DuckDBPyConnection, statement: duckdb.Statement) -> list[dict[str, Any]]:
+        rows, names = con.sql(statement).to_arrow_table(), list[str]()
+        for column in rows.column_names:
+            again = (f"{column}_{n}" for n in count(1))
+            names.append(column if column not in names else next(a for a in again if a not in names))
+        return [{k: _plain(v) for k, v in row.items()} for row in rows.rename_columns(names).to_pylist()]
+
+    return _run(warehouse, query, read)
+
+
+def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnection, duckdb.Statement], T]) -> T:
     import duckdb
 
     con = warehouse.con
@@ -35,14 +63,29 @@ def run_query(warehouse: Warehouse, query: str) -> pd.DataFrame:
                 why="only a single select can be run: nothing is written, set or attached",
                 mend='vsd sql "select * from hours"',
             )
-        return con.execute(statements[0]).df()
-    except duckdb.Error as error:
+        return read(con, statements[0])
+    except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows Python or pandas cannot hold
         raise SqlError(
             "the query could not be run",
             code="E603",
             why=" ".join(str(error).split())[:600],
             mend="vsd sql --list, vsd sql --show hours",
         ) from None
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON knows it."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Decimal):
+        return _plain(float(value))
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, datetime):
+        return value.isoformat()
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def _shut(con: duckdb.DuckDBPyConnection, warehouse: Warehouse) -> None:

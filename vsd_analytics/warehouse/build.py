@@ -12,6 +12,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from vsd_analytics.errors import StoreError
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site import Site
 from vsd_analytics.store import Store
@@ -87,10 +88,41 @@ def build(
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on what its
         fingerprint covers alone, not on the range asked for.
+
+    Raises:
+        StoreError: E302, a file of the store or of the facts is damaged.
     """
+    import duckdb
+
+    store = Store(site.root / "store", site_id=site.site_id)
+    try:
+        return _build(site, store, first_hour, last_hour, on_hours, on_plan)
+    except (duckdb.Error, pa.ArrowInvalid):
+        store.refuse_damaged()
+        raise
+
+
+def damaged_facts(error: Exception) -> StoreError:
+    """Return the error of fact files that are whole by their length and cannot be read all the same."""
+    return StoreError(
+        "a file of the computed facts is damaged",
+        code="E302",
+        why=" ".join(str(error).split())[:300],
+        mend="delete the folder facts and run vsd build: facts are computed from the store again",
+    )
+
+
+def _build(
+    site: Site,
+    store: Store,
+    first_hour: int | None,
+    last_hour: int | None,
+    on_hours: Callable[[int], None] | None,
+    on_plan: Callable[[int], None] | None,
+) -> BuildResult:
     root = site.root / "facts"
     around = (None if first_hour is None else first_hour - 25, None if last_hour is None else last_hour + 25)
-    index = PartIndex(Store(site.root / "store", site_id=site.site_id), first_hour=around[0], last_hour=around[1])
+    index = PartIndex(store, first_hour=around[0], last_hour=around[1])
     hours = [h for h in index.hours() if first_hour is None or h >= first_hour]
     hours = [h for h in hours if last_hour is None or h <= last_hour]
     shared = {
@@ -109,7 +141,7 @@ def build(
         for h in hours
     ]
     names = [r.name for r in relations("facts").values() if r.unit == "hour"]
-    stale = [u for u in units if not all(fact_path(root, n, site.site_id, u, is_day=False).exists() for n in names)]
+    stale = [u for u in units if not all(_is_whole(fact_path(root, n, site.site_id, u, is_day=False)) for n in names)]
     reasons = Counter(_reason(root, site.site_id, u) for u in stale)
     if on_plan is not None:
         on_plan(len(stale))
@@ -148,12 +180,15 @@ def _fresh_days(site: Site, root: Path, units: Sequence[Unit]) -> dict[int, _Day
     """Return the fact `camera_days` of each UTC day, computed where it is stale."""
     relation = relations("facts")["camera_days"]
     paths = {u.number: fact_path(root, relation.name, site.site_id, u, is_day=True) for u in units}
-    for batch in _batches([u for u in units if not paths[u.number].exists()]):
+    for batch in _batches([u for u in units if not _is_whole(paths[u.number])]):
         rows = day_facts(site, merged_parts(batch))
         for unit in batch:
             _write(paths[unit.number], _slice(rows, "utc_day", unit.number), unit)
         _sweep([paths[u.number] for u in batch])
-    tables = {u.number: pq.ParquetFile(paths[u.number]).read() for u in units}
+    try:
+        tables = {u.number: pq.ParquetFile(paths[u.number]).read() for u in units}
+    except (pa.ArrowException, OSError) as error:
+        raise damaged_facts(error) from None
     return {u.number: _Day(u, tables[u.number], text_hash(tables[u.number].to_pylist())) for u in units}
 
 
@@ -171,6 +206,18 @@ def _build_batch(site: Site, root: Path, units: Sequence[Unit], days: Mapping[in
         for path, unit in zip(paths, units, strict=True):
             _write(path, _slice(rows, "hour", unit.number), unit)
         _sweep(paths)
+
+
+def _is_whole(path: Path) -> bool:
+    """Tell whether a fact file is there to its end: Parquet ends with the length of its footer and `PAR1`."""
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - 8))
+            tail = file.read(8)
+    except OSError:
+        return False
+    return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size
 
 
 def _slice(rows: pa.Table, column: str, number: int) -> pa.Table:
@@ -223,7 +270,9 @@ def _reason(root: Path, site_id: str, unit: Unit) -> str:
     old = sorted(folder.glob(f"{unit.number % 24:02d}-*.parquet"))
     if not old:
         return "new"
-    told = (pq.read_metadata(old[0]).metadata or {}).get(CAUSES)
-    causes = json.loads(told) if told else {}
+    told = (pq.read_metadata(old[0]).metadata or {}).get(CAUSES) if _is_whole(old[0]) else None
+    if told is None:
+        return "incomplete"
+    causes = json.loads(told)
     changed = [c for c, h in unit.causes.items() if causes.get(c) != h]
     return ", ".join(_WORDS[c] for c in changed) if changed else "incomplete"

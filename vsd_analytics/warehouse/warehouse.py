@@ -15,7 +15,7 @@ from vsd_analytics.errors import StoreError
 from vsd_analytics.site import Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import list_parts
-from vsd_analytics.warehouse.build import BuildResult, build
+from vsd_analytics.warehouse.build import BuildResult, build, damaged_facts
 from vsd_analytics.warehouse.dimensions import calendar, register_site
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -121,6 +121,8 @@ class Warehouse:
 
     def _facts(self, first_hour: int, last_hour: int) -> None:
         """Make every fact a relation of the fresh files of the range; `pairs`, the great one, is read when asked."""
+        import duckdb
+
         root, site_id = self.site.root / "facts", self.site.site_id
         for relation in relations("facts").values():
             if relation.unit == "day":
@@ -132,7 +134,12 @@ class Warehouse:
                 paths = [p.path for p in parts if self.built.fingerprints.get(p.hour) == p.digest]
             kind = "view" if relation.name == "pairs" else "table"
             rows = f"read_parquet({literal_list(paths)})" if paths else f"({_empty(relation.name)})"
-            self.con.execute(f"create temp {kind} {relation.name} as select * from {rows}")
+            try:
+                self.con.execute(f"create temp {kind} {relation.name} as select * from {rows}")
+            except duckdb.OutOfMemoryException:
+                raise
+            except duckdb.Error as error:
+                raise damaged_facts(error) from None
 
 
 def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Warehouse:
