@@ -42,6 +42,17 @@ def test_records_are_counted_once_however_often_files_come(tmp_path: Path) -> No
     assert (entry["line"], entry["reason"], entry["text"], entry["source"]) == (4, "bad-json", "{broken", str(path))
 
 
+def test_first_and_last_instant_are_those_of_all_batches_in_any_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vsd_analytics.ingest.frames.BATCH_ROWS", 1)
+    path = tmp_path / "a.jsonl"
+    path.write_text("".join(GOOD % ("cam-1", k, k) for k in (20, 5, 40, 30)))
+    (source,) = ingest(small_site(tmp_path / "site"), [path], IngestOptions(), now=NOW).sources
+    nine = 1794214800000
+    assert (source.first_ms, source.last_ms) == (nine + 5_000, nine + 40_000)
+
+
 def test_ids_keys_and_rows_agree_over_formats(tmp_path: Path) -> None:
     site = small_site(tmp_path / "site")
     ingest(site, [messages(tmp_path / "a.jsonl")], IngestOptions(), now=NOW)

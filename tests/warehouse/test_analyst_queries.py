@@ -40,6 +40,11 @@ def test_facts_marts_and_dimensions_can_be_read(warehouse: Warehouse) -> None:
     assert run_query(warehouse, f"select count(*) as n from read_parquet('{store}')")["n"].tolist() == [10]
 
 
+def test_a_sum_of_counts_is_a_whole_number(warehouse: Warehouse) -> None:
+    frame = run_query(warehouse, "select sum(n) as n from (select count(*) as n from pairs)")
+    assert frame.to_string(index=False).split() == ["n", "5"]
+
+
 READS = [
     "select * from read_text('/etc/passwd')",
     "select * from read_csv('/etc/passwd')",

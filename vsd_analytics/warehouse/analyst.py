@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+EXACT_FLOAT = 2**53
+
 
 def run_query(warehouse: Warehouse, query: str) -> pd.DataFrame:
     """Return the rows of one `select` over the relations of a warehouse as a pandas frame.
@@ -29,7 +31,18 @@ def run_query(warehouse: Warehouse, query: str) -> pd.DataFrame:
     Raises:
         SqlError: E603 with DuckDB's message, or because the text is not one query.
     """
-    return _run(warehouse, query, lambda con, statement: con.execute(statement).df())
+
+    def read(con: duckdb.DuckDBPyConnection, statement: duckdb.Statement) -> pd.DataFrame:
+        rows = con.sql(statement)
+        kinds = [str(kind) for kind in rows.types]
+        frame: pd.DataFrame = rows.df()
+        for i, kind in enumerate(kinds):  # DuckDB sums counts to HUGEINT, which pandas would show as 12.0
+            column = frame.iloc[:, i]
+            if kind == "HUGEINT" and bool((column.dropna().abs() < EXACT_FLOAT).all()):
+                frame.isetitem(i, column.astype("Int64").array)
+        return frame
+
+    return _run(warehouse, query, read)
 
 
 def query_rows(warehouse: Warehouse, query: str) -> list[dict[str, Any]]:
