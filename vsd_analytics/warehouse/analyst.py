@@ -91,7 +91,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Decimal):
-        return _plain(float(value))
+        return int(value) if value.as_tuple().exponent == 0 else _plain(float(value))  # sums of counts are HUGEINT
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
