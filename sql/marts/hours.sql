@@ -14,7 +14,7 @@
 --   recorded_s         recorded time, mean over cameras
 --   recorded_share     of the opening time, mean over cameras; of the whole hour when closed
 --   cameras_down       cameras that recorded less than half of it
---   is_inferred        some of it is concluded from silences
+--   is_inferred        some of it is concluded from silences; null without data
 --   person_records     person records
 --   exposure_s         person-seconds in view
 --   violation_records  violation records
@@ -40,7 +40,7 @@ with summed as (
         count(*) filter (
             where case when open_s > 0 then recorded_open_s / open_s else recorded_s / length_s end < params.partial_hour_share
         ) as cameras_down,
-        coalesce(bool_or(is_inferred), false) as is_inferred,
+        bool_or(is_inferred) as is_inferred,
         sum(person_records)::bigint as person_records,
         sum(exposure_s) as exposure_s,
         sum(violation_records)::bigint as violation_records,

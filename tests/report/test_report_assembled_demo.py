@@ -155,5 +155,13 @@ def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:
     assert line.at == truth.redesign.at
     assert line.since is not None
     assert line.since.verdict == "clear_fall"
+    # few people are left there: without a level per person-hour there is no change of it either
+    assert row.risky is not None
+    assert (row.risky.value, row.risky.previous, row.risky.change, row.risky.verdict) == (
+        None,
+        None,
+        None,
+        "too_little_data",
+    )
     assert report.story is not None
     assert "seems to have worked" in report.story.things[0].title

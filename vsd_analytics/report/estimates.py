@@ -181,6 +181,8 @@ def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, now: Pa
     )
     if change is None or now is None:
         return plain
+    if level.rate is None:  # without a level no change is told either
+        return replace(plain, verdict="too_little_data")
     return replace(
         plain,
         previous=change.rate_a,
