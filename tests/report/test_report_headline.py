@@ -173,6 +173,17 @@ def test_a_weak_camera_is_named_as_not_to_trust_and_its_own_spot_is_not_asked_ab
     assert tell(replace(report, busiest_spot=spot)).question == "What would keep Camera “Aisles” recording all week?"
 
 
+def test_an_area_of_a_weak_camera_is_not_to_be_trusted_unless_its_change_is_clear() -> None:
+    report = weeks.normal()
+    assert tell(report).things[2].text.endswith("It sees End of aisle 2: do not read a trend there.")
+    clear = tuple(
+        replace(a, often=replace(a.often, verdict="clear_fall")) if a.name == "End of aisle 2" else a
+        for a in report.areas
+    )
+    text = tell(replace(report, areas=clear)).things[2].text
+    assert text.endswith("It sees End of aisle 2: the change there stands on the hours recorded in both weeks only.")
+
+
 @pytest.mark.parametrize("name", list(weeks.ALL))
 def test_every_week_asks_one_question_and_uses_no_forbidden_word(name: str) -> None:
     report = weeks.ALL[name]()

@@ -163,8 +163,14 @@ def _distrust(report: WeekReport) -> Thing:
         )
     camera = weakest_camera(report)
     if camera is not None:
-        areas = [a.name for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)]
-        seen = f" It sees {words.joined(areas[:2])}: do not read a trend there." if areas else ""
+        areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]
+        names = words.joined(a.name for a in areas)
+        if not areas:
+            seen = ""
+        elif any(a.often.verdict in ("clear_fall", "clear_rise") for a in areas):
+            seen = f" It sees {names}: the change there stands on the hours recorded in both weeks only."
+        else:
+            seen = f" It sees {names}: do not read a trend there."
         return Thing(
             kind="distrust",
             title=f"{words.camera_name(camera.name)} recorded {fmt.percent(camera.share)} of its open hours",
