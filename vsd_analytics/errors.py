@@ -120,19 +120,3 @@ class SqlError(VsdError):
     """A SQL file breaks its own header, or a query of the user failed (E6xx)."""
 
     default_code = "E600"
-
-
-class NotEnoughDataError(VsdError):
-    """A figure's minimum-data rule is not met; carries the figure's id and the rule.
-
-    Args:
-        figure: Catalogue id, such as "M7".
-        rule: The rule that failed, in words with its number.
-        found: What was there instead.
-    """
-
-    default_code = "E350"
-
-    def __init__(self, *, figure: str, rule: str, found: str) -> None:
-        super().__init__(f"{figure}: not enough data: needs {rule}, has {found}")
-        self.figure, self.rule, self.found = figure, rule, found

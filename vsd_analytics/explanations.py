@@ -154,10 +154,6 @@ computed from the store: a folder facts with damaged files can be deleted, and v
 The key of a day in secrets/ is damaged. With another key, records of that day that are delivered again would not be
 recognised and would count twice, so they are refused.
 Mend: restore the file from a backup. Without one, ingest nothing more of that day.""",
-    "E350": """\
-A figure has too little data by its own rule, so no number is shown rather than a shaky one.
-The message gives the rule and what was there: days recorded, person-hours of exposure, or share of hours recorded.
-Mend: more recorded days, or a longer range; the rules stand in docs beside each figure.""",
     "E400": """\
 A calibration cannot be used. Mend: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\

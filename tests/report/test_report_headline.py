@@ -12,6 +12,7 @@ from report import fixtures as weeks
 from vsd_analytics.report import words
 from vsd_analytics.report.headline import MAX_WORDS, SENTENCES, change_to_name, finish, tell
 from vsd_analytics.report.model import Estimate, Story, WeekReport
+from vsd_analytics.report.render import render_html
 
 VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02, "too_little_data": None}
@@ -160,6 +161,34 @@ def test_all_cameras_at_once_points_to_the_network() -> None:
     apart = replace(first, last_record=datetime(2026, 11, 6, 9, tzinfo=weeks.ROME))
     apart_report = replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
     assert "different times" in tell(apart_report).notes[0]
+
+
+def test_a_week_closed_throughout_is_not_called_an_outage() -> None:
+    report = weeks.no_data()
+    closed = replace(report, coverage=replace(report.coverage, scheduled_h=0.0, open_h=0.0, outages=()))
+    story = tell(closed)
+    assert (story.rule, story.headline) == ("closed", "The site was closed in week 46")
+    said = all_words(story)
+    assert not any(w in said for w in ("network", "stopped", "No camera", "no data"))
+    figures = render_html(closed).partition("</style>")[2].partition("<h2")[0]
+    assert "None was due" in figures
+    assert "0%" not in figures
+
+
+def test_records_at_closed_hours_only_point_to_the_opening_hours_not_to_the_network() -> None:
+    report = weeks.no_data()
+    cameras = tuple(
+        replace(c, last_record=datetime(2026, 11, 10, 3, tzinfo=weeks.ROME)) for c in report.coverage.cameras
+    )
+    notes = tell(replace(report, coverage=replace(report.coverage, cameras=cameras))).notes
+    assert "opening hours" in notes[0]
+    assert "network" not in notes[0]
+
+
+def test_a_floor_without_a_camera_says_so() -> None:
+    report = weeks.no_data()
+    bare = replace(report, coverage=replace(report.coverage, cameras=(), scheduled_h=0.0, outages=()))
+    assert tell(bare).headline == "No camera looks at this floor"
 
 
 def test_a_normal_week_has_one_that_worked_one_to_watch_one_not_to_trust() -> None:

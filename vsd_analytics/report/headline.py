@@ -12,6 +12,7 @@ from typing import Final
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
 from vsd_analytics.report.model import AreaRow, LogLine, Span, Story, WeekReport
+from vsd_analytics.report.nothing import nothing
 from vsd_analytics.report.things import question, things
 from vsd_analytics.report.words import NO_FLOOR, NO_IDS
 
@@ -86,7 +87,8 @@ def _headline(report: WeekReport) -> tuple[str, str]:
     week, often = report.week, report.level.often
     match report.state:
         case "no_data":
-            return "no_data", f"We have no data for week {week.number}"
+            told = nothing(report)
+            return told.rule, told.headline
         case "too_incomplete":
             return "too_incomplete", f"Week {week.number} is too incomplete to compare"
         case "empty":
@@ -163,16 +165,13 @@ def _after(entry: LogLine) -> list[str]:
 
 
 def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
-    coverage, rules, week = report.coverage, report.rules, report.week
+    coverage, rules = report.coverage, report.rules
     distance, pause = fmt.metres(rules.distance_m), fmt.seconds(rules.episode_min_s)
     often = report.level.often
     match report.state:
         case "no_data":
-            first, last = fmt.date_span(week.monday, week.sunday)
-            text = (
-                f"No camera sent anything between {first} and {last}. This says nothing about how busy the floor was."
-            )
-            return [Span(text=text)], _no_data_notes(report)
+            told = nothing(report)
+            return [Span(text=told.lead)], list(told.notes)
         case "too_incomplete":
             text = (
                 f"Cameras recorded {fmt.percent(coverage.share)} of open hours. We show what was seen but give no "
@@ -289,17 +288,6 @@ def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     text += "Figures before and after cannot be compared, so the change column is blank."
     notes = [f"To compare, run the week again with one setting: {change.command}"] if change.command else []
     return [Span(text=text)], notes
-
-
-def _no_data_notes(report: WeekReport) -> list[str]:
-    last = [c.last_record for c in report.coverage.cameras if c.last_record is not None]
-    if not last:
-        return ["No record of any camera was found. Check that the engine's output reaches vsd ingest."]
-    if len(last) > 1 and (max(last) - min(last)).total_seconds() <= 60:
-        return [
-            "All cameras stopped at the same minute, which points to the network or the engine, not the cameras.",
-        ]
-    return ["The cameras stopped at different times. Look at the one that stopped last first."]
 
 
 def _missing_notes(report: WeekReport) -> list[str]:

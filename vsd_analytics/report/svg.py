@@ -17,7 +17,6 @@ from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import CameraDay, Estimate, Point
 
 RAMP_LIGHT: Final = ("#fff4cf", "#ffd58e", "#ffa656", "#e76f3f", "#934444")
-RAMP_DARK: Final = ("#7b414e", "#b45447", "#f28337", "#ffc059", "#fff3b3")
 INK, MUTED, RULE, WHITE, HATCH, ACCENT = "#1b2430", "#525d68", "#ddd7ca", "#fff", "#8b8577", "#0f4c81"
 FEWER, MORE, BAR, RECORDED = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0"
 

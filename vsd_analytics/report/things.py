@@ -8,6 +8,7 @@ from typing import Final
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
 from vsd_analytics.report.model import AreaRow, CameraRecord, Thing, WeekReport
+from vsd_analytics.report.nothing import nothing
 
 # Words in an area's name -> the question to ask about it.
 _QUESTIONS: Final = (
@@ -34,9 +35,8 @@ def weakest_camera(report: WeekReport) -> CameraRecord | None:
 def things(report: WeekReport) -> tuple[Thing, ...]:
     """Return what worked, what to watch and what not to trust, each with the anchor of its proof."""
     if report.state == "no_data":
-        text = "Neither that the floor was quiet nor that it was busy. The next week has nothing to compare with."
-        title = f"Nothing can be said about week {report.week.number}"
-        return (Thing(kind="distrust", title=title, text=text, target="data"),)
+        told = nothing(report)
+        return (Thing(kind="distrust", title=told.title, text=told.text, target="data"),)
     if report.state == "too_incomplete":
         title = f"Cameras recorded {fmt.percent(report.coverage.share)} of open hours"
         text = "The recorded hours may be unlike the others. Do not read a level, a ranking or a trend from this page."
@@ -203,7 +203,7 @@ def question(report: WeekReport) -> str:
     """Return the one question for the next meeting: about the room, never about people."""
     distance = fmt.metres(report.rules.distance_m)
     if report.state == "no_data":
-        return "Who is told when the cameras or the engine stop, and who starts them again?"
+        return nothing(report).question
     if report.level.often.state == "not_measurable":
         return "What would it take to have violations counted here?"
     if report.state == "empty":

@@ -154,6 +154,8 @@ def _hour(report: WeekReport) -> Tile | None:
 
 def _recorded(report: WeekReport) -> Tile:
     coverage = report.coverage
+    if coverage.scheduled_h == 0:
+        return Tile(title="Data recorded", value="None was due", note="No opening hour in this week.", is_wordy=True)
     note = [f"{fmt.number(coverage.recorded_h)} of {fmt.number(coverage.scheduled_h)} camera-hours"]
     camera = weakest_camera(report)
     if camera is not None and report.state == "normal":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
 from vsd_analytics.report.model import WeekReport
+from vsd_analytics.report.nothing import nothing
 from vsd_analytics.report.things import weakest_camera
 
 
@@ -60,7 +61,7 @@ def data(report: WeekReport) -> str:
     """Return the title of the table of recorded hours."""
     coverage, camera = report.coverage, weakest_camera(report)
     if report.state == "no_data":
-        return "Nothing was recorded"
+        return nothing(report).data_title
     if camera is None:
         return "The week is nearly complete"
     rest = [c for c in coverage.cameras if c is not camera]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date, datetime, timedelta
+from datetime import datetime
 from typing import Any, Literal
 
 import pandas as pd
@@ -136,8 +136,3 @@ def local_instant(warehouse: Warehouse, ms: int) -> datetime:
 def local_iso(warehouse: Warehouse, ms: int) -> str:
     """Return an instant (UTC milliseconds) as local ISO 8601 with offset."""
     return local_instant(warehouse, int(ms)).isoformat(timespec="seconds")
-
-
-def monday_of(day: date) -> date:
-    """Return the Monday of a day's ISO week."""
-    return day - timedelta(days=day.weekday())
