@@ -24,12 +24,14 @@ def _columns(*columns: tuple[str, pa.DataType, bool]) -> pa.Schema:
 
 SCHEMAS: Final[dict[TableName, pa.Schema]] = {
     # one row per camera and processed frame, also when nobody is in view (the heartbeat);
-    # n_persons and n_pairs are what the engine said: null n_pairs = this engine sends no pairs, they are derived
+    # n_persons and n_pairs are what the engine said: null n_pairs = this engine sends no pairs, they are derived;
+    # seq is the engine's running number, by which lost messages are found
     "frames": _columns(
         ("camera_id", pa.string(), False),
         ("ts", TS, False),
         ("n_persons", pa.int32(), True),
         ("n_pairs", pa.int32(), True),
+        ("seq", pa.int64(), True),
     ),
     # one row per person and frame; person is the index within the message the engine sent (tables send one by one: 0)
     "observations": _columns(
@@ -97,6 +99,7 @@ RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
         ("ts_ms", pa.int64(), True),
         ("n_persons", pa.int32(), True),
         ("n_pairs", pa.int32(), True),
+        ("seq", pa.int64(), True),
         ("line", pa.int64(), False),
     ),
     "observations": _columns(

@@ -60,6 +60,8 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("smoothing_m", "report", 0.5, "metres", 0.05, 5.0, "Standard deviation of the smoothing of maps: about how well cameras know a position."),
     Setting("earliest_year", "ingest", 1990, "year", 1970, 2100, "Records before this year are quarantined."),
     Setting("future_max_s", "ingest", 86400.0, "seconds", 0.0, 366 * 86400.0, "Records of files later than the clock by more than this are quarantined."),
+    Setting("live_late_max_s", "ingest", 86400.0, "seconds", 1.0, 366 * 86400.0, "Live messages older than this are quarantined."),
+    Setting("live_ahead_max_s", "ingest", 300.0, "seconds", 0.0, 86400.0, "Live messages further ahead of the clock than this are quarantined."),
     Setting("coordinate_max_m", "ingest", 10000.0, "metres", 1.0, 1e6, "Floor positions farther from the origin than this are quarantined."),
     Setting("line_max_bytes", "ingest", 1_000_000, "bytes", 1000, 1e9, "Lines longer than this are quarantined unread."),
     Setting("pseudonyms", "privacy", True, "", None, None, "Replace the engine's track ids by keyed hashes; false only for published research recordings."),

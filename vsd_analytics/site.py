@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import date, datetime
 from pathlib import Path
+from typing import Literal
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.settings import Settings
@@ -104,6 +105,78 @@ class LogEntry:
     area_id: str | None = None
 
 
+AlarmKind = Literal["gathering", "contact", "silence"]
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmRule:
+    """A situation somebody wants to be told of while it lasts.
+
+    Attributes:
+        alarm_id: Identifier.
+        kind: "gathering" (at least `n_people` connected by distances under `distance_m`), "contact" (two people of
+            different groups closer than `distance_m`), or "silence" (a camera sends nothing).
+        for_s: How long it must last before the alarm starts, in seconds.
+        area_id: Area it must happen in; None = anywhere.
+        camera_ids: Cameras it is about; empty = all.
+        n_people: People of a gathering.
+        cooldown_s: After an end, the same situation at the same place is not told again for this long.
+        is_open_only: Only during opening hours.
+    """
+
+    alarm_id: str
+    kind: AlarmKind
+    for_s: float
+    area_id: str | None = None
+    camera_ids: tuple[str, ...] = ()
+    n_people: int = 3
+    cooldown_s: float = 300.0
+    is_open_only: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmDelivery:
+    """Where alarms go besides the screen.
+
+    Attributes:
+        webhook: http(s) address that gets each event as a JSON POST; None = none.
+        topic: MQTT topic of the broker of `[mqtt]` that gets each event; None = none.
+    """
+
+    webhook: str | None = None
+    topic: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """The MQTT broker frame messages come from.
+
+    Attributes:
+        host: Name or address.
+        port: TCP port.
+        topics: Topic filters subscribed to.
+        client_id: Names the persistent session; one listener per client id.
+        username: None = no login; the password is never in vsd.toml: see `password_file`.
+        password_file: File with the password on its first line; the environment's VSD_MQTT_PASSWORD wins.
+        is_tls: Encrypt.
+        ca_file: Certificates to trust; None = the system's.
+        cert_file, key_file: Certificate and key that name this client to the broker.
+        status_topic: Topic of the heartbeat; None = none.
+    """
+
+    host: str
+    port: int = 1883
+    topics: tuple[str, ...] = ("vsd/+/frames",)
+    client_id: str = "vsd-listen"
+    username: str | None = None
+    password_file: Path | None = None
+    is_tls: bool = False
+    ca_file: Path | None = None
+    cert_file: Path | None = None
+    key_file: Path | None = None
+    status_topic: str | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Site:
     """Everything `vsd.toml` and its neighbours say.
@@ -118,6 +191,9 @@ class Site:
         day_starts_min: Minutes after local midnight at which a site day starts.
         floors, cameras, areas: In the order of the file.
         settings: Values in force.
+        broker: `[mqtt]`; None = no live source.
+        alarms: `[[alarm]]`, in the order of the file.
+        alarm_delivery: `[alarms]`.
         ingest_map: `[ingest.map]`, ours to theirs.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """
@@ -132,6 +208,9 @@ class Site:
     floors: tuple[Floor, ...] = ()
     cameras: tuple[Camera, ...] = ()
     areas: tuple[Area, ...] = ()
+    broker: Broker | None = None
+    alarms: tuple[AlarmRule, ...] = ()
+    alarm_delivery: AlarmDelivery = field(default_factory=AlarmDelivery)
     settings: Settings = field(default_factory=Settings)
     ingest_map: dict[str, str] = field(default_factory=dict)
     setting_sources: dict[str, str] = field(default_factory=dict)

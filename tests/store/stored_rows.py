@@ -32,7 +32,7 @@ def person(
 
 
 def frame(ts: int = NINE, n_persons: int | None = 1, *, camera: str = "cam-1") -> dict[str, Any]:
-    return {"camera_id": camera, "ts": ts, "n_persons": n_persons, "n_pairs": None}
+    return {"camera_id": camera, "ts": ts, "n_persons": n_persons, "n_pairs": None, "seq": None}
 
 
 def pair(

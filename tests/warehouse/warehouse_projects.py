@@ -98,7 +98,7 @@ def put(site: Site, records: Iterable[Person | Pair | Frame], *, fold: bool = Tr
         elif isinstance(r, Pair):
             pairs.append((r.camera, r.ts, *r.persons, r.a, r.b, *r.xy, r.mm, None, "metric"))
         else:
-            frames.append((r.camera, r.ts, r.n_persons, r.n_pairs))
+            frames.append((r.camera, r.ts, r.n_persons, r.n_pairs, None))
     store = Store(site.root / "store", site_id=site.site_id)
     for name, rows in (("observations", persons), ("pairs", pairs), ("frames", frames)):
         store.append(name, table(name, rows))  # type: ignore[arg-type]

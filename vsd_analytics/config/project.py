@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vsd_analytics.config.lines import TomlText, read_toml
+from vsd_analytics.config.live import read_alarms, read_broker, read_delivery
 from vsd_analytics.config.opening import Spans, parse_opening
 from vsd_analytics.config.places import read_areas, read_cameras, read_floors
 from vsd_analytics.config.reader import Mistakes, TableReader
@@ -113,6 +114,9 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     floors = read_floors(root)
     cameras = read_cameras(root, floors=floors, timezone=timezone)
     areas = read_areas(root, floors=floors)
+    broker = read_broker(root)
+    alarms = read_alarms(root, areas=areas, cameras=cameras)
+    delivery = read_delivery(root)
     root.close()
     if mistakes.all or site_id is None or name is None:
         return None
@@ -127,6 +131,9 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
         floors=tuple(floors.values()),
         cameras=cameras,
         areas=areas,
+        broker=broker,
+        alarms=alarms,
+        alarm_delivery=delivery,
         settings=Settings().with_values(settings.values),
         ingest_map=ingest_map,
         setting_sources=settings.sources,

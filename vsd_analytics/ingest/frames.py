@@ -60,7 +60,12 @@ class FrameMessage(msgspec.Struct, frozen=True, gc=False):
     ]
     persons: tuple[PersonMessage, ...] | None = None
     pairs: tuple[PairMessage, ...] | None = None
-    seq: Annotated[int, msgspec.Meta(ge=0, description="Running number, so that gaps can be reported.")] | None = None
+    seq: (
+        Annotated[
+            int, msgspec.Meta(ge=0, le=2**62, description="Running number of this camera, so that gaps can be told.")
+        ]
+        | None
+    ) = None
     engine: Annotated[str, msgspec.Meta(max_length=200)] | None = None
     quality: str = "metric"
 
@@ -220,6 +225,7 @@ class MessageRows:
             ts_ms=ts_ms,
             n_persons=[None if m.persons is None else len(m.persons) for m in self._messages],
             n_pairs=[None if m.pairs is None else len(m.pairs) for m in self._messages],
+            seq=[m.seq for m in self._messages],
             line=lines,
         )
 

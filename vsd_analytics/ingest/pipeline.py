@@ -191,7 +191,7 @@ def _ingest_one(
             quarantine.add(clean.rejected)
             result.n_dropped.update(clean.n_dropped)
             result.notes += [n for n in batch.notes if n not in result.notes]
-            for name in TABLES:
+            for name in reversed(TABLES):  # a frame is stored after the persons it counts
                 rows = clean.tables.get(name)
                 if rows is None or not rows.num_rows:
                     continue

@@ -76,7 +76,9 @@ def _load(
     con: duckdb.DuckDBPyConnection, table: TableName, parts: Sequence[Part], first_ms: int, after_ms: int
 ) -> None:
     columns = ", ".join(c for c in SCHEMAS[table].names if c not in _UNUSED)
-    rows = "read_parquet($names, union_by_name = true)" if parts else _empty(con, table)
+    rows = _empty(con, table)
+    if parts:  # parts written before a column existed lack it
+        rows = f"(select * from {rows} union all by name select * from read_parquet($names, union_by_name = true))"
     con.execute(
         f"create temp table stored_{table} as select {columns} from {rows} "
         f"where epoch_ms(ts) >= {first_ms:d} and epoch_ms(ts) < {after_ms:d}",

@@ -1,0 +1,1 @@
+"""The live branch: MQTT listener, watched folders, alarms."""
