@@ -10,7 +10,7 @@ from typing import Any
 
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.config.values import parse_instant
-from vsd_analytics.errors import InputError, UsageError, Where
+from vsd_analytics.errors import CONTROL, InputError, UsageError, Where
 from vsd_analytics.site import LogEntry, Site
 
 FILE = "log.jsonl"
@@ -82,7 +82,7 @@ def _instant(at: str | datetime, site: Site) -> datetime:
 
 def _one_line(text: str) -> str:
     text = " ".join(text.split())
-    if not text or len(text) > TEXT_MAX_CHARS or not text.isprintable():
+    if not text or len(text) > TEXT_MAX_CHARS or CONTROL.search(text):
         raise UsageError(
             f"the text of a log entry must be 1 to {TEXT_MAX_CHARS} printable characters",
             mend='vsd log add "moved the exhibit away from the entrance" --at 2026-11-11T12:00',
@@ -112,6 +112,9 @@ def _entry(line: str, *, number: int, path: Path, site: Site) -> LogEntry:
     text, area = value.get("text"), value.get("area")
     if not isinstance(text, str) or not text.strip():
         raise _refused(path, text=line, number=number, why='"text" is missing')
+    if len(text) > TEXT_MAX_CHARS or CONTROL.search(text):
+        why = f'"text" is longer than {TEXT_MAX_CHARS} characters or has control characters'
+        raise _refused(path, text=line, number=number, why=why)
     if area is not None and not isinstance(area, str):
         raise _refused(path, text=line, number=number, why='"area" is neither an area id nor null')
     try:

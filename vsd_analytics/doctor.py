@@ -25,6 +25,8 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 MAC_BROWSER = Path("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome")
 NETWORK_FILE_SYSTEMS = ("nfs", "cifs", "smb", "afp", "9p", "sshfs", "fuse.sshfs", "glusterfs", "ceph")
 OLD_CALIBRATION_DAYS = 365
+QUICK_BYTES = 200_000_000
+"""Stored bytes compared with their hashes here, newest first: about a second; `vsd verify` reads them all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +56,18 @@ class SettingInForce:
     source: str
 
 
-def examine(start: Path, *, now: datetime, environ: Mapping[str, str]) -> tuple[Finding, ...]:
+def examine(
+    start: Path, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None = None
+) -> tuple[Finding, ...]:
     """Look at the machine and at the project at or above `start`.
 
     Args:
         start: Folder to look from.
         now: The clock.
         environ: Environment with overrides of settings.
+        broker_config: The broker's mosquitto.conf, to be checked too.
     """
-    return (*_machine(), *_project(start, now=now, environ=environ))
+    return (*_machine(), *_project(start, now=now, environ=environ, broker_config=broker_config))
 
 
 def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
@@ -107,7 +112,9 @@ def _browser(which: Callable[[str], str | None]) -> Finding:
     return Finding("browser", "ok", Path(path).name)
 
 
-def _project(start: Path, *, now: datetime, environ: Mapping[str, str]) -> Iterator[Finding]:
+def _project(
+    start: Path, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None
+) -> Iterator[Finding]:
     try:
         folder = find_project(start)
     except VsdError as error:
@@ -125,7 +132,10 @@ def _project(start: Path, *, now: datetime, environ: Mapping[str, str]) -> Itera
         return
     yield Finding(FILE, "ok", f"site {site.site_id!r}: {len(site.floors)} floor(s), {len(site.cameras)} camera(s)")
     yield _store(site)
+    yield _disk(site)
     yield _pseudonyms(site)
+    yield from _watch(site)
+    yield from _live(site, now=now, environ=environ, broker_config=broker_config)
     yield _plans(site)
     for camera in site.cameras:
         yield _calibration(camera, now=now)
@@ -161,12 +171,58 @@ def _store(site: Site) -> Finding:
     if not days:
         return Finding("store", "needs you", "nothing is stored yet", "vsd ingest FILES...")
     from vsd_analytics.store import Store
+    from vsd_analytics.store.verify import all_parts, check_parts, newest_parts
 
-    if damaged := Store(site.root / "store", site_id=site.site_id).damaged():
+    store = Store(site.root / "store", site_id=site.site_id)
+    newest, n_all = newest_parts(store, n_bytes=QUICK_BYTES), len(all_parts(store))
+    if damaged := [f.path for check in check_parts(newest)[:2] for f in check.damages]:
         names = ", ".join(str(path.relative_to(site.root)) for path in damaged[:3])
         detail = f"{len(damaged)} damaged file(s), the bytes are not those whose hash stands in the name: {names}"
-        return Finding("store", "needs you", detail, "restore them from a backup, or move them away: vsd explain E302")
-    return Finding("store", "ok", f"{len(days)} UTC day(s), {days[0]} to {days[-1]}")
+        return Finding("store", "needs you", detail, "vsd verify says what to do about each; vsd explain E302")
+    looked = f"; looked at the newest {len(newest):,} of {n_all:,} files, vsd verify reads all"
+    told = f"{len(days)} UTC day(s), {days[0]} to {days[-1]}" + (looked if len(newest) < n_all else "")
+    return Finding("store", "ok", told)
+
+
+def _watch(site: Site) -> Iterator[Finding]:
+    from vsd_analytics.live.watch import read_watch_status
+
+    told = read_watch_status(site.root)
+    if told is None:
+        return
+    folder, error = told.get("folder"), told.get("error")
+    counts = f"{told.get('done')} files ingested, {told.get('failed')} failed, {told.get('open')} open"
+    if told["is_running"] and not error:
+        yield Finding("watched folder", "ok", f"{folder}: {counts} since {told.get('started')}")
+    elif told["is_running"]:
+        mend = "mend it; the watch goes on by itself"
+        yield Finding("watched folder", "needs you", f"{folder}: {error} ({counts})", mend)
+    elif told.get("state") == "stopped":
+        yield Finding("watched folder", "note", f"{folder} is not watched since {told.get('at')} ({counts})")
+    else:
+        died = f"the watch of {folder} died after {told.get('at')} ({counts})"
+        yield Finding("watched folder", "needs you", died, f"vsd ingest --watch {folder}")
+
+
+def _live(site: Site, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None) -> Iterator[Finding]:
+    if site.broker is None:
+        return
+    from vsd_analytics.live.broker_check import examine_live
+
+    yield from examine_live(site, now=now, environ=environ, config=broker_config)
+
+
+def _disk(site: Site) -> Finding:
+    """Tell whether there is room, and the ballast that lets a full disk still fold what it acknowledged."""
+    from vsd_analytics.store import ballast
+
+    free_mb = shutil.disk_usage(site.root).free / 1e6
+    wanted_mb = float(site.settings.ballast_mb)
+    kept = "the ballast is in store/.ballast" if ballast.is_kept(site.root / "store") else "no ballast yet"
+    detail = f"{free_mb:,.0f} MB free, {kept}" if wanted_mb else f"{free_mb:,.0f} MB free"
+    if free_mb < max(wanted_mb, 10.0):
+        return Finding("disk", "needs you", detail, "free some space soon: vsd explain E304")
+    return Finding("disk", "ok", detail)
 
 
 def _pseudonyms(site: Site) -> Finding:

@@ -5,8 +5,16 @@ All classes inherit `VsdError`, so `except VsdError` catches everything this pac
 
 from __future__ import annotations
 
+import errno
+import os
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that no text of one line may carry to a terminal or a page: control characters other than the tab,
+separators of lines, overrides of the direction of writing, lone surrogates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +112,44 @@ class StoreError(VsdError):
     default_code = "E300"
 
 
+class DiskError(StoreError, OSError):
+    """The disk refused: full (E304), read-only (E305), or broken (E306). An OSError with its `errno` as well."""
+
+
+_DISK_FAULTS: Final[Mapping[int, tuple[str, str, str]]] = {
+    errno.ENOSPC: ("E304", "the disk is full", "free some space there (df -h shows it)"),
+    errno.EDQUOT: ("E304", "the disk is full", "free some space there, or have the quota raised"),
+    errno.EROFS: ("E305", "the disk can only be read", "mount it for writing; dmesg tells whether it failed"),
+    errno.EIO: ("E306", "the disk reports an error", "look at dmesg and the disk's health, and make a backup"),
+}
+
+
+def disk_error(error: BaseException, *, path: object = None) -> DiskError | None:
+    """Return the error for people of a disk that refused, or None when `error` is about something else.
+
+    Args:
+        error: An OSError, or an error of a library whose text ends in the system's own words.
+        path: What was written or read; None = what the error itself names.
+    """
+    if isinstance(error, DiskError):
+        return error
+    text = str(error)
+    number: int = getattr(error, "errno", None) or next((n for n in _DISK_FAULTS if os.strerror(n) in text), 0)
+    if number not in _DISK_FAULTS:
+        return None
+    code, what, mend = _DISK_FAULTS[number]
+    file = path if path is not None else getattr(error, "filename", None)
+    told = DiskError(
+        what,
+        code=code,
+        where=None if file is None else Where(os.fsdecode(file) if isinstance(file, bytes) else str(file)),
+        why=f"{os.strerror(number)}: what was not acknowledged is not stored, what was acknowledged is safe",
+        mend=f"{mend}, then run the same command again: nothing counts twice",
+    )
+    told.errno, told.strerror = number, os.strerror(number)
+    return told
+
+
 class CalibrationError(VsdError, ValueError):
     """A homography or its point pairs cannot be used (E4xx)."""
 
@@ -120,3 +166,9 @@ class SqlError(VsdError):
     """A SQL file breaks its own header, or a query of the user failed (E6xx)."""
 
     default_code = "E600"
+
+
+class LiveError(VsdError):
+    """The live branch cannot go on (E7xx)."""
+
+    default_code = "E700"

@@ -154,6 +154,48 @@ computed from the store: a folder facts with damaged files can be deleted, and v
 The key of a day in secrets/ is damaged. With another key, records of that day that are delivered again would not be
 recognised and would count twice, so they are refused.
 Mend: restore the file from a backup. Without one, ingest nothing more of that day.""",
+    "E304": """\
+The disk is full (or your quota is). Nothing is acknowledged that is not stored: what the message names was not written,
+what was stored before stays and is read as ever.
+Mend: free some space (df -h), then run the same command again; what was read already is recognised. A fold of the spool
+gives up store/.ballast first (setting ballast_mb), so that acknowledged records find their place even then.""",
+    "W304": """\
+The disk is full. The ballast file of the store (store/.ballast, setting ballast_mb) was given up to put acknowledged
+records in their place. Nothing is lost, and the next time there will be no ballast.
+Mend: free some space soon (df -h); the ballast comes back by itself when there is plenty of room.""",
+    "E305": """\
+The disk can only be read. Reports and figures whose facts are fresh still work; nothing can be stored or computed anew.
+Common causes: mounted read-only on purpose (a backup), or by the system itself after the disk failed.
+Mend: dmesg tells which; then mount it for writing and run the same command again.""",
+    "E306": """\
+The disk reports an error while reading or writing. What could not be synced counts as not stored and was not
+acknowledged; it is never synced a second time, since the system may have dropped it after the first.
+Mend: look at dmesg and at the disk's health (smartctl), copy the store to another disk, then: vsd verify.""",
+    "E307": """\
+A file stands among those of the store or of the facts and is none of them: its name is not one this program writes in
+that place. It is left alone and not read here, but a program of yours that reads the whole folder would read it too.
+Common causes: a copy made by hand, a file manager's own files, the store of another site, facts of hours that are gone.
+Mend: look at the file named and move it away; facts can be deleted, they are computed again.""",
+    "E310": """\
+A purge would remove more than half of what is stored, so nothing was removed.
+Common causes: a year or month mistyped; a first purge of a store that was never purged.
+Mend: vsd purge ... --dry-run shows what would go; if it is meant, add --force. There is no way back but a backup.""",
+    "W310": """\
+Some hours of the range were purged: their records are gone and their figures stand as they were sealed. Since then
+the settings, cameras, calibrations or queries have changed, so newer hours are computed by other rules.
+Mend: nothing is wrong, but do not compare the two. Figures within either part agree with each other.""",
+    "E311": """\
+Records shall be removed and somebody else is reading them (a report, a query, a notebook), or the other way round.
+Nobody may see half a removal, so it waits, at most ten minutes.
+Mend: close what reads the store, then run the same command again. A lock ends with the program that held it.""",
+    "E312": """\
+The range of a purge cuts an hour whose records were purged before and whose sums alone are kept.
+Out of sums a camera can be taken wholly, not for some minutes.
+Mend: widen the range to whole UTC hours there, as the message shows, or leave that hour out.""",
+    "E313": """\
+A file below sealed/ is damaged or gone: the facts of a day whose records were purged, or the note that names them.
+Nothing can compute them again, so they are not guessed. Common causes: a failing disk, a file changed by hand.
+Mend: restore the folder sealed from a backup.""",
     "E400": """\
 A calibration cannot be used. Mend: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\
@@ -211,6 +253,38 @@ correct the header or the query so that both say the same.""",
 A query of your own could not be run; the database's own words follow in the message.
 Queries may read the store and the facts of this project and nothing else: no other file, no network, no setting.
 Mend: vsd sql --list shows the relations, vsd sql --show NAME the text of one, vsd schema tables the columns.""",
+    "E700": """\
+The live branch cannot go on. Mend: as the message says.""",
+    "E701": """\
+The listener has no connection to the broker of [mqtt].
+Common causes: the broker is not running, or not reachable from this machine (firewall, listener bound to 127.0.0.1);
+host or port are wrong; it refuses user or password; its certificate is not trusted, or names another host.
+Mend: vsd doctor tells what the broker answers. A listener without --connect-timeout goes on trying by itself.""",
+    "E702": """\
+Another client connected to the broker with the listener's client id, so the broker closed the listener's connection.
+Going on would throw the other one out, and be thrown out again, for ever: this one stopped. Nothing acknowledged is
+lost; what was not acknowledged goes to the other client.
+Common causes: a second machine with a copy of the project, a test left running.
+Mend: stop one of the two, or give them different client_id under [mqtt].""",
+    "E703": """\
+vsd.toml names no MQTT broker. Mend: add [mqtt] with host = "localhost"; docs/live.md shows all keys.""",
+    "E704": """\
+The password of the broker cannot be read. It stands on the first line of password_file, or in the environment variable
+VSD_MQTT_PASSWORD, and never in vsd.toml.""",
+    "E705": """\
+The certificates of [mqtt] cannot be used: a file is not PEM, is not readable, or key_file does not belong to cert_file.
+Mend: openssl x509 -in FILE -noout -text shows a certificate; docs/live.md shows how to make a set.""",
+    "E706": """\
+A listener of this project runs on this machine already. Two would share one session and take it from each other.
+Mend: vsd doctor tells its process id; stop it (systemctl stop vsd-listen), or leave it running.""",
+    "E710": """\
+Another process watches this folder, or one folder was given to two projects. Two would take each other's files away.
+Mend: stop the other one (vsd doctor tells its process id), or watch another folder.""",
+    "E710": """\
+An alarm could not be delivered. It stands in alarms.jsonl all the same, unless it was the sample of vsd alarms --test.
+Common causes: a wrong address or port; the receiver is down, slow or wants another token (VSD_WEBHOOK_TOKEN); its
+certificate is not trusted; it redirects to another address, which is not followed, since the token would go there too.
+Mend: the message carries the receiver's own answer. Then: vsd alarms --test""",
     "E900": """\
 An internal error: a mistake in this program, not in your data. The store is left consistent.
 Mend: run the command again with -v and report the traceback it prints, after reading it for private names.""",

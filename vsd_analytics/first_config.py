@@ -142,6 +142,13 @@ def render(answers: Answers) -> str:
         '# id = "checkout-queue"',
         '# name = "Checkout queue"',
         "# polygon = [[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]",
+        "",
+        "# [[alarm]]   # something to be told of while it lasts: docs/alarms.md",
+        '# id = "queue-too-full"',
+        '# kind = "gathering"         # or contact, silence',
+        "# people = 4                 # at least, closer than distance_m from one to the next",
+        "# for_s = 60",
+        '# area = "checkout-queue"',
     ]
     if answers.distance_m > BY_NAME["pair_max_m"].default:  # pairs must be kept a little beyond the distance
         lines += ["", "[rule]", f"pair_max_m = {answers.distance_m + 0.5:g}"]

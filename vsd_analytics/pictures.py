@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -18,15 +19,17 @@ def picture_size(path: Path) -> tuple[float, float] | None:
     """
     try:
         return _svg_size(path) if path.suffix.lower() == ".svg" else _raster_size(path)
-    except (OSError, ValueError, SyntaxError):  # SyntaxError: Pillow's and ElementTree's word for a damaged file
+    except (OSError, ValueError, SyntaxError, LookupError):  # Pillow and ElementTree call damage a SyntaxError
         return None
 
 
 def _raster_size(path: Path) -> tuple[float, float]:
+    import warnings
+
     from PIL import Image
 
     try:
-        with Image.open(path) as picture:
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as picture:  # nothing is decoded here
             return picture.size
     except Image.DecompressionBombError as error:
         raise ValueError(str(error)) from None
@@ -41,7 +44,7 @@ def _svg_size(path: Path) -> tuple[float, float] | None:
         return None
     box = [float(part) for part in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if part]
     width, height = box[2:] if len(box) == 4 else (_length(root.get(side, "")) for side in ("width", "height"))
-    return (width, height) if width > 0 and height > 0 else None
+    return (width, height) if 0 < width < math.inf and 0 < height < math.inf else None
 
 
 def _length(text: str) -> float:

@@ -93,10 +93,12 @@ KEYS: Final[dict[TableName, tuple[str, ...]]] = {
 }
 
 # What adapters hand over, before validation, unit conversion and pseudonyms: engine's own names and metres.
+# zone is the one a time without an offset was read in; null = the time said itself which instant it is.
 RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
     "frames": _columns(
         ("camera", pa.string(), True),
         ("ts_ms", pa.int64(), True),
+        ("zone", pa.string(), True),
         ("n_persons", pa.int32(), True),
         ("n_pairs", pa.int32(), True),
         ("seq", pa.int64(), True),
@@ -105,6 +107,7 @@ RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
     "observations": _columns(
         ("camera", pa.string(), True),
         ("ts_ms", pa.int64(), True),
+        ("zone", pa.string(), True),
         ("person", pa.int32(), False),
         ("track", pa.string(), True),
         ("x_m", pa.float64(), True),
@@ -117,6 +120,7 @@ RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
     "pairs": _columns(
         ("camera", pa.string(), True),
         ("ts_ms", pa.int64(), True),
+        ("zone", pa.string(), True),
         ("person_a", pa.int32(), False),
         ("person_b", pa.int32(), False),
         ("track_a", pa.string(), True),

@@ -289,6 +289,8 @@ left join cameras on p.camera_id = cameras.camera_id
 left join owner_cells
     on
         cameras.floor_id = owner_cells.floor_id
+        and p.ts_ms >= owner_cells.from_ms
+        and p.ts_ms < owner_cells.to_ms
         and cast(floor((p.x_a_mm + p.x_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cx
         and cast(floor((p.y_a_mm + p.y_b_mm) / (2 * s.owner_cell_mm)) as integer) = owner_cells.cy
 order by hour, p.camera_id, p.ts_ms, p.member_a, p.member_b, p.distance_mm

@@ -112,6 +112,8 @@ inner join cameras on s.camera_id = cameras.camera_id
 left join owner_cells
     on
         cameras.floor_id = owner_cells.floor_id
+        and s.started_ms >= owner_cells.from_ms
+        and s.started_ms < owner_cells.to_ms
         and floor(s.x_mm / params.owner_cell_mm) = owner_cells.cx
         and floor(s.y_mm / params.owner_cell_mm) = owner_cells.cy
 order by s.started_ms, s.camera_id, s.track_a, s.track_b

@@ -65,5 +65,7 @@ left join cameras on p.camera_id = cameras.camera_id
 left join owner_cells
     on
         cameras.floor_id = owner_cells.floor_id
+        and p.ts_ms >= owner_cells.from_ms
+        and p.ts_ms < owner_cells.to_ms
         and cast(floor(p.x_mm / s.owner_cell_mm) as integer) = owner_cells.cx
         and cast(floor(p.y_mm / s.owner_cell_mm) as integer) = owner_cells.cy

@@ -164,5 +164,5 @@ def parse(words: list[str]) -> None:
             if found is None:
                 raise click.UsageError(f"no command {word!r} in: {' '.join(words)}")
             command = found
-            known = {o: p for p in command.params if isinstance(p, click.Option) for o in p.opts}
+            known = {o: p for p in command.params if isinstance(p, click.Option) for o in (*p.opts, *p.secondary_opts)}
         arguments = arguments[1:]

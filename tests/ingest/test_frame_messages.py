@@ -29,7 +29,7 @@ def test_a_message_becomes_a_frame_its_persons_and_its_pairs(tmp_path: Path) -> 
     pairs = [{"a": "7", "b": 9, "distance_m": 1.42, "sd_m": 0.15}]
     text = line(persons=persons, pairs=pairs, seq=3, engine="acme 2", quality="body", ts="2026-11-09T10:00:00.2+01:00")
     found = read_frames(tmp_path / "a.jsonl", text)
-    shared = {"camera": "cam-1", "ts_ms": NINE_MS + 200, "line": 1}
+    shared = {"camera": "cam-1", "ts_ms": NINE_MS + 200, "zone": None, "line": 1}
     assert found.tables["frames"] == [{**shared, "n_persons": 3, "n_pairs": 1, "seq": 3}]
     blank = {"track": None, "x_m": None, "y_m": None, "u_px": None, "v_px": None}
     assert found.people == [

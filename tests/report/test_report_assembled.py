@@ -116,6 +116,9 @@ def test_empty_week_has_people_and_an_upper_bound(tmp_path: Path) -> None:
 
 
 def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -> None:
+    def pixels(track: str, x: float, y: float) -> dict[str, Any]:
+        return {"id": track, "u_px": 100 * x, "v_px": 100 * y}
+
     (tmp_path / "calibration").mkdir(parents=True)
     for name, scale in (("old", 0.01), ("new", 0.011)):
         np.savetxt(tmp_path / "calibration" / f"{name}.txt", np.diag([scale, 0.01, 1.0]))
@@ -124,7 +127,8 @@ def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -
         '[[calibration]]\nhomography = "calibration/new.txt"\nfrom = 2026-11-12T08:00:00+01:00\n',
         encoding="utf-8",
     )
-    site = w.world(tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), w.messages(busy))
+    streams = w.messages(busy, monday=w.BEFORE, say=pixels), w.messages(busy, say=pixels)
+    site = w.world(tmp_path, w.toml(), *streams)
     assert [len(c.calibrations) for c in site.cameras] == [2]
     report = w.report(site)
     assert report.state == "settings_changed"

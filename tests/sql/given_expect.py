@@ -111,6 +111,8 @@ def types() -> Mapping[str, Mapping[str, str]]:
         con.register("_empty", schema.empty_table())
         con.execute(f"create temp table stored_{table} as select * from _empty")
         found[f"stored_{table}"] = _described(con, f"stored_{table}")
+        con.execute(f"create temp table part_{table} as select *, 0 as part, 0 as part_hour, 0 as part_row from _empty")
+        found[f"part_{table}"] = _described(con, f"part_{table}")
     con.register("_calendar", calendar(site(), date(1970, 1, 1), date(1970, 1, 1)))
     con.execute("create temp table calendar as select * from _calendar where false")
     found["calendar"] = _described(con, "calendar")
@@ -121,7 +123,7 @@ def types() -> Mapping[str, Mapping[str, str]]:
 
 
 def all_relations() -> list[Relation]:
-    return [*relations("staging", "facts").values(), *relations("marts").values()]
+    return [*relations("staging", "facts").values(), *relations("marts").values(), *relations("audits").values()]
 
 
 def _described(con: duckdb.DuckDBPyConnection, table: str) -> dict[str, str]:
@@ -138,7 +140,7 @@ def _fill(con: duckdb.DuckDBPyConnection, table: str, rows: list[dict[str, str]]
     con.execute(f"delete from {table}")
     for row in rows:
         values = {**{k: _text(v) for k, v in defaults.items()}, **row}
-        if table.startswith("stored_"):
+        if table.startswith(("stored_", "part_")):
             values["ts"] = values.pop("ts_ms")
         given = {c: v for c, v in values.items() if v != "null"}
         assert given.keys() <= kinds.keys(), f"{table} has no column {given.keys() - kinds.keys()}"

@@ -67,3 +67,8 @@ def stored(root: Path) -> dict[str, list[dict[str, Any]]]:
 
 def part_names(root: Path) -> list[str]:
     return sorted(str(p.relative_to(root)) for t in TABLES for p in (root / t).rglob("*.parquet"))
+
+
+def litter_of(project: Path) -> list[str]:
+    """Return what a removal may leave nowhere: temporary files and intents."""
+    return sorted(str(p) for p in [*project.rglob("*.tmp"), *(project / "store" / "purge").glob("*")])

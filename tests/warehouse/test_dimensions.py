@@ -10,7 +10,8 @@ import pytest
 from warehouse_projects import T0, Person, make_site, open_days, put
 
 from vsd_analytics.site import Area, Calibration, Camera
-from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar, site_digest
+from vsd_analytics.warehouse.causes import SiteTimes
+from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar
 
 ROOT = Path()
 HALF_PAST = tuple(((8 * 60 + 30, 20 * 60),) for _ in range(7))
@@ -74,5 +75,5 @@ def test_what_decides_the_ground_side_of_a_homography_is_part_of_the_digest() ->
     tilted = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -0.01, 1.0)), None, "0" * 8)
     camera = Camera("cam", "Cam", "ground", calibrations=(tilted,), picture_px=(640, 90))
     high = replace(camera, picture_px=(640, 480))
-    digests = {site_digest(make_site(ROOT, cameras=[c])) for c in (camera, high)}
-    assert len(digests) == 2
+    sites = [make_site(ROOT, cameras=[c]) for c in (camera, high)]
+    assert len({SiteTimes(site).of_hour(0, present={"cam"})["calibration"] for site in sites}) == 2

@@ -62,6 +62,7 @@ class Frame:
     camera: str = "cam"
     n_persons: int | None = 0
     n_pairs: int | None = None
+    seq: int | None = None
 
 
 def make_site(
@@ -98,7 +99,7 @@ def put(site: Site, records: Iterable[Person | Pair | Frame], *, fold: bool = Tr
         elif isinstance(r, Pair):
             pairs.append((r.camera, r.ts, *r.persons, r.a, r.b, *r.xy, r.mm, None, "metric"))
         else:
-            frames.append((r.camera, r.ts, r.n_persons, r.n_pairs, None))
+            frames.append((r.camera, r.ts, r.n_persons, r.n_pairs, r.seq))
     store = Store(site.root / "store", site_id=site.site_id)
     for name, rows in (("observations", persons), ("pairs", pairs), ("frames", frames)):
         store.append(name, table(name, rows))  # type: ignore[arg-type]

@@ -76,9 +76,21 @@ def sql(
             return
         frame = run_query(warehouse, query)
     if kind == "csv":
-        click.echo(frame.to_csv(index=False, lineterminator="\n"), nl=False)
+        click.echo(_csv(frame), nl=False)
     else:
         click.echo(plain(_missing_as_dash(frame).to_string(index=False, max_rows=200, na_rep=_MISSING)))
+
+
+def _csv(frame: pd.DataFrame) -> str:
+    """Return a frame as CSV in which no text is a formula to a spreadsheet and no control character is left."""
+    from vsd_analytics.report.twins import safe_cell
+
+    def shown(value: object) -> object:
+        return safe_cell(plain(value)) if isinstance(value, str) else value
+
+    texts = {c: frame[c].map(shown) for c in frame.columns[frame.dtypes.map(lambda kind: kind.kind == "O")]}
+    named = frame.assign(**texts).set_axis([shown(str(c)) for c in frame.columns], axis="columns")
+    return named.to_csv(index=False, lineterminator="\n")
 
 
 def _missing_as_dash(frame: pd.DataFrame) -> pd.DataFrame:

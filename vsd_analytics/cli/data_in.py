@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
     from vsd_analytics.ingest.adapter import IngestOptions
     from vsd_analytics.ingest.pipeline import IngestResult, SourceResult
     from vsd_analytics.schema import TableName
+    from vsd_analytics.store import FoldResult
 
 _CODE = re.compile(r"^W\d{3}: ")
 
 
 def _file_options(command: F) -> F:
     options: list[Callable[[Any], Any]] = [
-        click.argument("files", nargs=-1, required=True, metavar="FILES..."),
         click.option(
             "--format",
             "kind",
@@ -99,23 +99,47 @@ def _file_options(command: F) -> F:
 
 
 @click.command()
+@click.argument("files", nargs=-1, metavar="[FILES...]")
 @_file_options
+@click.option("--watch", "folder", metavar="DIR", help="Ingest every file that appears in DIR, until stopped.")
 @click.option("--dry-run", is_flag=True, help="Read and check everything, write nothing.")
 @json_option
 @pass_project
-def ingest(project: Project, /, files: tuple[str, ...], dry_run: bool, as_json: bool, **given: Any) -> int:
+def ingest(
+    project: Project,
+    /,
+    files: tuple[str, ...],
+    folder: str | None,
+    dry_run: bool,
+    as_json: bool,
+    **given: Any,
+) -> int:
     """Read engine output into the store. Records already stored are recognised; bad ones are quarantined.
+
+    With --watch the command runs until it is stopped (SIGTERM or Ctrl-C): each file that appears in the folder is
+    ingested once it stands still, then moved to DIR/done, or to DIR/failed with the reason beside it. Names that begin
+    with a dot or end in .part or .tmp are left alone, so that a file can be written under one and then renamed.
 
     \b
     Example:
       vsd ingest frames.jsonl
       vsd ingest day1.csv.gz --format positions --columns ts,track_id,x_m,y_m --camera cam-1 --period 1
       vsd ingest export.csv --map ts=time --map x_m=x --map y_m=y --dry-run
+      vsd ingest --watch /srv/engine-out
     """
+    if folder is not None:
+        if files or dry_run:
+            raise UsageError("--watch DIR takes neither FILES nor --dry-run", mend="vsd ingest --watch DIR")
+        return _watch(project, Path(folder), given, as_json=as_json)
+    if not files:
+        raise UsageError(
+            "Missing argument 'FILES...'", why="neither FILES nor --watch DIR were given", mend="vsd ingest FILES..."
+        )
     return _read(project, files, given, is_dry_run=dry_run, as_json=as_json)
 
 
 @click.command()
+@click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @_file_options
 @json_option
 @pass_project
@@ -132,7 +156,7 @@ def check(project: Project, /, files: tuple[str, ...], as_json: bool, **given: A
 @click.command()
 @json_option
 @pass_project
-def build(project: Project, /, as_json: bool) -> None:
+def build(project: Project, /, as_json: bool) -> int:
     """Compute the facts that are stale, and say why each was. Figures and reports do this by themselves.
 
     \b
@@ -143,7 +167,8 @@ def build(project: Project, /, as_json: bool) -> None:
     from vsd_analytics.warehouse.build import build as build_facts
 
     site = project.site
-    Store(site.root / "store", site_id=site.site_id).fold()
+    folded = Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb).fold()
+    _warn_of_full_disk(folded)
     with progress(None, total=None, label="facts", unit="h", quiet=project.quiet) as bar:
 
         def plan(n_hours: int) -> None:
@@ -152,10 +177,11 @@ def build(project: Project, /, as_json: bool) -> None:
         result = build_facts(site, on_plan=plan, on_hours=bar.update)
     if as_json:
         emit_json({"n_fresh": result.n_fresh, "n_built": result.n_built, "reasons": dict(result.reasons)})
-        return
+        return int(folded.is_ballast_spent)
     for reason, n in sorted(result.reasons.items()):
         click.echo(f"{n:>8,} hours  {reason}")
     click.echo(f"{result.n_built:,} hours computed, {result.n_fresh:,} were fresh")
+    return int(folded.is_ballast_spent)
 
 
 def _read(project: Project, files: tuple[str, ...], given: dict[str, Any], *, is_dry_run: bool, as_json: bool) -> int:
@@ -186,7 +212,42 @@ def _read(project: Project, files: tuple[str, ...], given: dict[str, Any], *, is
     if any(s.error for s in result.sources):
         return 2
     warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)
-    return 1 if result.n_rejected or warned else 0
+    return 1 if result.n_rejected or warned or result.fold.is_ballast_spent else 0
+
+
+def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:
+    import signal
+    import threading
+    from datetime import UTC, datetime
+
+    from vsd_analytics.live.watch import watch
+
+    stopped = threading.Event()
+
+    def clock() -> datetime:
+        return project.now if project.now_text is not None else datetime.now(tz=UTC)
+
+    before = {s: signal.signal(s, lambda *_: stopped.set()) for s in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        project.say(f"watching {folder}; Ctrl-C ends it")
+        status = watch(
+            project.site,
+            folder,
+            _options(project, given),
+            clock=clock,
+            sleep=stopped.wait,
+            stop=stopped.is_set,
+            on_source=None if project.quiet or as_json else lambda source: _tell_source(project, source),
+            tell=project.say,
+        )
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if as_json:
+        emit_json(status.as_dict(now=clock()))
+    else:
+        project.say(f"{_count(status.n_done, 'file')} ingested, {status.n_failed:,} failed, {status.n_open:,} open")
+    return 0
 
 
 def _size(path: Path) -> int:
@@ -199,23 +260,9 @@ def _size(path: Path) -> int:
 
 
 def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
-    from vsd_analytics.config.reader import nearest
     from vsd_analytics.ingest.adapter import IngestOptions
-    from vsd_analytics.ingest.columns import KNOWN
 
-    renames = {}
-    for text in (part for r in given["renames"] for part in r.split(",")):
-        ours, equals, theirs = text.partition("=")
-        if not equals or not ours.strip() or not theirs.strip():
-            raise UsageError(f"--map {text!r} is not OURS=THEIRS", mend="--map ts=time")
-        if ours.strip() not in KNOWN:
-            near = nearest(ours.strip(), KNOWN)
-            raise UsageError(
-                f"--map {text!r}: no column of ours is called {ours.strip()!r}",
-                why=f"ours: {', '.join(KNOWN)}",
-                mend=f"--map {near or 'ts'}={theirs.strip()}",
-            )
-        renames[ours.strip()] = theirs.strip()
+    renames = renames_of(given["renames"])
     size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", given["resolution"])
     if size is None:
         raise UsageError(f"--resolution {given['resolution']!r} is not WIDTHxHEIGHT", mend="--resolution 640x480")
@@ -243,6 +290,31 @@ def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
         threshold_m=given["threshold_m"],
         engine=given["engine"],
     )
+
+
+def renames_of(given: Sequence[str]) -> dict[str, str]:
+    """Return the column renames of `--map`, ours to theirs.
+
+    Raises:
+        UsageError: E101, one is not OURS=THEIRS, or no column of ours is called so.
+    """
+    from vsd_analytics.config.reader import nearest
+    from vsd_analytics.ingest.columns import KNOWN
+
+    renames = {}
+    for text in (part for r in given for part in r.split(",")):
+        ours, equals, theirs = text.partition("=")
+        if not equals or not ours.strip() or not theirs.strip():
+            raise UsageError(f"--map {text!r} is not OURS=THEIRS", mend="--map ts=time")
+        if ours.strip() not in KNOWN:
+            near = nearest(ours.strip(), KNOWN)
+            raise UsageError(
+                f"--map {text!r}: no column of ours is called {ours.strip()!r}",
+                why=f"ours: {', '.join(KNOWN)}",
+                mend=f"--map {near or 'ts'}={theirs.strip()}",
+            )
+        renames[ours.strip()] = theirs.strip()
+    return renames
 
 
 def _tell_source(project: Project, source: SourceResult) -> None:
@@ -296,6 +368,7 @@ def _tell_total(result: IngestResult, *, is_dry_run: bool) -> None:
     if is_dry_run:
         click.echo("nothing was written")
         return
+    _warn_of_full_disk(result.fold)
     tables = result.fold.tables
     n_new = sum(c.n_new for c in tables.values())
     n_known = sum(c.n_known for c in tables.values())
@@ -305,6 +378,16 @@ def _tell_total(result: IngestResult, *, is_dry_run: bool) -> None:
     said += [f"{_count(n_second, 'second sighting')} left out"] if n_second else []
     said += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
     click.echo(", ".join(said))
+
+
+def _warn_of_full_disk(fold: FoldResult) -> None:
+    if fold.is_ballast_spent:
+        warning = VsdError(
+            "the disk is full: the ballast of the store was given up to put acknowledged records in their place",
+            code="W304",
+            mend="free some space soon (df -h); the ballast comes back by itself",
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
 
 
 def _as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dict[str, Any]:
@@ -332,4 +415,5 @@ def _as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dic
             t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second}
             for t, c in result.fold.tables.items()
         },
+        "is_ballast_spent": result.fold.is_ballast_spent,
     }

@@ -81,22 +81,29 @@ def _emit_indented(value: dict[str, Any]) -> None:
 
 @click.command()
 @click.option("--show-config", is_flag=True, help="Print each setting with its value and where it comes from.")
+@click.option(
+    "--broker-config",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Check this mosquitto.conf too (default: the usual one, when the broker of [mqtt] is on this machine).",
+)
 @json_option
 @pass_project
-def doctor(project: Project, show_config: bool, as_json: bool) -> int:
+def doctor(project: Project, show_config: bool, broker_config: Path | None, as_json: bool) -> int:
     """Look whether machine and project are fit for a weekly report; exit code 1 when something needs you.
 
     \b
     Example:
       vsd doctor
       vsd doctor --show-config
+      vsd doctor --broker-config /etc/mosquitto/mosquitto.conf
     """
     import os
 
     from vsd_analytics import doctor as doctors
 
     start = Path(project.folder)
-    findings = doctors.examine(start, now=project.now, environ=os.environ)
+    findings = doctors.examine(start, now=project.now, environ=os.environ, broker_config=broker_config)
     settings = doctors.settings_in_force(_site_if_valid(start)) if show_config else ()
     needs_you = any(finding.state == "needs you" for finding in findings)
     if as_json:

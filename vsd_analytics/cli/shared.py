@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from vsd_analytics.errors import ConfigError, UsageError, VsdError
+from vsd_analytics.errors import CONTROL, ConfigError, UsageError, VsdError, disk_error
 
 if TYPE_CHECKING:
     from vsd_analytics.site import Site
 
 CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
-
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
 @dataclass
@@ -76,13 +74,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def plain(text: str) -> str:
-    """Return `text` without control characters and direction overrides (newlines and tabs stay)."""
-    return "\n".join(_CONTROL.sub("\ufffd", line) for line in text.split("\n"))
+    """Return `text` without control characters, direction overrides and lone surrogates (newlines and tabs stay)."""
+    return "\n".join(CONTROL.sub("\ufffd", line) for line in text.split("\n"))
 
 
 def emit_json(value: Any) -> None:
-    """Print one JSON object on standard output; NaN never appears, missing is null."""
-    click.echo(json.dumps(value, ensure_ascii=False, allow_nan=False, default=str))
+    """Print one JSON object on standard output; NaN never appears, missing is null, control characters are escaped."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, default=str)
+    click.echo(CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
 def render_error(error: VsdError, *, word: str = "error") -> str:
@@ -111,7 +110,7 @@ def render_error(error: VsdError, *, word: str = "error") -> str:
 
 
 def _short(text: str, n_chars: int = 160) -> str:
-    text = _CONTROL.sub("\ufffd", text).replace("\n", " ")
+    text = CONTROL.sub("\ufffd", text).replace("\n", " ")
     return text if len(text) <= n_chars else text[: n_chars - 1] + "…"
 
 
@@ -148,13 +147,15 @@ def run(command: click.Command, arguments: list[str]) -> int:
         if verbose:
             raise
         what = f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
-        _tell(VsdError(what, code="E120", mend="check the path, its permissions and the free space"), as_json=as_json)
+        refused = VsdError(what, code="E120", mend="check the path, its permissions and the free space")
+        _tell(disk_error(error) or refused, as_json=as_json)
         return 2
     except Exception as error:
         if verbose:
             raise
         what = f"an internal error stopped the command: {type(error).__name__}: {error}"
-        _tell(VsdError(what, code="E900", mend="run it again with -v and report what it prints"), as_json=as_json)
+        internal = VsdError(what, code="E900", mend="run it again with -v and report what it prints")
+        _tell(disk_error(error) or internal, as_json=as_json)
         return 2
 
 

@@ -23,6 +23,7 @@ _TOKEN = re.compile(
     r'"""(?:\\.|[^\\])*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|\#[^\n]*|[\[\]{}\n]',
     re.DOTALL,
 )
+_LONG_NUMBER = re.compile(r"[0-9][0-9_]{17,}|0[xob][0-9A-Fa-f_]{15,}")
 _HEADER = re.compile(r"\s*(\[\[?)(.*?)\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r'\s*((?:"(?:\\.|[^"\\])*"|\'[^\']*\'|[\w\-.]|\s)+?)\s*=')
 
@@ -80,6 +81,8 @@ class TomlText:
         """Return the place of a syntax error, from the words of `tomllib`."""
         found = re.search(r"line (\d+), column (\d+)", str(error))
         number, column = (int(found[1]), int(found[2])) if found else (len(self.lines), 1)
+        if not isinstance(error, tomllib.TOMLDecodeError):
+            number = next((n for n, line in enumerate(self.lines, 1) if _LONG_NUMBER.search(line)), number)
         while number > 1 and not self.lines[number - 1].strip():  # "at end of document" means the last written line
             number, column = number - 1, len(self.lines[number - 2]) + 1
         return Where(self.file, number, self.lines[number - 1].rstrip(), column)
@@ -107,8 +110,10 @@ def read_toml(path: Path, *, name: str) -> tuple[TomlText, VsdError | None]:
             f"cannot read {name}", code="E121", where=Where(name), why=error.strerror, mend="check its permissions"
         )
     try:
-        tomllib.loads(text.text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        values = tomllib.loads(text.text)
+        if _beyond_64_bits(values):
+            raise ValueError("a whole number needs more than 64 bits")
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, and what int() says of thousands of digits
         return text, VsdError(
             f"{name} is not valid TOML: {str(error).partition(' (at ')[0]}",
             code="E121",
@@ -117,6 +122,14 @@ def read_toml(path: Path, *, name: str) -> tuple[TomlText, VsdError | None]:
             mend="mend this line; the rest of the file is read after it",
         )
     return text, None
+
+
+def _beyond_64_bits(value: Any) -> bool:
+    """Tell whether a value holds a whole number that TOML does not know."""
+    if isinstance(value, int):
+        return not -(1 << 63) <= value < 1 << 63
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return any(_beyond_64_bits(v) for v in inner)
 
 
 def _statement_lines(text: str) -> list[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from typing import TypeVar, get_args
+from urllib.parse import urlsplit
 
 from vsd_analytics.config.reader import TableReader, nearest
 from vsd_analytics.site import AlarmDelivery, AlarmKind, AlarmRule, Area, Broker, Camera
@@ -25,10 +26,26 @@ def read_broker(root: TableReader) -> Broker | None:
     ca_file, cert_file, key_file = (table.file(f"{n}_file", example=f'"tls/{n}.pem"') for n in ("ca", "cert", "key"))
     host = table.text("host", example='"localhost"', required=True)
     port = table.number("port", minimum=1, maximum=65535, unit="", example="1883", whole=True)
+    topics = table.texts("topics", example='["vsd/+/frames"]') or _TOPICS
+    for topic in topics:
+        if not is_topic_filter(topic):
+            table.fault(
+                "topics",
+                f"{topic!r} is no topic filter",
+                why="+ stands for one whole level, # for all that follow at the end",
+                mend='topics = ["vsd/+/frames"]',
+            )
+    status_topic = table.text("status_topic", example='"vsd/shop/status"')
+    if status_topic is not None and any(c in status_topic for c in "+#"):
+        mend = 'status_topic = "vsd/shop/status"'
+        table.fault("status_topic", f"{status_topic!r} is no topic: + and # are for filters", mend=mend)
+    if (cert_file is None) != (key_file is None):
+        one, other = ("cert_file", "key_file") if key_file is None else ("key_file", "cert_file")
+        table.missing(other, f'"tls/{other.removesuffix("_file")}.pem"', why=f"{one} is of no use alone")
     broker = Broker(
         host=host or "localhost",
         port=int(port) if port is not None else (8883 if is_tls else 1883),
-        topics=table.texts("topics", example='["vsd/+/frames"]') or _TOPICS,
+        topics=topics,
         client_id=table.text("client_id", example='"vsd-listen"') or _CLIENT_ID,
         username=table.text("username", example='"vsd"'),
         password_file=table.file("password_file", example='"secrets/mqtt-password"'),
@@ -36,10 +53,22 @@ def read_broker(root: TableReader) -> Broker | None:
         ca_file=ca_file,
         cert_file=cert_file,
         key_file=key_file,
-        status_topic=table.text("status_topic", example='"vsd/shop/status"'),
+        status_topic=status_topic,
     )
     table.close()
     return broker
+
+
+def is_topic_filter(text: str) -> bool:
+    """Tell whether a text is an MQTT topic filter: `+` only as a whole level, `#` only as the last one."""
+    levels = text.split("/")
+    return (
+        0 < len(text.encode()) <= 65_535
+        and "\0" not in text
+        and all(level == "+" or "+" not in level for level in levels)
+        and all("#" not in level for level in levels[:-1])
+        and (levels[-1] == "#" or "#" not in levels[-1])
+    )
 
 
 def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collection[Camera]) -> tuple[AlarmRule, ...]:
@@ -56,6 +85,14 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
         for_s = table.number("for_s", minimum=0, maximum=86400, unit="seconds", example="60")
         if "for_s" not in table.values:
             table.missing("for_s", "60", why="an alarm tells of what lasts, not of single frames")
+        for key, is_used, why in (
+            ("area", kind != "silence", "a camera is silent as a whole: name it in cameras"),
+            ("people", kind == "gathering", "only a gathering has a number of people"),
+        ):
+            if kind is not None and not is_used and key in table.values:
+                table.fault(
+                    key, f"{table.label} is a {kind} and has no {key}", why=why, mend=f"take the line {key} out"
+                )
         rule = AlarmRule(
             alarm_id=alarm_id or "",
             kind=kind or "gathering",  # type: ignore[arg-type]
@@ -78,15 +115,25 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
     return tuple(rules.values())
 
 
-def read_delivery(root: TableReader) -> AlarmDelivery:
-    """Return where `[alarms]` sends them."""
-    table = root.inner("alarms")
+def read_delivery(table: TableReader, *, has_broker: bool) -> AlarmDelivery:
+    """Return where `[alarms]` sends them; its other keys are settings."""
     webhook = table.text("webhook", example='"https://example.org/hook"')
-    if webhook is not None and not webhook.startswith(("http://", "https://")):
+    if webhook is not None and not _is_web_address(webhook):
         table.fault("webhook", f"{webhook!r} is no http or https address", mend='webhook = "https://example.org/hook"')
-    delivery = AlarmDelivery(webhook=webhook, topic=table.text("topic", example='"vsd/shop/alarms"'))
-    table.close()
-    return delivery
+    topic = table.text("topic", example='"vsd/shop/alarms"')
+    if topic is not None and any(c in topic for c in "+#"):
+        table.fault("topic", f"{topic!r} has a wildcard: events go to one topic", mend='topic = "vsd/shop/alarms"')
+    if topic is not None and not has_broker:
+        table.fault("topic", "[alarms] topic needs a broker", mend='add [mqtt] with host = "localhost"')
+    return AlarmDelivery(webhook=webhook, topic=topic)
+
+
+def _is_web_address(text: str) -> bool:
+    try:
+        parts = urlsplit(text)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0 and " " not in text
+    except ValueError:
+        return False
 
 
 def _or(value: T | None, default: T) -> T:

@@ -106,9 +106,10 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     opening = _opening(site, mistakes)
     closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates)
     day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start)
-    tables = {"site": site, **{key: root.inner(key) for key in ("rule", "report", "ingest", "privacy")}}
+    tables = {"site": site, **{key: root.inner(key) for key in ("rule", "report", "ingest", "alarms", "privacy")}}
     settings = read_settings(tables, environ=environ, mistakes=mistakes)
     ingest_map = _ingest_map(tables["ingest"], mistakes)
+    delivery = read_delivery(tables["alarms"], has_broker="mqtt" in values)
     for table in tables.values():
         table.close()
     floors = read_floors(root)
@@ -116,7 +117,6 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     areas = read_areas(root, floors=floors)
     broker = read_broker(root)
     alarms = read_alarms(root, areas=areas, cameras=cameras)
-    delivery = read_delivery(root)
     root.close()
     if mistakes.all or site_id is None or name is None:
         return None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from vsd_analytics.config.lines import KeyPath, TomlText
-from vsd_analytics.errors import VsdError
+from vsd_analytics.errors import CONTROL, VsdError
 
 ID_PATTERN = "[a-z0-9][a-z0-9_-]{0,62}"
 NAME_MAX_CHARS = 200
@@ -124,7 +124,7 @@ class TableReader:
         if not isinstance(value, str):
             self.wrong_type(key, "a text in quotes", example)
             return None
-        if not value.strip() or len(value) > NAME_MAX_CHARS or any(ord(c) < 32 for c in value):
+        if not value.strip() or len(value) > NAME_MAX_CHARS or CONTROL.search(value) or "\t" in value:
             self.fault(
                 key,
                 f"{self.label} {key} must be one line of 1 to {NAME_MAX_CHARS} characters",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +24,10 @@ from vsd_analytics.settings import BY_NAME
 
 BATCH_ROWS = 200_000
 EXCERPT_CHARS = 500
+WHOLE_MAX_BYTES = 10_000
 _HELD_MAX = 4 << 20
+_FREE_BYTES = 64 << 20
+_MAX_RATIO = 1000  # bz2 makes 140 of heartbeats alone, gzip can make 1032 of nothing
 _MAGIC = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bz2"}
 
 
@@ -36,12 +40,18 @@ class Rejected:
         reason: A short, stable slug such as "not-a-number"; counts are given per reason.
         detail: One sentence for people.
         text: The record as it stood, shortened to `EXCERPT_CHARS`.
+        whole: The record's whole line, so that it can be read again; None when it is too long or no text.
+        table: Raw table the record was a row of; None for one that could not be read at all.
+        row: That row as a JSON object, so that it can be checked again; None when it is too long.
     """
 
     line: int
     reason: str
     detail: str
     text: str = ""
+    whole: str | None = None
+    table: TableName | None = None
+    row: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +66,8 @@ class RawBatch:
             a mere piece of information with "info:".
         done_bytes: How far into the source the batch reaches, for the progress bar.
         engines: Engine names and versions the records came from.
+        first_line: Line below which a rejected line can be read again on its own: a table's header, "" for none; None =
+            lines of this format mean something only in their place.
     """
 
     tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
@@ -64,6 +76,7 @@ class RawBatch:
     notes: Sequence[str] = ()
     done_bytes: int = 0
     engines: Sequence[str] = ()
+    first_line: str | None = None
 
     def table(self, name: TableName) -> pa.Table:
         """Return the raw table `name`, empty if the batch has none."""
@@ -145,8 +158,14 @@ class Source:
         """Open a file for reading, decompressing .gz, .bz2 and .zst by its content's magic number.
 
         Returns:
-            A buffered stream of bytes. Reading it raises `InputError` E205 when the compressed data are damaged.
+            A buffered stream of bytes. Reading it raises `InputError` E205 when the compressed data are damaged, and
+            E206 when they unpack to an absurd size.
+
+        Raises:
+            InputError: E120, no regular file stands at the path: a pipe or a device would be read for ever.
         """
+        if not self.path.is_file():
+            raise not_a_file(self)
         with self.path.open("rb") as f:
             magic = f.read(4)
         codec = next((c for start, c in _MAGIC.items() if magic.startswith(start)), None)
@@ -166,6 +185,17 @@ class Source:
             while len(found) < n_bytes and (more := f.read1(n_bytes - len(found))):  # type: ignore[attr-defined]
                 found += more
         return found
+
+
+def not_a_file(source: Source) -> InputError:
+    """Return the error of a path at which no regular file stands: E120."""
+    return InputError(
+        f"{source.path.name} is no regular file",
+        code="E120",
+        where=Where(source.name),
+        why="pipes, devices and sockets have no end, and a link may lead nowhere",
+        mend="name a file, or write what comes from the pipe into one",
+    )
 
 
 def empty(source: Source) -> InputError:
@@ -201,6 +231,7 @@ class _Decompressed(io.RawIOBase):
         self._path = path
         self._held = b""
         self._ready = b""
+        self._n_unpacked = 0
         self._error: InputError | None = None
         self._file = path.open("rb")
         self._raw: IO[bytes]
@@ -228,7 +259,7 @@ class _Decompressed(io.RawIOBase):
         while not self._ready and self._error is None:
             try:
                 data = self._raw.read(1 << 20) if not hasattr(self._raw, "read1") else self._raw.read1(1 << 20)
-            except (EOFError, OSError, ValueError) as error:
+            except (EOFError, OSError, ValueError, zlib.error) as error:
                 self._error = InputError(
                     f"{self._path.name} is damaged: its compressed data end or break off early",
                     code="E205",
@@ -239,6 +270,16 @@ class _Decompressed(io.RawIOBase):
                 break
             if not data:
                 self._ready, self._held = self._held, b""
+                break
+            self._n_unpacked += len(data)
+            if self._n_unpacked > max(_FREE_BYTES, _MAX_RATIO * self.bytes_read()):
+                self._error = InputError(
+                    f"{self._path.name} unpacks to more than {_MAX_RATIO:,} times its size",
+                    code="E206",
+                    where=Where(str(self._path)),
+                    why="no recording compresses like that; this looks like a file made to fill a disk",
+                    mend="unpack it by hand, look at it, and name the files you want",
+                )
                 break
             whole, newline, self._held = (self._held + data).rpartition(b"\n")
             self._ready = whole + newline

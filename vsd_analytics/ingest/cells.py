@@ -65,7 +65,8 @@ def ids(values: pa.Array | None, *, default: str | None, length: int) -> pa.Arra
     """
     if values is None:
         return pa.repeat(pa.scalar(default, pa.string()), length)
-    coded = (trimmed(values) if _is_text(values.type) else values).dictionary_encode()
+    is_number = pa.types.is_integer(values.type) or pa.types.is_floating(values.type)
+    coded = (values if is_number else trimmed(values)).dictionary_encode()
     names = pa.array([_plain_id(v) or default for v in coded.dictionary.to_pylist()], pa.string())
     found = names.take(coded.indices)
     return found if default is None else pc.fill_null(found, default)

@@ -157,7 +157,7 @@ class MessageRows:
 
     def reject(self, number: int, reason: str, detail: str, line: bytes) -> None:
         """Put one message into quarantine."""
-        self.n_rows += 1
+        self.n_rows += 1 + len(line) // 256  # bad lines are kept whole, so they weigh what they hold
         self._rejected.append(rejected(number, reason=reason, detail=detail, record=line))
 
     def add(self, number: int, line: bytes) -> None:
@@ -191,18 +191,19 @@ class MessageRows:
     def batch(self, done_bytes: int) -> RawBatch:
         """Return what was added since the last call."""
         messages, lines = self._messages, np.array(self._numbers, dtype=np.int64)
-        ts_ms, notes = self._instants()
-        tables: dict[TableName, pa.Table] = {"frames": self._frames(ts_ms, lines)}
+        ts_ms, zones, notes = self._instants()
+        tables: dict[TableName, pa.Table] = {"frames": self._frames(ts_ms, zones, lines)}
         if any(m.persons for m in messages):
-            tables["observations"] = self._observations(ts_ms, lines)
+            tables["observations"] = self._observations(ts_ms, zones, lines)
         if any(m.pairs for m in messages):
-            tables["pairs"] = self._pairs(ts_ms, lines)
+            tables["pairs"] = self._pairs(ts_ms, zones, lines)
         engines = sorted({m.engine for m in messages if m.engine})
-        batch = RawBatch(tables, self._rejected, +self._dropped, notes, done_bytes, engines)
+        batch = RawBatch(tables, self._rejected, +self._dropped, notes, done_bytes, engines, first_line="")
         self._clear()
         return batch
 
-    def _instants(self) -> tuple[np.ndarray, list[str]]:
+    def _instants(self) -> tuple[np.ndarray, pa.Array, list[str]]:
+        """Return UTC milliseconds, the zones of times without an offset, and notes."""
         ts_ms = np.zeros(len(self._messages), dtype=np.int64)
         naive: dict[str, list[int]] = {}
         for i, message in enumerate(self._messages):
@@ -216,20 +217,24 @@ class MessageRows:
         for zone, at in naive.items():
             ts_ms[at], is_ambiguous = local_to_utc(ts_ms[at], zone)
             notes += [ambiguous_note(zone)] if is_ambiguous.any() else []
-        return ts_ms, notes
+        zones = np.full(len(ts_ms), None, dtype=object)
+        for zone, at in naive.items():
+            zones[at] = zone
+        return ts_ms, pa.array(zones, pa.string()), notes
 
-    def _frames(self, ts_ms: np.ndarray, lines: np.ndarray) -> pa.Table:
+    def _frames(self, ts_ms: np.ndarray, zones: pa.Array, lines: np.ndarray) -> pa.Table:
         return raw_table(
             "frames",
             camera=[m.camera for m in self._messages],
             ts_ms=ts_ms,
+            zone=zones,
             n_persons=[None if m.persons is None else len(m.persons) for m in self._messages],
             n_pairs=[None if m.pairs is None else len(m.pairs) for m in self._messages],
             seq=[m.seq for m in self._messages],
             line=lines,
         )
 
-    def _observations(self, ts_ms: np.ndarray, lines: np.ndarray) -> pa.Table:
+    def _observations(self, ts_ms: np.ndarray, zones: pa.Array, lines: np.ndarray) -> pa.Table:
         counts = np.array([len(m.persons or ()) for m in self._messages])
         of_row = np.repeat(np.arange(len(counts)), counts)
         at = pa.array(of_row)
@@ -238,6 +243,7 @@ class MessageRows:
             "observations",
             camera=pa.array([m.camera for m in self._messages], pa.string()).take(at),
             ts_ms=ts_ms[of_row],
+            zone=zones.take(at),
             person=np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts),
             track=[None if p.id is None else str(p.id) for p in persons],
             x_m=[p.x_m for p in persons],
@@ -248,7 +254,7 @@ class MessageRows:
             line=lines[of_row],
         )
 
-    def _pairs(self, ts_ms: np.ndarray, lines: np.ndarray) -> pa.Table:
+    def _pairs(self, ts_ms: np.ndarray, zones: pa.Array, lines: np.ndarray) -> pa.Table:
         columns: dict[str, list[Any]] = {
             c: [] for c in ("person_a", "person_b", "track_a", "track_b", "x_a_m", "y_a_m", "x_b_m", "y_b_m")
         }
@@ -276,6 +282,7 @@ class MessageRows:
             "pairs",
             camera=pa.array([m.camera for m in self._messages], pa.string()).take(at),
             ts_ms=ts_ms[of_row],
+            zone=zones.take(at),
             **columns,
             distance_m=[p.distance_m for p in pairs],
             distance_sd_m=[p.sd_m for p in pairs],

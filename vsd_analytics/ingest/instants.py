@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -27,6 +27,7 @@ _UNITS: tuple[tuple[float, float, float, float], ...] = (
 _ISO = r"^\d{4}-?\d{2}"
 _OFFSET = r"(?:[zZ]|[Tt ]\d{2}[^+-]*[+-]\d{2}(?::?\d{2})?)$"
 _NAIVE_EPOCH = datetime(1970, 1, 1)
+_EPOCH = _NAIVE_EPOCH.replace(tzinfo=UTC)
 _FIRST_MS = (datetime(1, 1, 3) - _NAIVE_EPOCH) // timedelta(milliseconds=1)
 _LAST_MS = (datetime(9999, 12, 29) - _NAIVE_EPOCH) // timedelta(milliseconds=1)
 
@@ -39,11 +40,13 @@ class Instants:
         ms: Milliseconds since 1970 (UTC), int64; 0 where `is_wrong`.
         is_wrong: Which rows hold no time that can be understood.
         notes: What the user should know.
+        zones: Zone in which each time without an offset was read, null for the others; None when all have one.
     """
 
     ms: np.ndarray
     is_wrong: np.ndarray
     notes: Sequence[str] = ()
+    zones: pa.Array | None = None
 
 
 def parse_instants(values: pa.Array, *, zone: str) -> Instants:
@@ -68,9 +71,10 @@ def parse_instants(values: pa.Array, *, zone: str) -> Instants:
     is_unix = np.isfinite(unix)
     ms = np.zeros(len(values))
     if is_unix.any():
-        magnitude = float(np.median(np.abs(unix[is_unix])))
-        times, divided, slack = next(unit[1:] for unit in _UNITS if magnitude >= unit[0])
-        ms[is_unix] = np.floor(unix[is_unix] * times / divided + slack)
+        with np.errstate(over="ignore"):  # what overflows is no time, and is told so below
+            magnitude = float(np.median(np.abs(unix[is_unix])))
+            times, divided, slack = next(unit[1:] for unit in _UNITS if magnitude >= unit[0])
+            ms[is_unix] = np.floor(unix[is_unix] * times / divided + slack)
     is_wrong = ~is_unix
     is_exact = np.ones(len(values), dtype=bool)
     if is_text.any():
@@ -104,6 +108,30 @@ def local_to_utc(local_ms: np.ndarray, zone: str) -> tuple[np.ndarray, np.ndarra
     return local_ms - offsets[0][of_row], (offsets[0] > offsets[1])[of_row]
 
 
+def utc_to_local(utc_ms: np.ndarray, zone: str) -> np.ndarray:
+    """Return what a wall clock in `zone` shows, in milliseconds since 1970-01-01T00:00: undoes `local_to_utc`.
+
+    Args:
+        utc_ms: UTC milliseconds, int64; those beyond the years 1 to 9999 stay as they are.
+        zone: IANA zone.
+    """
+    info = ZoneInfo(zone)
+    quarters, of_row = np.unique(utc_ms // QUARTER_MS, return_inverse=True)
+    offsets = np.zeros(len(quarters), dtype=np.int64)
+    for i, quarter in enumerate(quarters.tolist()):
+        if _FIRST_MS < quarter * QUARTER_MS < _LAST_MS:
+            wall = _EPOCH + timedelta(milliseconds=quarter * QUARTER_MS)
+            offsets[i] = (wall.astimezone(info).utcoffset() or timedelta()) // timedelta(milliseconds=1)
+    local: np.ndarray = utc_ms + offsets[of_row]
+    return local
+
+
+def frame_ms(frame: float, *, first: float, fps: float, start_ms: int) -> int | None:
+    """Return the instant of a frame, start + (frame - first) / fps, in UTC milliseconds; None beyond any calendar."""
+    ms = start_ms + (frame - first) * 1000 / fps
+    return round(ms) if abs(ms) < 2**53 else None
+
+
 def ambiguous_note(zone: str) -> str:
     """Return what to tell about times that come twice."""
     return (
@@ -113,11 +141,12 @@ def ambiguous_note(zone: str) -> str:
 
 
 def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: str) -> Instants:
-    notes = []
-    if not is_exact.all():
-        ms[~is_exact], is_ambiguous = local_to_utc(ms[~is_exact], zone)
-        notes = [ambiguous_note(zone)] if is_ambiguous.any() else []
-    return Instants(ms, is_wrong, notes)
+    if is_exact.all():
+        return Instants(ms, is_wrong)
+    ms[~is_exact], is_ambiguous = local_to_utc(ms[~is_exact], zone)
+    notes = [ambiguous_note(zone)] if is_ambiguous.any() else []
+    zones = pc.if_else(pa.array(is_exact), pa.scalar(None, pa.string()), zone)
+    return Instants(ms, is_wrong, notes, zones)
 
 
 def _from_texts(texts: pa.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

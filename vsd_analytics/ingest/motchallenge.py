@@ -13,10 +13,12 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.archive import archive_kind, members
+from vsd_analytics.ingest.instants import frame_ms
 from vsd_analytics.ingest.mot_sequences import MAX_FRAMES, SEQUENCE_FILES, Sequence, bare_name, sequences
 from vsd_analytics.ingest.raw import BadRowError, bounded_lines, raw_table, rejected
 from vsd_analytics.settings import BY_NAME
@@ -41,7 +43,9 @@ class _Rows:
     rejected: list[Rejected] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
 
-    def batch(self, camera: str | None, clock: Callable[[int], int], *, is_floor: bool, done_bytes: int) -> RawBatch:
+    def batch(
+        self, camera: str | None, clock: Callable[[int], int | None], *, is_floor: bool, done_bytes: int
+    ) -> RawBatch:
         names = ("x_m", "y_m") if is_floor else ("u_px", "v_px")
         position = dict(zip(names, (self.across, self.along), strict=True))
         table = raw_table(
@@ -107,17 +111,28 @@ class MotChallenge:
                     notes.append(f"W208: {sequence.title} has no floor metres in columns 8 and 9 and was left out")
             if not usable:
                 raise _no_floor(source, found[0])
-            clocks = [_clock(source, s, options) for s in usable]
+            clocks, damage = [_clock(source, s, options) for s in usable], None
             for number, (sequence, clock) in enumerate(zip(usable, clocks, strict=True), 1):
                 prefix = f"{sequence.title}: " if len(found) > 1 else ""
                 done = (size * (number - 1) // len(usable), size * number // len(usable))
-                yield from _read(sequence, clock, is_floor=is_floor, lowest=lowest, prefix=prefix, done=done)
+                try:
+                    yield from _read(sequence, clock, is_floor=is_floor, lowest=lowest, prefix=prefix, done=done)
+                except InputError as error:  # the sequences after a damaged one are read all the same
+                    damage = damage or error
             if notes:
                 yield RawBatch(notes=notes, done_bytes=size)
+            if damage is not None:
+                raise damage
 
 
 def _read(
-    sequence: Sequence, clock: Callable[[int], int], *, is_floor: bool, lowest: int, prefix: str, done: tuple[int, int]
+    sequence: Sequence,
+    clock: Callable[[int], int | None],
+    *,
+    is_floor: bool,
+    lowest: int,
+    prefix: str,
+    done: tuple[int, int],
 ) -> Iterator[RawBatch]:
     rows, n_persons, damage = _Rows(), array("i"), None
     with sequence.open() as stream:
@@ -215,7 +230,7 @@ def _has_floor(sequence: Sequence) -> bool:
     return True
 
 
-def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callable[[int], int]:
+def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callable[[int], int | None]:
     """Return the function from frame number to UTC milliseconds."""
     fps, start = options.fps or sequence.fps, options.start
     if fps is None or not _FPS[0] <= fps <= _FPS[1] or start is None:
@@ -228,7 +243,7 @@ def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callab
             mend="give both, for example --fps 25 --start 2026-01-05T09:00:00+01:00",
         )
     first = 1.0 if options.first_frame is None else options.first_frame
-    return lambda frame: start + round((frame - first) * 1000 / fps)
+    return partial(frame_ms, first=first, fps=fps, start_ms=start)
 
 
 def _no_floor(source: Source, sequence: Sequence) -> InputError:

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.ingest.adapter import RawBatch, Rejected
+from vsd_analytics.ingest.closed import FORGOTTEN, SEALED, Closed
 from vsd_analytics.ingest.pseudonyms import Pseudonyms
-from vsd_analytics.ingest.raw import rejected
+from vsd_analytics.ingest.raw import rejected, row_json
 from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TS, TableName
 from vsd_analytics.site import Site
 from vsd_analytics.store.secrets import DayKeys
@@ -56,6 +57,7 @@ class Normaliser:
     def __init__(self, site: Site, *, now: datetime, keys: DayKeys | None) -> None:
         self._site = site
         self._pseudonyms = Pseudonyms(site, keys)
+        self._closed = Closed(site, self._pseudonyms)
         self._settings = site.settings
         self._first_ms = int(datetime(site.settings.earliest_year, 1, 1, tzinfo=UTC).timestamp() * 1000)
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
@@ -63,17 +65,27 @@ class Normaliser:
         for camera in site.cameras:
             self._cameras.update(dict.fromkeys(camera.engine_ids, camera.camera_id))
 
+    def live_at(self, now: datetime) -> None:
+        """Move the clock of a live source.
+
+        Args:
+            now: From here on instants in [now - live_late_max_s, now + live_ahead_max_s] are accepted.
+        """
+        self._first_ms = int((now.timestamp() - self._settings.live_late_max_s) * 1000)
+        self._last_ms = int((now.timestamp() + self._settings.live_ahead_max_s) * 1000)
+
     def normalise(self, batch: RawBatch) -> Normalised:
         """Return the batch's good rows in stored form, its bad rows with reasons, and what was left out on purpose."""
         tables: dict[TableName, pa.Table] = {}
         bad: list[Rejected] = list(batch.rejected)
         dropped = Counter(batch.n_dropped)
+        self._closed.refresh()
         for name in TABLES:
             raw = batch.table(name)
             if not raw.num_rows:
                 continue
             raw = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
-            rows = _good(raw, [*self._common_checks(), *self._checks(name)], bad)
+            rows = _good(name, raw, [*self._common_checks(), *self._closed_checks(), *self._checks(name)], bad)
             if name == "observations":
                 rows = self._observations(rows)
             elif name == "pairs":
@@ -103,6 +115,14 @@ class Normaliser:
                 f"no [[camera]] of vsd.toml has this id or engine_ids (known: {shown})",
                 lambda r: pc.is_null(r["camera_id"]),
             ),
+        ]
+
+    def _closed_checks(self) -> list[Check]:
+        if not self._closed.is_anything:
+            return []
+        return [
+            (SEALED, "the records of its hour were purged and its figures are sealed", self._closed.in_sealed_hour),
+            (FORGOTTEN, "the key of its day was destroyed: it would count twice", self._closed.in_forgotten_day),
         ]
 
     def _checks(self, name: TableName) -> list[Check]:
@@ -224,7 +244,7 @@ def _shared_checks(*tracks: str) -> list[Check]:
     ]
 
 
-def _good(rows: pa.Table, checks: list[Check], bad: list[Rejected]) -> pa.Table:
+def _good(name: TableName, rows: pa.Table, checks: list[Check], bad: list[Rejected]) -> pa.Table:
     """Return the rows that pass all checks; append the others to `bad` with the first reason each."""
     shown = [c for c in rows.column_names if c not in ("line", "camera_id")]
     for reason, detail, is_bad in checks:
@@ -232,9 +252,11 @@ def _good(rows: pa.Table, checks: list[Check], bad: list[Rejected]) -> pa.Table:
         if not pc.any(mask).as_py():
             continue
         for row in rows.filter(mask).to_pylist():
+            kept = row_json({c: row[c] for c in shown if row[c] is not None})
             row["ts_ms"] = _readable(row["ts_ms"])
-            text = ", ".join(f"{c}={row[c]}" for c in shown if row[c] is not None)
-            bad.append(rejected(row["line"], reason=reason, detail=detail, record=text))
+            text = ", ".join(f"{c}={row[c]}" for c in shown if row[c] is not None and c != "zone")
+            told = rejected(row["line"], reason=reason, detail=detail, record=text)
+            bad.append(replace(told, table=name, row=kept))
         rows = rows.filter(pc.invert(mask))
     return rows
 

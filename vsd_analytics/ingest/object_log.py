@@ -6,6 +6,7 @@ import ast
 import csv
 import difflib
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -169,7 +170,8 @@ def _row(cells: list[str], columns: dict[str, int], number: int) -> LogRow:
 def _literal(cell: str, column: str) -> list[Any]:
     """Return the list a cell holds as a Python literal; scalars written by NumPy 2 lose their wrappers."""
     try:
-        value = ast.literal_eval(_NUMPY.sub(r"\1", cell.strip()))
+        with warnings.catch_warnings(action="ignore"):  # "1if" is a number to Python, with a SyntaxWarning
+            value = ast.literal_eval(_NUMPY.sub(r"\1", cell.strip()))
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError) as error:
         raise BadRowError("bad-literal", f"{column} is no Python list: {str(error)[:200]}") from None
     if not isinstance(value, list):

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
-from vsd_analytics.errors import InputError, UsageError, VsdError, Where
-from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty
+from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
+from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
 from vsd_analytics.ingest.normalise import Normaliser
-from vsd_analytics.ingest.quarantine import Quarantine
+from vsd_analytics.ingest.quarantine import Quarantine, Reading
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site import Site
 from vsd_analytics.store import FoldResult, Store
@@ -28,6 +28,8 @@ ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
     "positions": ("tables", "Tables", {"kind": "observations"}),
     "pairs": ("tables", "Tables", {"kind": "pairs"}),
 }
+
+ENGINE_MAX_CHARS = 200
 
 # in the order they are asked whether a file is theirs; most particular first
 _DETECTED = ("frames", "smart-social-distancing", "motchallenge", "wildtrack", "table")
@@ -67,7 +69,7 @@ class IngestResult:
 
     Attributes:
         sources: One entry per source.
-        fold: What the store gained; empty for a dry run.
+        fold: What the store gained; empty for a dry run and without folding.
     """
 
     sources: Sequence[SourceResult]
@@ -108,6 +110,8 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
             why="neither a file nor a folder stands at that path",
             mend="check the path and the spelling",
         )
+    if not (source.path.is_file() or source.path.is_dir()):
+        raise not_a_file(source)
     if source.size_bytes == 0:
         raise empty(source)
     if options.format is not None:
@@ -138,6 +142,8 @@ def ingest(
     *,
     now: datetime,
     is_dry_run: bool = False,
+    is_folding: bool = True,
+    store: Store | None = None,
     on_bytes: Callable[[int], None] | None = None,
     on_rows: Callable[[int], None] | None = None,
     on_source: Callable[[SourceResult], None] | None = None,
@@ -150,6 +156,8 @@ def ingest(
         options: What the user said about them.
         now: The clock: later records are quarantined.
         is_dry_run: Read and check everything, write nothing.
+        is_folding: Fold at the end; False leaves what was acknowledged in the spool.
+        store: Where records are appended; None = the project's store.
         on_bytes: Called with the number of bytes read since the last call.
         on_rows: Called with the number of records put into the store since the last call.
         on_source: Called when a source is done.
@@ -161,18 +169,19 @@ def ingest(
     Raises:
         UsageError: E101, `options.camera` is no camera of the site.
         StoreError: E302, the store is damaged; what was read stays acknowledged.
+        DiskError: E304 to E306, the disk refused; what was acknowledged before stays.
     """
     options = with_site(site, options)
-    store = Store(site.root / "store", site_id=site.site_id)
+    store = store or Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
     results = []
     for path in paths:
-        result = _ingest_one(site, Source(path), options, normaliser, None if is_dry_run else store, on_bytes)
+        result = _ingest_one(site, Source(path), options, normaliser, None if is_dry_run else store, now, on_bytes)
         results.append(result)
         if on_source is not None:
             on_source(result)
-    return IngestResult(results, FoldResult() if is_dry_run else store.fold(on_rows=on_rows))
+    return IngestResult(results, store.fold(on_rows=on_rows) if is_folding and not is_dry_run else FoldResult())
 
 
 def _ingest_one(
@@ -181,14 +190,16 @@ def _ingest_one(
     options: IngestOptions,
     normaliser: Normaliser,
     store: Store | None,
+    now: datetime,
     on_bytes: Callable[[int], None] | None,
 ) -> SourceResult:
     result = SourceResult(source.name, options.format or "")
-    quarantine = Quarantine(None if store is None else site.root / "quarantine", source=source.name)
+    quarantine = Quarantine(None if store is None else site.root / "quarantine", source=source.name, at=now)
     try:
         for batch in _batches(source, options, result, on_bytes):
             clean = normaliser.normalise(batch)
-            quarantine.add(clean.rejected)
+            engines = batch.engines or ([options.engine] if options.engine else [])
+            quarantine.add(clean.rejected, reading=Reading(result.format, options, batch.first_line, engines))
             result.n_dropped.update(clean.n_dropped)
             result.notes += [n for n in batch.notes if n not in result.notes]
             for name in reversed(TABLES):  # a frame is stored after the persons it counts
@@ -196,14 +207,16 @@ def _ingest_one(
                 if rows is None or not rows.num_rows:
                     continue
                 if store is not None:
-                    store.append(name, rows, engines=batch.engines or ([options.engine] if options.engine else []))
+                    store.append(name, rows, engines=engines)
                 result.n_records[name] += rows.num_rows
                 _note_range(result, rows["ts"])
         if not result.n_records and not quarantine.counts and not result.notes:
             result.notes.append("W212: no record was found in it")
+    except DiskError:
+        raise
     except VsdError as error:
         result.error = error
-    quarantine.flush()
+    quarantine.close()
     result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
     return result
 
@@ -236,7 +249,7 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     """Fill in what vsd.toml says: the only camera, clocks, `[ingest]`.
 
     Raises:
-        UsageError: E101, `options.camera` is no camera of the site.
+        UsageError: E101, `options.camera` is no camera of the site, or `options.engine` no name.
     """
     known = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     camera = options.camera
@@ -248,6 +261,12 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
             f"--camera {camera!r} is no camera of vsd.toml",
             why=f"known: {', '.join(list(known)[:20]) or 'none'}",
             mend=f"--camera {near[0]}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
+        )
+    if options.engine is not None and not (
+        0 < len(options.engine) <= ENGINE_MAX_CHARS and options.engine.isprintable()
+    ):
+        raise UsageError(
+            f"--engine must be 1 to {ENGINE_MAX_CHARS} printable characters", mend='--engine "name and version"'
         )
     zones = {c.clock for c in ([known[camera]] if camera is not None else site.cameras)}
     return replace(

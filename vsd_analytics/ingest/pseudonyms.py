@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from datetime import date, datetime, timedelta
 
 import numpy as np
@@ -56,6 +57,11 @@ class Pseudonyms:
             for camera, day, track in zip(*(a.tolist() for a in np.unravel_index(different, shape)), strict=True)
         ]
         return pa.array(names, pa.string()).take(pa.array(of_row))
+
+    def of_days(self, ts_ms: np.ndarray, days: Collection[date]) -> np.ndarray:
+        """Return which instants (UTC milliseconds) belong to one of some site days."""
+        quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
+        return np.array([self._site_day(q) in days for q in quarters.tolist()], dtype=bool)[of_row]
 
     def _name(self, keys: DayKeys, camera_id: str, day: date, track: str | None) -> str | None:
         if track is None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
+import msgspec
 import pyarrow as pa
 
-from vsd_analytics.ingest.adapter import EXCERPT_CHARS, Rejected
+from vsd_analytics.ingest.adapter import EXCERPT_CHARS, WHOLE_MAX_BYTES, Rejected
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
 
 
@@ -53,10 +55,58 @@ def rejected(line: int, *, reason: str, detail: str, record: str | bytes = "") -
         line: 1-based line or record number in the source.
         reason: A short, stable slug.
         detail: One sentence for people.
-        record: The record as it stood; bytes that are not UTF-8 are shown as replacement characters.
+        record: The record as it stood: bytes are its line, which is kept whole if it can be; those that are not UTF-8
+            are shown as replacement characters.
     """
-    text = record[: 4 * EXCERPT_CHARS].decode("utf-8", "replace") if isinstance(record, bytes) else record
-    return Rejected(line, reason, detail, text[:EXCERPT_CHARS])
+    if isinstance(record, str):
+        return Rejected(line, reason, detail, record[:EXCERPT_CHARS])
+    text = record[: 4 * EXCERPT_CHARS].decode("utf-8", "replace")
+    return Rejected(line, reason, detail, text[:EXCERPT_CHARS], whole_line(record))
+
+
+def whole_line(line: bytes | None) -> str | None:
+    """Return a line as text, or None when it is empty, longer than `WHOLE_MAX_BYTES` or not UTF-8."""
+    if not line or len(line) > WHOLE_MAX_BYTES:
+        return None
+    try:
+        return line.decode()
+    except UnicodeDecodeError:
+        return None
+
+
+def row_json(row: Mapping[str, Any]) -> str | None:
+    """Return a raw row as a JSON object, or None when that is longer than `WHOLE_MAX_BYTES`.
+
+    JSON has no NaN and no infinity, and null would make them missing: they stand as the texts "nan", "inf", "-inf".
+    """
+    plain = {k: str(v) if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+    text = msgspec.json.encode(plain)
+    return None if len(text) > WHOLE_MAX_BYTES else text.decode()
+
+
+def rows_table(name: TableName, rows: Sequence[Mapping[str, Any]], *, lines: Sequence[int]) -> pa.Table:
+    """Return the raw table of rows that `row_json` wrote: the inverse.
+
+    Args:
+        name: Table of `vsd_analytics.schema.RAW_SCHEMAS`.
+        rows: Decoded JSON objects.
+        lines: Numbers for the column `line`.
+
+    Raises:
+        ValueError: A value does not fit its column (`pyarrow.ArrowInvalid` is one).
+        TypeError: As well (`pyarrow.ArrowTypeError` is one).
+    """
+    schema = RAW_SCHEMAS[name]
+    floats = [f.name for f in schema if pa.types.is_floating(f.type)]
+    read = [
+        {**row, **{c: float(row[c]) for c in floats if row.get(c) is not None}, "line": line}
+        for row, line in zip(rows, lines, strict=True)
+    ]
+    table = pa.Table.from_pylist(read, schema=schema)
+    for column in schema:
+        if not column.nullable and table[column.name].null_count:
+            raise ValueError(f"{column.name} is missing")
+    return table
 
 
 def n_rows(tables: Iterable[pa.Table]) -> int:

@@ -132,13 +132,15 @@ class SmartSocialDistancing:
         agreement, zone, damage = Agreement(_setting(options)), _zone(options.frame_zone), None
         with _logs(source) as logs:
             is_empty = True
-            for log in logs:
-                is_empty = False
-                try:
-                    yield from _read(source, log, options=options, zone=zone, agreement=agreement)
-                except InputError as error:
-                    damage = error
-                    break
+            try:
+                for log in logs:
+                    is_empty = False
+                    try:
+                        yield from _read(source, log, options=options, zone=zone, agreement=agreement)
+                    except InputError as error:  # the logs after a damaged one are read all the same
+                        damage = damage or error
+            except InputError as error:
+                is_empty, damage = False, damage or error
         if is_empty:
             raise InputError(f"{source.path.name} holds no objects_log/*.csv", code="E204", where=Where(source.name))
         note = agreement.note()

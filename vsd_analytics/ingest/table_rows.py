@@ -49,7 +49,7 @@ def raw_batch(
         instants = _from_frames(values.pop("frame"), options)
         bad.add(instants.is_wrong, "frame", reason="not-a-time", what="a frame number")
     ts_ms = instants.ms
-    if options.period_s:
+    if options.period_s and options.period_s >= 0.001:  # below a millisecond there is nothing to floor
         period_ms = options.period_s * 1000
         ts_ms = (np.floor(ts_ms / period_ms) * period_ms).astype(np.int64)
     values.pop("frame", None)
@@ -57,6 +57,7 @@ def raw_batch(
     keep = pa.array(~bad.mask)
     kept = {name: floats_or_null(v).filter(keep) for name, v in values.items()}
     shared = {"camera": camera.filter(keep), "ts_ms": ts_ms[~bad.mask], "line": lines[~bad.mask]}
+    shared["zone"] = None if instants.zones is None else instants.zones.filter(keep)
     if plan.kind == "pairs":
         # a table sends pair by pair: each is the first person and the second of its own message
         tracks = {t: ids(columns[t], default=None, length=len(lines)).filter(keep) for t in ("track_a", "track_b")}
@@ -78,11 +79,18 @@ class _BadRows:
 
     def add(self, is_wrong: np.ndarray, name: str, *, reason: str, what: str) -> None:
         for i in np.flatnonzero(is_wrong & ~self.mask).tolist():
-            cells = {c: str(column[i].as_py())[:200] for c, column in self._columns.items()}
+            cells = {c: _shown(column[i]) for c, column in self._columns.items()}
             detail = f"{self._plan.names[name]} is not {what}: {cells[name][:80]!r}"
             text = ", ".join(f"{c}={cell}" for c, cell in cells.items())
             self.rejected.append(rejected(int(self._lines[i]), reason=reason, detail=detail, record=text))
         self.mask |= is_wrong
+
+
+def _shown(cell: pa.Scalar) -> str:
+    try:
+        return str(cell.as_py())[:200]
+    except (ArithmeticError, ValueError, LookupError):  # a date that Python has not, a zone that nobody knows
+        return f"a {cell.type} that cannot be shown"
 
 
 def _instants(values: pa.Array, camera: pa.Array, options: IngestOptions) -> Instants:
@@ -91,6 +99,7 @@ def _instants(values: pa.Array, camera: pa.Array, options: IngestOptions) -> Ins
     zones = sorted(set(clocks.values()))
     if len(zones) < 2:
         return parse_instants(values, zone=zones[0] if zones else options.frame_zone)
+    read_in = np.full(len(values), None, dtype=object)
     zone_of = np.array([zones.index(clocks[c]) for c in camera.to_pylist()])
     ms, is_wrong = np.zeros(len(values), dtype=np.int64), np.zeros(len(values), dtype=bool)
     notes: list[str] = []
@@ -98,8 +107,9 @@ def _instants(values: pa.Array, camera: pa.Array, options: IngestOptions) -> Ins
         at = np.flatnonzero(zone_of == i)
         some = parse_instants(values.take(pa.array(at)), zone=zone)
         ms[at], is_wrong[at] = some.ms, some.is_wrong
+        read_in[at] = None if some.zones is None else some.zones.to_numpy(zero_copy_only=False)
         notes += some.notes
-    return Instants(ms, is_wrong, notes)
+    return Instants(ms, is_wrong, notes, pa.array(read_in, pa.string()))
 
 
 def _from_frames(frames: np.ndarray, options: IngestOptions) -> Instants:

@@ -21,7 +21,7 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read, empty
 from vsd_analytics.ingest.columns import KNOWN, Header, Plan, plan_columns, unique_names
 from vsd_analytics.ingest.lines import line_blocks
-from vsd_analytics.ingest.raw import BadRowError, rejected
+from vsd_analytics.ingest.raw import BadRowError, rejected, whole_line
 from vsd_analytics.ingest.table_rows import raw_batch
 from vsd_analytics.schema import TableName
 
@@ -67,7 +67,10 @@ class Tables:
     def _read_parquet(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         try:
             file = pq.ParquetFile(source.path)
-        except (pa.ArrowException, OSError) as error:
+            there = file.schema_arrow.names
+            for i in range(file.metadata.num_columns):
+                _ = file.metadata.schema.column(i).path  # a UnicodeDecodeError where a name is no UTF-8
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise InputError(
                 f"{source.path.name} is not a whole Parquet file",
                 code="E205",
@@ -76,12 +79,12 @@ class Tables:
                 mend="copy or export the file again",
             ) from None
         with file:
-            plan = plan_columns(source, options, Header(unique_names(file.schema_arrow.names)), kind=self._kind)
-            names = sorted({file.schema_arrow.names[i] for i in plan.theirs.values()})
+            plan = plan_columns(source, options, Header(unique_names(there)), kind=self._kind)
+            names = sorted({there[i] for i in plan.theirs.values()})
             done = 0
             try:
                 for chunk in file.iter_batches(columns=names, batch_size=BATCH_ROWS // 2):
-                    columns = {o: _column(chunk, file.schema_arrow.names[i]) for o, i in plan.theirs.items()}
+                    columns = {o: _column(chunk, there[i]) for o, i in plan.theirs.items()}
                     lines = np.arange(done + 1, done + chunk.num_rows + 1)
                     batch = raw_batch(plan, columns, lines, options)
                     done += chunk.num_rows
@@ -111,7 +114,8 @@ class Tables:
                 columns = {o: pa.array([row[i] for row in rows], pa.string()) for o, i in layout.plan.theirs.items()}
                 at = np.array(numbers, dtype=np.int64)
                 batch = raw_batch(layout.plan, columns, at, options, decimal_comma=layout.delimiter == ";")
-                yield replace(batch, rejected=[*bad, *batch.rejected], done_bytes=bytes_read(stream))
+                bad += [replace(r, whole=whole_line(lines[r.line - first])) for r in batch.rejected]
+                yield replace(batch, rejected=bad, done_bytes=bytes_read(stream), first_line=layout.first_line)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,12 +127,14 @@ class _Layout:
         delimiter: Character between cells; a blank stands for any number of blanks and tabs.
         n_cells: Cells a record has.
         n_header: Lines before the first record.
+        first_line: The line this was found from: the header, or without one the first record.
     """
 
     plan: Plan
     delimiter: str
     n_cells: int
     n_header: int
+    first_line: str
 
     def records(
         self, first: int, lines: list[bytes | None], max_bytes: int
@@ -203,7 +209,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
             )
         header = Header(unique_names([*options.columns, *[""] * (len(cells) - len(options.columns))]), None, first)
     plan = plan_columns(source, options, header, kind=kind)
-    return _Layout(plan, delimiter, len(header.names), at + (options.columns is None))
+    return _Layout(plan, delimiter, len(header.names), at + (options.columns is None), first)
 
 
 def _delimiter(line: str, *, n_cells: int = 0) -> str:
@@ -233,4 +239,11 @@ def _text(line: bytes) -> str:
 
 def _column(chunk: pa.RecordBatch, name: str) -> pa.Array:
     column = chunk.column(chunk.schema.get_all_field_indices(name)[0])
-    return column.dictionary_decode() if pa.types.is_dictionary(column.type) else column
+    column = column.dictionary_decode() if pa.types.is_dictionary(column.type) else column
+    if not any(check(column.type) for check in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)):
+        return column
+    try:
+        column.validate(full=True)
+    except pa.ArrowInvalid:  # Parquet promises UTF-8 and does not look; what it is not is shown as escapes
+        return column.cast(pa.large_binary())
+    return column

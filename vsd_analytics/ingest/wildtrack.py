@@ -17,6 +17,7 @@ from typing import Any
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.archive import archive_kind, members
+from vsd_analytics.ingest.instants import frame_ms
 from vsd_analytics.ingest.raw import raw_table, rejected
 
 VIDEO_FPS = 10.0
@@ -34,8 +35,8 @@ _TAR_ENTRY = re.compile(rb"(?:^|/)annotations_positions/(?:\d{1,9}\.json)?\0")
 class _Rows:
     """Records read and not yet handed over."""
 
-    frames: list[tuple[int, int, int]] = field(default_factory=list)
-    persons: list[tuple[int, int, str, float, float, int]] = field(default_factory=list)
+    frames: list[tuple[int | None, int, int]] = field(default_factory=list)
+    persons: list[tuple[int | None, int, str, float, float, int]] = field(default_factory=list)
     rejected: list[Rejected] = field(default_factory=list)
 
     def batch(self, camera: str) -> RawBatch:
@@ -113,15 +114,19 @@ class Wildtrack:
                 for n_files, member in enumerate(found, 1):
                     number = _FILES.search(member.name)
                     frame = int(number[1]) if number else 0
-                    with member.open() as stream:
-                        text = stream.read(MAX_FILE_BYTES + 1)
-                    ts_ms = options.start + round((frame - (options.first_frame or 0.0)) * 1000 / fps)
+                    try:
+                        with member.open() as stream:
+                            text = stream.read(MAX_FILE_BYTES + 1)
+                    except InputError as error:  # the files after a damaged one are read all the same
+                        damage = damage or error
+                        continue
+                    ts_ms = frame_ms(frame, first=options.first_frame or 0.0, fps=fps, start_ms=options.start)
                     _take(text, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows)
                     if len(rows.persons) + len(rows.frames) + 10 * len(rows.rejected) >= BATCH_ROWS:
                         yield rows.batch(camera)
                         rows = _Rows()
             except InputError as error:
-                damage = error
+                damage = damage or error
             yield rows.batch(camera)
         if damage is not None:
             raise damage
@@ -134,7 +139,7 @@ class Wildtrack:
             )
 
 
-def _take(text: bytes, *, file: str, line: int, ts_ms: int, rows: _Rows) -> None:
+def _take(text: bytes, *, file: str, line: int, ts_ms: int | None, rows: _Rows) -> None:
     """Add one file to the rows; a person that cannot be used still counts as seen in its frame."""
     import msgspec
 

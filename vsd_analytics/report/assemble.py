@@ -113,6 +113,7 @@ def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | 
             settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
             inputs_digest=_inputs(warehouse),
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
+            notes=tuple(run.told(site) for run in warehouse.other_rules()),
         ),
         rules=Rules(**{f: settings.values[f] for f in Rules.__dataclass_fields__}),
         state=state,

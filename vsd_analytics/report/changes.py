@@ -1,4 +1,4 @@
-"""What changed at the site around a week: its log, outages nobody logged, a new calibration or engine."""
+"""What changed at the site around a week: its log, outages nobody logged, a new calibration, engine or frame rate."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import timedelta
 
 from vsd_analytics.changelog import read_log
-from vsd_analytics.report import estimates, words
+from vsd_analytics.report import comparable, estimates, words
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Coverage, Estimate, LogLine, Outage, SettingsChange
 from vsd_analytics.report.privacy import is_small
@@ -19,7 +19,7 @@ NEAR = timedelta(hours=1)
 
 
 def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple[LogLine, ...]:
-    """Return the site's log of both weeks, and this week's long outages that nobody logged, in order of time.
+    """Return the site's log of both weeks, and what nobody logged: long outages and other frame rates, by time.
 
     For an entry in an area of this floor and week, the area since then is compared with the same hours of the week
     before.
@@ -46,27 +46,55 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
             )
         )
     lines += [_detected(data, o) for o in coverage.outages if _is_news(o, entries)]
+    lines += _other_frame_rates(data)
     return tuple(sorted(lines, key=lambda line: line.at))
 
 
 def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str, ...]) -> SettingsChange | None:
-    """Return the change inside the two weeks that forbids a comparison: a calibration or the engine.
+    """Return the change inside the two weeks that forbids any comparison: calibrations, the engine, other rules.
+
+    A calibration does when it leaves no camera that can be compared. Hours that were purged after they had been
+    computed by other rules (SQL, settings) stay as they are, so they cannot be compared with others.
 
     Args:
         data: The week.
         engines: Engines of this week.
         before: Engines of the week before.
     """
-    start = data.midnight(data.monday)
-    for camera in data.cameras:
-        for old, new in zip(camera.calibrations, camera.calibrations[1:], strict=False):
-            if new.valid_from is not None and data.midnight(data.monday - WEEK) <= new.valid_from < start + WEEK:
-                found = SettingsChange(name="calibration", before=old.calibration_id, after=new.calibration_id)
-                at = new.valid_from.astimezone(data.site.zone)
-                return _with_parts(data, replace(found, at=at)) if at >= start else found
+    start, (first_ms, end_ms) = data.midnight(data.monday), data.both_weeks_ms
+    if data.recalibrated and not (data.is_comparable & data.whole.cameras).any():
+        latest = max(data.recalibrated, key=lambda r: r.at_ms)
+        change = SettingsChange(name="calibration", before=latest.before, after=latest.after)
+        at = data.local(latest.at_ms)
+        return _with_parts(data, replace(change, at=at)) if at >= start else change
     if engines and before and engines != before:
         return SettingsChange(name="engine", before=", ".join(before), after=", ".join(engines))
+    if comparable.has_other_rules(data.warehouse, first_ms=first_ms, end_ms=end_ms):
+        return SettingsChange(name="rules", before="those of the time", after="today's")
     return None
+
+
+def not_compared(data: WeekData) -> dict[str, str]:
+    """Return why cameras are left out of the comparison though the rest of the floor is compared, by camera."""
+    if not (data.is_comparable & data.whole.cameras).any():
+        return {}
+    since = {r.camera_id: fmt.instant_short(data.local(r.at_ms)) for r in data.recalibrated}
+    return {camera_id: f"it was calibrated anew on {at}" for camera_id, at in since.items()}
+
+
+def _other_frame_rates(data: WeekData) -> list[LogLine]:
+    """Return a line for each camera whose frames come at another rate since some day; it is compared all the same."""
+    first_ms, end_ms = data.both_weeks_ms
+    names = {c.camera_id: words.camera_name(c.name) for c in data.cameras}
+    return [
+        LogLine(
+            at=data.midnight(data.local(o.since_ms).date()),
+            text=f"{names[o.camera_id]}: a frame every {fmt.seconds(o.after_ms / 1000)} instead of every "
+            f"{fmt.seconds(o.before_ms / 1000)}, which alone moves counts by some percent.",
+            kind="detected",
+        )
+        for o in comparable.other_intervals(data.warehouse, cameras=data.cameras, first_ms=first_ms, end_ms=end_ms)
+    ]
 
 
 def _with_parts(data: WeekData, change: SettingsChange) -> SettingsChange:

@@ -133,6 +133,8 @@ def _settings_headline(report: WeekReport) -> str:
             return f"A camera was calibrated anew {when}"
         case "engine":
             return f"The engine changed {when}"
+        case "rules":
+            return "The two weeks were computed by different rules, so nothing is compared"
         case _:
             return f"A setting changed {when}, so nothing is compared"
 
@@ -280,6 +282,8 @@ def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     when = f" on {fmt.date_long(change.at.date())}, {fmt.clock(change.at)}" if change.at is not None else ""
     if change.name == "calibration":
         text = f"A camera got a new calibration{when}, so positions and distances are measured anew. "
+    elif change.name == "rules":
+        text = "Hours whose records were purged keep the figures of their time, made by other rules than today's. "
     else:
         what = {"distance_m": "The distance limit", "engine": "The engine"}.get(
             change.name, f"The setting {change.name}"

@@ -145,6 +145,7 @@ class Provenance:
     )
     inputs_digest: str = _f("Hash of the facts the page was made from.", default="")
     is_made_up: bool = _f("True for `vsd demo`: the page says so.", default=False)
+    notes: tuple[str, ...] = _f("What does not compare: purged hours that were computed by other rules.", default=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,6 +177,7 @@ class CameraRecord:
         default=None,
     )
     not_counted: str | None = _f("Why its violations cannot be counted, so that rates leave it out.", default=None)
+    not_compared: str | None = _f("Why the comparison with the week before leaves it out.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -203,6 +205,12 @@ class Coverage:
     is_inferred: bool = _f(
         "True when any camera's engine sends no heartbeat: coverage is guessed from gaps.", default=False
     )
+    missing_messages: int | None = _f(
+        "Messages that never arrived or are in quarantine, by the engine's running numbers; None: it numbers nothing.",
+        "messages",
+        default=None,
+    )
+    message_gaps: int = _f("Gaps these are in.", default=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -351,7 +359,7 @@ class LogLine:
 class SettingsChange:
     """A setting or calibration that changed inside the comparison window, so that nothing is compared."""
 
-    name: str = _f("Setting, such as distance_m, or calibration.")
+    name: str = _f("Setting, such as distance_m; or calibration, engine, rules (of purged hours).")
     before: str = _f("Value before, with unit.")
     after: str = _f("Value after, with unit.")
     at: datetime | None = _f(

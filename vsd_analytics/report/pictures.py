@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import base64
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from vsd_analytics.errors import ReportError, Where
+from vsd_analytics.pictures import picture_size
 
 if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
     import numpy as np
     from numpy.typing import NDArray
 
 MAX_BYTES: Final = 60_000
+MAX_PIXELS: Final = 100_000_000
+_ACTIVE: Final = {"script", "foreignobject", "iframe", "embed", "object", "handler"}
+_LOADS: Final = re.compile(r"@import|url\(\s*[\"']?(?!#|data:image/|[\"'\s])", re.IGNORECASE)
 _UNDRAWN: Final = {"svg", "g", "title", "desc", "defs", "style", "metadata", "namedview"}
 
 
@@ -25,7 +32,9 @@ def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[in
     """Return a floor plan as a data URI and its size in pixels.
 
     White becomes transparent (colour to alpha), so that heat can lie below the lines and a dark page can invert them.
-    The picture is made smaller and its colours fewer until it fits. SVG plans are carried as they are.
+    The picture is made smaller and its colours fewer until it fits. SVG plans are carried as they are; one that is more
+    than a drawing (scripts, links to other files) is refused, though pages show pictures without running or loading
+    anything: other programs that print the page may not be as careful.
 
     Args:
         path: SVG, PNG or JPG file.
@@ -35,7 +44,8 @@ def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[in
         The data URI, and width and height in pixels of the *original* file (0, 0 for SVG).
 
     Raises:
-        ReportError: The file is no picture (E501), or an SVG larger than four times `max_bytes` (E502).
+        ReportError: The file is no picture, or more than one (E501), or an SVG larger than four times `max_bytes`
+            (E502).
     """
     if path.suffix.lower() == ".svg":
         data = _read(path)
@@ -47,6 +57,9 @@ def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[in
                 why=f"the report carries it inside, and an SVG plan may have at most {4 * max_bytes // 1000} KB",
                 mend="save it as PNG and name that file in vsd.toml",
             )
+        found = "it has a style sheet" if b"<?xml-stylesheet" in data else _more_than_drawn(_svg(path, data))
+        if found is not None:
+            raise _no_picture(path, f"it is more than a drawing: {found}")
         return data_uri(data, kind="svg+xml"), (0, 0)
     import cv2
     import numpy as np
@@ -70,19 +83,43 @@ def has_paper(path: Path) -> bool:
     True when its first drawn element is a filled rectangle or picture as large as the drawing; other plans have none,
     as `plan_image` makes their white transparent.
     """
-    from xml.etree import ElementTree
-
     if path.suffix.lower() != ".svg":
         return False
-    try:
-        root = ElementTree.fromstring(_read(path))
-    except ElementTree.ParseError as error:
-        raise _no_picture(path, "it is no SVG drawing") from error
+    root = _svg(path, _read(path))
     ground = next((e for e in root.iter() if _tag(e) not in _UNDRAWN), None)
     if ground is None or _tag(ground) not in {"rect", "image"} or ground.get("fill") in {"none", "transparent"}:
         return False
     sizes = (root.get("viewBox") or "").replace(",", " ").split()[2:] or [root.get("width", ""), root.get("height", "")]
     return all(_covers(ground.get(side), whole) for side, whole in zip(("width", "height"), sizes, strict=False))
+
+
+def _svg(path: Path, data: bytes) -> Element:
+    """Return the root of a drawing; expat loads no other file and ends when entities grow without measure."""
+    from xml.etree import ElementTree
+
+    try:
+        return ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter: an encoding nobody knows
+        raise _no_picture(path, "it is no SVG drawing") from error
+
+
+def _more_than_drawn(root: Element) -> str | None:
+    """Return the first thing in a drawing that runs or loads something, or None."""
+    for element in root.iter():
+        tag = _tag(element)
+        if tag.lower() in _ACTIVE:
+            return f"it has an element {tag}"
+        if tag.lower() == "style" and _LOADS.search(element.text or ""):
+            return "its style loads another file"
+        for name, value in element.attrib.items():
+            bare = name.rpartition("}")[2].lower()
+            if bare.startswith("on") or "javascript:" in value.lower():
+                return f"it has an attribute {bare}"
+            if bare in ("href", "src") and tag != "a" and not value.strip().startswith(("#", "data:image/")):
+                return f"it links to {value[:80]!r}"
+            if _LOADS.search(value):
+                return f"it loads {value[:80]!r}"
+    return None
 
 
 def _tag(element: object) -> str:
@@ -136,7 +173,13 @@ def _decode(path: Path, *, flags: int) -> NDArray[Any]:
     import numpy as np
 
     data = _read(path)
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if data else None
+    width, height = picture_size(path) or (0, 0)
+    if width * height > MAX_PIXELS:
+        raise _no_picture(path, f"it has {width:,} x {height:,} pixels; at most {MAX_PIXELS:,} are read")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if width else None
+    except cv2.error:
+        image = None
     if image is None:
         raise _no_picture(path, "it is no PNG or JPG picture")
     return np.asarray(image)

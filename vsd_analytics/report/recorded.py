@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics import geometry
+from vsd_analytics.report.changes import not_compared
 from vsd_analytics.report.model import CameraDay, CameraRecord, Coverage, Outage
 from vsd_analytics.report.weekdata import HOUR_MS, WEEK, Ints, WeekData
 from vsd_analytics.warehouse.provenance import last_records
@@ -18,6 +19,8 @@ def coverage(data: WeekData) -> Coverage:
     """Return how much of the week's opening hours each camera recorded."""
     now = np.flatnonzero(data.week())
     last = last_records(data.site, data.ids, until=data.sunday)
+    left_out = not_compared(data)
+    missing, gaps = _messages(data)
     cameras = []
     for i, camera in enumerate(data.cameras):
         days = tuple(_camera_day(data, i, day, now[data.hours.day[now] == day.toordinal()]) for day in data.week_days)
@@ -33,6 +36,7 @@ def coverage(data: WeekData) -> Coverage:
                 share=recorded / scheduled if scheduled else None,
                 last_record=last.get(camera.camera_id),
                 not_counted=data.not_counted.get(camera.camera_id),
+                not_compared=left_out.get(camera.camera_id),
             )
         )
     scheduled_h, recorded_h = sum(c.scheduled_h for c in cameras), sum(c.recorded_h for c in cameras)
@@ -46,6 +50,8 @@ def coverage(data: WeekData) -> Coverage:
         cameras=tuple(cameras),
         outages=_outages(data),
         is_inferred=bool(data.hours.is_inferred[:, now].any()),
+        missing_messages=missing,
+        message_gaps=gaps,
     )
 
 
@@ -73,6 +79,23 @@ def _camera_day(data: WeekData, camera: int, day: date, chosen: Ints) -> CameraD
         share=recorded_h / scheduled_h if scheduled_h else None,
         hourly_share=tuple(shares),
     )
+
+
+def _messages(data: WeekData) -> tuple[int | None, int]:
+    """Return how many messages of the week are missing, None when no engine numbers them, and in how many gaps."""
+    first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + WEEK))
+    values = {"ids": data.ids, "first": first, "last": last}
+    numbered = data.warehouse.rows(
+        "select 1 from sequence_runs where camera_id in (select unnest($ids)) "
+        "and last_ms >= $first and first_ms < $last limit 1",
+        values,
+    )
+    row = data.warehouse.rows(
+        "select sum(n_missing)::bigint as n, count(*) as n_gaps from message_gaps "
+        "where camera_id in (select unnest($ids)) and not is_restart and ended_ms >= $first and started_ms < $last",
+        values,
+    )[0]
+    return (row["n"] or 0 if numbered else None), row["n_gaps"]
 
 
 def _outages(data: WeekData) -> tuple[Outage, ...]:

@@ -161,6 +161,15 @@ def _distrust(report: WeekReport) -> Thing:
             text=words.sentence(report.level.often.reason or ""),
             target="about",
         )
+    apart = [c for c in report.coverage.cameras if c.not_compared is not None]
+    if apart and report.state == "normal":
+        camera_names = words.joined(words.camera_name(c.name) for c in apart)
+        return Thing(
+            kind="distrust",
+            title=f"{camera_names} {'is' if len(apart) == 1 else 'are'} not compared",
+            text=f"{words.sentence(apart[0].not_compared or '')} Changes are those of what the other cameras count.",
+            target="changed",
+        )
     camera = weakest_camera(report)
     if camera is not None:
         areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from vsd_analytics.report.comparable import Recalibration, has_other_owners, recalibrations
 from vsd_analytics.report.words import NO_FLOOR, NO_IDS, NO_POSITIONS
 from vsd_analytics.site import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -25,6 +26,7 @@ Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 WEEK = timedelta(days=7)
 HOUR_MS = 3_600_000
+DAY_MS = 24 * HOUR_MS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +160,7 @@ class WeekData:
         return self._sums(place, chosen, self.hours.is_counted[:, chosen], days)
 
     def compared(self, place: Place, *, since: int | None = None) -> tuple[Panel, Panel]:
-        """Return the panels of the week before and of this week over the camera-hours that count in both.
+        """Return the panels of the week before and of this week over the comparable camera-hours that count in both.
 
         Hours are matched by weekday, local hour and fold, so weeks with a change of the clocks match too.
 
@@ -169,7 +171,7 @@ class WeekData:
         now, then = self._matched
         late = self.hours.start_ms[now] >= (since if since is not None else -np.inf)
         now, then = now[late], then[late]
-        both = self.hours.is_counted[:, now] & self.hours.is_counted[:, then]
+        both = self.hours.is_counted[:, now] & self.hours.is_counted[:, then] & self.is_comparable[:, None]
         before_days = [d - WEEK for d in self.week_days]
         return self._sums(place, then, both, before_days), self._sums(place, now, both, self.week_days)
 
@@ -237,14 +239,39 @@ class WeekData:
         return NO_POSITIONS if row["n_unplaced"] * 2 > row["n"] else None
 
     @cached_property
+    def recalibrated(self) -> Sequence[Recalibration]:
+        """Return the cameras whose facts of this week and the week before were computed under several calibrations."""
+        first, end = self.both_weeks_ms
+        return recalibrations(self.warehouse, cameras=self.cameras, first_ms=first, end_ms=end)
+
+    @cached_property
+    def is_comparable(self) -> Flags:
+        """Return which cameras may be compared with the week before, shape (n_cameras,), one at least as of `hours`.
+
+        A new calibration that gives cells of the floor to other cameras changes the counts of all.
+        """
+        first, end = self.both_weeks_ms
+        out = {r.camera_id for r in self.recalibrated}
+        if out and has_other_owners(self.warehouse, self.floor, first_ms=first, end_ms=end):
+            out = set(self.ids)
+        return np.array([c not in out for c in self.ids] or [True], dtype=np.bool_)
+
+    @cached_property
+    def both_weeks_ms(self) -> tuple[int, int]:
+        """Return the start of the week before and the end of this one, UTC milliseconds."""
+        ends = (self.midnight(self.monday - WEEK), self.midnight(self.monday + WEEK))
+        return round(ends[0].timestamp() * 1000), round(ends[1].timestamp() * 1000)
+
+    @cached_property
     def _span_ms(self) -> tuple[int, int]:
         ends = (self.midnight(self.monday), self.midnight(self.monday + WEEK))
         return round(ends[0].timestamp() * 1000), round(ends[1].timestamp() * 1000)
 
     def _sends_pairs(self, camera_id: str) -> bool:
         first, last = self._span_ms
-        query = "select 1 from pairs where camera_id = $id and ts_ms >= $first and ts_ms < $last limit 1"
-        return bool(self.warehouse.rows(query, {"id": camera_id, "first": first, "last": last}))
+        query = "select 1 from camera_days where camera_id = $id and sends_pairs and utc_day between $first and $last"
+        days = {"first": first // DAY_MS, "last": (last - 1) // DAY_MS}
+        return bool(self.warehouse.rows(query, {"id": camera_id, **days}))
 
     def _sums(self, place: Place, chosen: Ints, counted: Flags, days: Sequence[date]) -> Panel:
         """Return sums by day over hours `chosen`, of camera-hours `counted`, shape (n_cameras, n_chosen)."""

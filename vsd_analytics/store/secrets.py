@@ -7,16 +7,21 @@ the same track id and is recognised; destroying it makes the link to the engine'
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
+import json
 import os
+import re
 import secrets
+from collections.abc import Iterable, Iterator
 from datetime import date
 from pathlib import Path
 
 from vsd_analytics.errors import StoreError, Where
-from vsd_analytics.store.durable import fsync_dir, make_dirs, sweep_temporaries
+from vsd_analytics.store.durable import fsync_dir, make_dirs, publish, remove, sweep_temporaries
 
 KEY_BYTES = 32
+_KEY = re.compile(r"^(\d{4}-\d{2}-\d{2})\.key$")
 
 
 class DayKeys:
@@ -30,16 +35,83 @@ class DayKeys:
         self.folder = folder
         self._known: dict[date, bytes] = {}
 
+    @property
+    def forgotten_path(self) -> Path:
+        """Return where the list of forgotten days stands: JSON Lines, `{"day": "2026-10-01"}`."""
+        return self.folder / "forgotten.jsonl"
+
+    def days(self) -> list[date]:
+        """Return the site days that have a key, in order."""
+        if not self.folder.is_dir():
+            return []
+        matches = (_KEY.match(p.name) for p in self.folder.iterdir())
+        return sorted(date.fromisoformat(m[1]) for m in matches if m)
+
+    def forgotten(self) -> frozenset[date]:
+        """Return the site days whose keys were destroyed: they never get another one.
+
+        Raises:
+            StoreError: E303, the list is damaged.
+        """
+        try:
+            lines = self.forgotten_path.read_text(encoding="utf-8").splitlines()
+            return frozenset(date.fromisoformat(json.loads(line)["day"]) for line in lines)
+        except FileNotFoundError:
+            return frozenset()
+        except (ValueError, KeyError, TypeError):
+            raise StoreError(
+                "the list of forgotten days is damaged",
+                code="E303",
+                where=Where(str(self.forgotten_path)),
+                why='each of its lines is like {"day": "2026-10-01"}',
+                mend="restore it from a backup; without it a day could get a second key and count twice",
+            ) from None
+
+    def forget(self, days: Iterable[date]) -> None:
+        """Destroy the keys of site days, for good; a day is on the list of forgotten ones before its key goes."""
+        with self._alone():
+            sweep_temporaries(self.folder)
+            every = sorted(self.forgotten() | set(days))
+            publish(self.forgotten_path, "".join(json.dumps({"day": d.isoformat()}) + "\n" for d in every).encode())
+            for day in every:
+                self._known.pop(day, None)
+                remove(self.folder / f"{day.isoformat()}.key")
+            fsync_dir(self.folder)
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Hold an flock(2) on the folder, so that no key is made for a day that is being forgotten."""
+        make_dirs(self.folder)
+        fd = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(fd)
+
     def key(self, day: date) -> bytes:
         """Return the key of a site day, made (durably, once) when it does not exist yet.
 
         Raises:
-            StoreError: E303, the key's file does not hold a key.
+            StoreError: E303, the key's file does not hold a key, or the day was forgotten.
         """
         if day not in self._known:
             path = self.folder / f"{day.isoformat()}.key"
-            if not path.exists():
-                self.put(day, secrets.token_bytes(KEY_BYTES))
+            if not self._known:
+                sweep_temporaries(self.folder)
+            if path.exists():
+                fsync_dir(self.folder)  # whoever made it may have been stopped before this
+            else:
+                with self._alone():
+                    if day in self.forgotten():
+                        raise StoreError(
+                            f"the key of {day} was destroyed",
+                            code="E303",
+                            where=Where(str(self.forgotten_path)),
+                            why="with another key, records of that day would not be recognised and would count twice",
+                            mend="ingest nothing of that day",
+                        )
+                    self.put(day, secrets.token_bytes(KEY_BYTES))
             key = path.read_bytes()
             if len(key) != KEY_BYTES:
                 raise StoreError(
@@ -55,16 +127,17 @@ class DayKeys:
     def put(self, day: date, key: bytes) -> None:
         """Store a key for a day unless it has one; two processes agree on whoever came first."""
         make_dirs(self.folder)
-        sweep_temporaries(self.folder)
         temporary = self.folder / f".{day.isoformat()}.{os.getpid()}.tmp"
-        fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(fd, "wb") as f:
-            f.write(key)
-            f.flush()
-            os.fsync(f.fileno())
-        with contextlib.suppress(FileExistsError):
-            os.link(temporary, self.folder / f"{day.isoformat()}.key")
-        temporary.unlink()
+        try:
+            fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            with os.fdopen(fd, "wb") as f:
+                f.write(key)
+                f.flush()
+                os.fsync(f.fileno())
+            with contextlib.suppress(FileExistsError):
+                os.link(temporary, self.folder / f"{day.isoformat()}.key")
+        finally:
+            remove(temporary)
         fsync_dir(self.folder)
 
 

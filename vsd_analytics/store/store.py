@@ -8,7 +8,8 @@ give the same table. Nothing is ever replaced, so any reader sees a part wholly 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -18,15 +19,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.duck import connect
-from vsd_analytics.errors import StoreError, Where
+from vsd_analytics.errors import DiskError, StoreError, Where, disk_error
 from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
-from vsd_analytics.store import durable
+from vsd_analytics.store import ballast, durable
 from vsd_analytics.store.layout import HOUR_MS, Part, hour_of, list_parts, segment_paths, unit_folder
 
 if TYPE_CHECKING:
     import duckdb
 
 ENGINES = b"vsd.engines"
+ENGINES_MAX = 32
+"""Engine names kept of one file: who sends a new name with every message shall not fill the metadata."""
 SPAN_ROWS = 500_000
 """Rows folded at once: whole days of quiet sites, single hours of busy ones."""
 
@@ -56,10 +59,12 @@ class FoldResult:
     Attributes:
         tables: Counts by table.
         hours: UTC hour numbers that gained a part.
+        is_ballast_spent: The disk was full, and the ballast was given up so that the fold could be done (W304).
     """
 
     tables: Mapping[TableName, Counts] = field(default_factory=dict)
     hours: frozenset[int] = frozenset()
+    is_ballast_spent: bool = False
 
 
 class Store:
@@ -68,11 +73,13 @@ class Store:
     Args:
         root: The store folder (`<project>/store`).
         site_id: The site's id, the Hive folder its parts stand in.
+        ballast_mb: Ballast a fold takes when there is room, in megabytes; 0 = have none, None = leave it as it is.
     """
 
-    def __init__(self, root: Path, *, site_id: str) -> None:
+    def __init__(self, root: Path, *, site_id: str, ballast_mb: float | None = None) -> None:
         self.root = root
         self.site_id = site_id
+        self.ballast_mb = ballast_mb
 
     def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = ()) -> int:
         """Put a batch into the spool; it is durable when this returns.
@@ -86,11 +93,11 @@ class Store:
             Number of rows acknowledged.
 
         Raises:
-            OSError: The disk refused; nothing is acknowledged then.
+            DiskError: E304 to E306, the disk refused; nothing is acknowledged then.
         """
         if rows.num_rows == 0:
             return 0
-        schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(sorted(set(engines))).encode()})
+        schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(sorted(set(engines))[:ENGINES_MAX]).encode()})
         data = _parquet_bytes(rows.select(schema.names).cast(schema), compression="lz4")
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
         return int(rows.num_rows)
@@ -106,18 +113,32 @@ class Store:
 
         Raises:
             StoreError: E302, a file of the spool or the store is damaged; nothing is removed from the spool then.
+            DiskError: E304 to E306, the disk refused; the spool keeps what was acknowledged.
         """
-        if not self.root.is_dir():
+        if not self.root.is_dir() or self._has_nothing_to_do():
             return FoldResult()
-        with durable.exclusive(self.root / ".lock"):
-            durable.sweep_temporaries(self.root)
-            tables: dict[TableName, Counts] = {}
-            hours: set[int] = set()
-            for table in TABLES:
-                segments = segment_paths(self.root, table)
-                if segments:
-                    tables[table] = self._fold_table(table, segments, hours, on_rows)
-            return FoldResult(tables, frozenset(hours))
+        from vsd_analytics.store import removal
+
+        while True:
+            removal.complete(self.root)
+            with durable.exclusive(self.root / ".lock"):
+                if not removal.pending(self.root):
+                    return self.fold_held(on_rows=on_rows)
+
+    def fold_held(self, *, on_rows: Callable[[int], None] | None = None) -> FoldResult:
+        """Fold for a caller that holds the store's lock already; see `fold`."""
+        had_ballast = ballast.is_kept(self.root)
+        durable.sweep_temporaries(self.root)
+        tables: dict[TableName, Counts] = {}
+        hours: set[int] = set()
+        for table in TABLES:
+            segments = segment_paths(self.root, table)
+            if segments:
+                tables[table] = self._fold_table(table, segments, hours, on_rows)
+        is_spent = had_ballast and not ballast.is_kept(self.root)
+        if self.ballast_mb is not None and not is_spent:
+            ballast.keep(self.root, n_bytes=int(self.ballast_mb * 1_000_000))
+        return FoldResult(tables, frozenset(hours), is_spent)
 
     def n_spooled(self) -> int:
         """Return the number of rows acknowledged but not yet folded."""
@@ -125,7 +146,11 @@ class Store:
         for path in (p for t in TABLES for p in segment_paths(self.root, t)):
             try:
                 n_rows += pq.read_metadata(path).num_rows
-            except pa.ArrowInvalid:
+            except FileNotFoundError:
+                continue  # folded meanwhile
+            except (pa.ArrowException, ValueError, OSError) as error:
+                if getattr(error, "errno", None):
+                    raise
                 raise _damaged_segment(path) from None
         return n_rows
 
@@ -140,20 +165,26 @@ class Store:
 
     def damaged(self) -> list[Path]:
         """Return the parts whose bytes do not match the hash in their name."""
-        return [p.path for t in TABLES for p in self.parts(t) if durable.digest(p.path.read_bytes()) != p.digest]
+        return [p.path for t in TABLES for p in self.parts(t) if durable.file_digest(p.path) != p.digest]
 
-    def refuse_damaged(self) -> None:
-        """Raise StoreError E302 when a part is damaged: for whoever failed to read one."""
-        for path in self.damaged():
-            raise _damaged_part(path)
+    def refuse_damaged(self, parts: Iterable[Part] | None = None) -> None:
+        """Raise StoreError E302 when a part is damaged: before its rows are used, or after it could not be read.
+
+        Args:
+            parts: Parts to look at; None = all.
+        """
+        for part in parts if parts is not None else (p for t in TABLES for p in self.parts(t)):
+            if durable.file_digest(part.path) != part.digest:
+                raise _damaged_part(part.path)
 
     def _fold_table(
         self, table: TableName, segments: list[Path], hours: set[int], on_rows: Callable[[int], None] | None
     ) -> Counts:
         for path in segments:
-            if durable.digest(path.read_bytes()) != path.stem:
+            if durable.file_digest(path) != path.stem:
                 raise _damaged_segment(path)
         done = Counts()
+        folders: set[Path] = set()
         with connect() as con:
             for span in _spans(segments):
                 rows, n_read, n_second = self._new_rows(con, table, span)
@@ -161,15 +192,32 @@ class Store:
                 for hour, part in _by_hour(rows):
                     data = part_bytes(table, part, engines)
                     folder = unit_folder(self.root, table, self.site_id, hour)
-                    durable.publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
+                    self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
                     hours.add(hour)
                 done += Counts(rows.num_rows, n_read - rows.num_rows - n_second, n_second)
+                parts = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
+                folders |= {part.path.parent for part in parts}
                 if on_rows is not None:
                     on_rows(n_read)
+        for folder in sorted(folders):  # what a fold that was killed renamed and did not sync is durable from here on
+            durable.fsync_dir(folder)
         for path in segments:
             durable.remove(path)
         durable.fsync_dir(self.root / "live" / table)
         return done
+
+    def _has_nothing_to_do(self) -> bool:
+        """Tell whether nothing is spooled and, the disk being one that can only be read, nothing can be swept."""
+        return not os.access(self.root, os.W_OK) and not any(segment_paths(self.root, t) for t in TABLES)
+
+    def _publish(self, path: Path, data: pa.Buffer) -> None:
+        """Publish a part; on a full disk once more after the ballast is given up."""
+        try:
+            durable.publish(path, data)
+        except DiskError as error:
+            if error.code != "E304" or not ballast.give_up(self.root):
+                raise
+            durable.publish(path, data)
 
     def _new_rows(self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span) -> tuple[pa.Table, int, int]:
         """Return a span's rows that the table lacks, sorted by hour, how many were read, and how many second sightings.
@@ -181,6 +229,7 @@ class Store:
 
         columns, key = ", ".join(SCHEMAS[table].names), ", ".join(KEYS[table])
         known = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
+        self.refuse_damaged(known)  # a flipped bit in a key would let a record in twice
         try:
             con.execute(
                 f"create or replace temp table spooled as select {columns}, hash({key}) as key_hash "
@@ -219,9 +268,8 @@ class Store:
             for name in ("spooled", "doubtful", "fresh"):
                 con.execute(f"drop table {name}")
         except duckdb.Error as error:
-            for part in known:
-                if durable.digest(part.path.read_bytes()) != part.digest:
-                    raise _damaged_part(part.path) from None
+            if refused := disk_error(error):
+                raise refused from None
             raise StoreError(
                 "the spool cannot be folded into the store", code="E302", why=str(error)[:300], mend="vsd doctor"
             ) from None
@@ -254,7 +302,7 @@ def engines_of(path: Path) -> list[str]:
 
 def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Buffer:
     """Return the bytes of a part: zstd, dictionary for ids and millimetres, delta coding for time, page checksums."""
-    schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(list(engines)).encode()})
+    schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(list(engines)[:ENGINES_MAX]).encode()})
     dictionary = [f.name for f in schema if pa.types.is_string(f.type) or f.name.endswith(("_mm", "_px"))]
     return _parquet_bytes(
         rows.select(schema.names).cast(schema),

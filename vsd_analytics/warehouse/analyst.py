@@ -68,6 +68,7 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
     con = warehouse.con
     try:
         _shut(con, warehouse)
+        query.encode()  # a UnicodeEncodeError is a ValueError
         statements = con.extract_statements(query)
         if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
             raise SqlError(

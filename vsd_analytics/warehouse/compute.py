@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
@@ -11,6 +11,7 @@ from vsd_analytics.duck import connect, literal_list
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site import Site
 from vsd_analytics.store.layout import HOUR_MS, Part
+from vsd_analytics.warehouse.causes import made_of
 from vsd_analytics.warehouse.dimensions import params, register_quarters, register_site
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
@@ -36,14 +37,15 @@ def day_facts(site: Site, parts: Parts) -> pa.Table:
 
 
 def hour_facts(
-    site: Site, *, parts: Parts, camera_days: pa.Table, first_hour: int, last_hour: int
+    site: Site, *, facts: Collection[str], parts: Parts, camera_days: pa.Table, first_hour: int, last_hour: int
 ) -> Iterator[tuple[Relation, pa.Table]]:
-    """Yield each hourly fact with its rows of the hours from `first_hour` to `last_hour`, by hour and grain.
+    """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
     The rows of an hour depend on the parts of that hour and of those beside it alone, whatever is computed with it.
 
     Args:
         site: The project.
+        facts: Names of the facts wanted; what these are made of is computed too, and not handed out.
         parts: Stored parts of those hours and of the hours beside them.
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
@@ -55,13 +57,12 @@ def hour_facts(
         con.register("_camera_days", camera_days)
         con.execute("create temp table camera_days as select * from _camera_days")
         margin_ms = _margin_ms(site)
-        for table in TABLES:
+        made, inputs = made_of(facts)
+        for table in (t for t in TABLES if f"stored_{t}" in inputs):
             _load(con, table, parts[table], first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
-        for relation in relations("staging", "facts").values():
-            if relation.unit == "day":
-                continue
+        for relation in (r for r in relations("staging", "facts").values() if r.name in made):
             con.execute(f"create temp table {relation.name} as {relation.sql}")
-            if relation.layer == "facts":
+            if relation.name in facts:
                 inside = f"select * from {relation.name} where hour between {first_hour:d} and {last_hour:d}"
                 yield relation, con.sql(inside).to_arrow_table()
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
-from functools import cache
+from functools import cache, lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
@@ -13,13 +14,15 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.settings import BY_NAME
-from vsd_analytics.site import Camera, Site
+from vsd_analytics.site import Calibration, Camera, Floor, Site
 
 if TYPE_CHECKING:
     import duckdb
 
+    from vsd_analytics.geometry import OwnerCell
+
 QUARTER_MS = 900_000
-_FOREVER_MS = 2**53
+FOREVER_MS = 2**53
 
 _CAMERAS = pa.schema(
     [
@@ -31,11 +34,20 @@ _CAMERAS = pa.schema(
     ]
 )
 _CALIBRATIONS = pa.schema(
-    [("camera_id", pa.string()), ("from_ms", pa.int64()), ("to_ms", pa.int64())]
+    [("camera_id", pa.string()), ("from_ms", pa.int64()), ("to_ms", pa.int64()), ("calibration_id", pa.string())]
     + [(f"h{i}{j}", pa.float64()) for i in (1, 2, 3) for j in (1, 2, 3)]
     + [("w_sign", pa.float64())]
 )
-_OWNERS = pa.schema([("floor_id", pa.string()), ("camera_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
+_OWNERS = pa.schema(
+    [
+        ("floor_id", pa.string()),
+        ("from_ms", pa.int64()),
+        ("to_ms", pa.int64()),
+        ("camera_id", pa.string()),
+        ("cx", pa.int32()),
+        ("cy", pa.int32()),
+    ]
+)
 _AREA_CELLS = pa.schema([("floor_id", pa.string()), ("area_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
 _CALENDAR = pa.schema(
     [
@@ -109,23 +121,74 @@ def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_h
     _create(con, "quarters", pa.table({"quarter": np.arange(first_hour * 4, last_hour * 4 + 4, dtype="int64")}))
 
 
-def site_digest(site: Site) -> str:
-    """Return a hash of what facts depend on besides records, settings and SQL: cameras, calibrations, owner cells."""
-    tables = (_camera_table(site).drop_columns(["camera_no", "name"]), _calibration_table(site), owner_cells(site))
-    told = [bucket_quarters(site), *(table.to_pydict() for table in tables)]
-    return hashlib.blake2b(json.dumps(told).encode(), digest_size=8).hexdigest()
+@dataclass(frozen=True, slots=True)
+class OwnerSpan:
+    """A time during which the owners of a floor's cells do not change.
+
+    Attributes:
+        floor_id: The floor.
+        from_ms: Start, UTC milliseconds; -FOREVER_MS = since ever.
+        to_ms: End, exclusive; FOREVER_MS = until a next calibration.
+        cells: Which camera counts where the views of several overlap.
+    """
+
+    floor_id: str
+    from_ms: int
+    to_ms: int
+    cells: tuple[OwnerCell, ...]
+
+
+def owner_spans(site: Site) -> list[OwnerSpan]:
+    """Return the owner cells of each floor by time: a new span starts where a calibration of one of its cameras does.
+
+    In each span every camera stands in the calibration that is in force then (`geometry.owner_cells`).
+    """
+    spans = []
+    for floor in site.floors:
+        cameras = [c for c in site.cameras if c.floor_id == floor.floor_id]
+        starts = sorted({from_ms for c in cameras for from_ms, _, _ in calibration_spans(c)} | {-FOREVER_MS})
+        for from_ms, to_ms in pairwise([*starts, FOREVER_MS]):
+            now = tuple(replace(c, calibrations=in_force(c, from_ms)) for c in cameras)
+            cells = _owner_cells(now, site.settings.owner_cell_m, floor)
+            spans.append(OwnerSpan(floor.floor_id, from_ms, to_ms, cells))
+    return spans
+
+
+@lru_cache(maxsize=64)
+def _owner_cells(cameras: tuple[Camera, ...], cell_m: float, floor: Floor) -> tuple[OwnerCell, ...]:
+    from vsd_analytics import geometry
+
+    return tuple(geometry.owner_cells(cameras, cell_m=cell_m, floor=floor))
 
 
 def owner_cells(site: Site) -> pa.Table:
-    """Return which camera counts where the views of several overlap (`geometry.owner_cells`)."""
-    from vsd_analytics import geometry
-
+    """Return which camera counts where the views of several overlap, and from when to when (`owner_spans`)."""
     rows: list[tuple[Any, ...]] = [
-        (floor.floor_id, cell.camera_id, cell.cx, cell.cy)
-        for floor in site.floors
-        for cell in geometry.owner_cells(site.cameras, cell_m=site.settings.owner_cell_m, floor=floor)
+        (span.floor_id, span.from_ms, span.to_ms, cell.camera_id, cell.cx, cell.cy)
+        for span in owner_spans(site)
+        for cell in span.cells
     ]
     return _table(_OWNERS, rows)
+
+
+def calibration_spans(camera: Camera) -> list[tuple[int, int, Calibration]]:
+    """Return a camera's calibrations, each with its first and end instant (UTC milliseconds, end exclusive).
+
+    The first holds since ever; one with the numbers of the one before it goes on with that.
+    """
+    starts: list[tuple[int, Calibration]] = []
+    for c in camera.calibrations:
+        if starts and c.homography == starts[-1][1].homography:
+            continue
+        is_first = not starts or c.valid_from is None
+        starts.append((-FOREVER_MS if is_first else round(c.valid_from.timestamp() * 1000), c))  # type: ignore[union-attr]
+    ends = [*(from_ms for from_ms, _ in starts[1:]), FOREVER_MS]
+    return [(from_ms, to_ms, c) for (from_ms, c), to_ms in zip(starts, ends, strict=False)]
+
+
+def in_force(camera: Camera, ms: int) -> tuple[Calibration, ...]:
+    """Return the calibration of a camera in force at an instant (UTC milliseconds), or none."""
+    return tuple(c for from_ms, to_ms, c in calibration_spans(camera) if from_ms <= ms < to_ms)
 
 
 def area_cells(site: Site) -> pa.Table:
@@ -198,24 +261,18 @@ def _camera_table(site: Site) -> pa.Table:
 
 
 def _calibration_table(site: Site) -> pa.Table:
-    return _table(_CALIBRATIONS, [row for c in site.cameras for row in _calibrations(c)])
+    return _table(_CALIBRATIONS, [row for c in site.cameras for row in calibration_rows(c)])
 
 
-def _calibrations(camera: Camera) -> list[tuple[Any, ...]]:
+def calibration_rows(camera: Camera) -> Sequence[tuple[Any, ...]]:
+    """Return the rows of the relation `calibrations` of one camera, in order of time."""
     from vsd_analytics import geometry
 
     rows = []
-    for i, c in enumerate(camera.calibrations):
-        following = camera.calibrations[i + 1] if i + 1 < len(camera.calibrations) else None
-        from_ms = -_FOREVER_MS if i == 0 or c.valid_from is None else round(c.valid_from.timestamp() * 1000)
-        to_ms = (
-            _FOREVER_MS
-            if following is None or following.valid_from is None
-            else round(following.valid_from.timestamp() * 1000)
-        )
+    for from_ms, to_ms, c in calibration_spans(camera):
         h = c.homography
         sign = geometry.ground_sign(h, picture_px=camera.picture_px)
-        rows.append((camera.camera_id, from_ms, to_ms, *h[0], *h[1], *h[2], sign))
+        rows.append((camera.camera_id, from_ms, to_ms, c.calibration_id, *h[0], *h[1], *h[2], sign))
     return rows
 
 

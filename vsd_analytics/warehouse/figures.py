@@ -82,13 +82,19 @@ def coverage(warehouse: Warehouse) -> dict[str, Any]:
 
     Returns:
         `cameras`: per camera `camera_id`, `name`, `share`, `recorded_h`, `scheduled_h`, `days` (date, share or None
-        when closed, recorded_h, scheduled_h); `outages`: camera_id, start, end, open_h, is_inferred; `share` over all.
+        when closed, recorded_h, scheduled_h); `outages`: camera_id, start, end, open_h, is_inferred; `share` over all;
+        `gaps`: camera_id, start (last message before), end (first after), n_missing, first_missing, last_missing
+        (running numbers); `n_missing` over all, None when no engine numbers its messages; `restarts`: camera_id, start
+        and end of each restart of an engine's count, around which losses are unknown.
     """
     days = warehouse.rows(
         "select camera_id, local_date, sum(recorded_open_s) / 3600 as recorded_h, sum(open_s) / 3600 as scheduled_h "
         "from camera_hours group by all order by local_date"
     )
     outages = warehouse.rows("select * from outages")
+    numbers = warehouse.rows("select * from message_gaps")
+    gaps = [row for row in numbers if not row["is_restart"]]
+    is_numbered = bool(warehouse.rows("select 1 from sequence_runs limit 1"))
     cameras = []
     for camera in warehouse.site.cameras:
         own = [d for d in days if d["camera_id"] == camera.camera_id]
@@ -125,7 +131,19 @@ def coverage(warehouse: Warehouse) -> dict[str, Any]:
             }
             for o in outages
         ],
+        "n_missing": sum(row["n_missing"] for row in gaps) if is_numbered else None,
+        "gaps": [
+            {**_between(warehouse, row), **{k: row[k] for k in ("n_missing", "first_missing", "last_missing")}}
+            for row in gaps
+        ],
+        "restarts": [_between(warehouse, row) for row in numbers if row["is_restart"]],
     }
+
+
+def _between(warehouse: Warehouse, row: dict[str, Any]) -> dict[str, Any]:
+    """Return the camera of a row of `message_gaps` and the messages on either side, as local ISO instants."""
+    start, end = (local_instant(warehouse, row[k]).isoformat(timespec="milliseconds") for k in ("started_ms", "ended_ms"))
+    return {"camera_id": row["camera_id"], "start": start, "end": end}
 
 
 def local_instant(warehouse: Warehouse, ms: int) -> datetime:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from datetime import UTC, date, datetime, timedelta
 from itertools import groupby
+from pathlib import Path
 
 from vsd_analytics.duck import connect
 from vsd_analytics.schema import TABLES
@@ -12,6 +13,7 @@ from vsd_analytics.site import Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.store import engines_of
+from vsd_analytics.warehouse.sealed import sealed_range
 
 LOOK_BACK = timedelta(days=60)
 
@@ -19,11 +21,16 @@ LOOK_BACK = timedelta(days=60)
 def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
     """Return the engines noted in the first and last part of each day of a range of local days, sorted."""
     noted: set[str] = set()
-    for found in _parts(site, first, last).values():
-        for _, day in groupby(found, key=lambda p: p.hour // 24):
-            parts = list(day)
-            for part in {parts[0], parts[-1]}:
-                noted.update(engines_of(part.path))
+    hours = _hours(site, first, last)
+    sealed = sealed_range(site, *hours).hours
+    for table, found in _parts(site, hours).items():
+        ordered: list[tuple[int, Path | tuple[str, ...]]] = [(p.hour, p.path) for p in found if p.hour not in sealed]
+        ordered += [(h, told) for h, unit in sealed.items() for told in unit.engines.get(table, ())]
+        ordered.sort(key=lambda part: part[0])
+        for _, day in groupby(ordered, key=lambda part: part[0] // 24):
+            parts = [told for _, told in day]
+            for told in (parts[0], parts[-1]):
+                noted.update(engines_of(told) if isinstance(told, Path) else told)
     return tuple(sorted(noted))
 
 
@@ -33,29 +40,41 @@ def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dic
     Cameras without a record in the sixty days before are left out.
     """
     found: dict[str, datetime] = {}
-    by_hour: dict[int, list[str]] = {}
-    for parts in _parts(site, until - LOOK_BACK, until).values():
+    hours = _hours(site, until - LOOK_BACK, until)
+    sealed = sealed_range(site, *hours).hours
+    by_hour: dict[int, list[str]] = {hour: [] for hour in sealed}
+    for parts in _parts(site, hours).values():
         for part in parts:
-            by_hour.setdefault(part.hour, []).append(str(part.path))
+            if part.hour not in sealed:
+                by_hour.setdefault(part.hour, []).append(str(part.path))
     with connect() as con:
         for hour in sorted(by_hour, reverse=True):
             if len(found) == len(set(camera_ids)):
                 break
-            rows = con.execute(
-                "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by all",
-                {"names": by_hour[hour]},
-            ).fetchall()
+            rows = (
+                list(sealed[hour].last_ms.items())
+                if hour in sealed
+                else con.execute(
+                    "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by all",
+                    {"names": by_hour[hour]},
+                ).fetchall()
+            )
             for camera_id, ms in rows:
                 if camera_id in camera_ids and camera_id not in found:
                     found[camera_id] = datetime.fromtimestamp(ms // 1000, tz=UTC).astimezone(site.zone)
     return found
 
 
-def _parts(site: Site, first: date, last: date) -> dict[str, list[Part]]:
-    """Return the parts of each table over a range of local days, in order of time."""
-    store = Store(site.root / "store", site_id=site.site_id)
-    hours = [
+def _hours(site: Site, first: date, last: date) -> tuple[int, int]:
+    """Return the first and last UTC hour number of a range of local days."""
+    starts = [
         int(datetime(day.year, day.month, day.day, tzinfo=site.zone).timestamp()) // 3600
         for day in (first, last + timedelta(days=1))
     ]
-    return {t: store.parts(t, first_hour=hours[0], last_hour=hours[1] - 1) for t in TABLES}
+    return starts[0], starts[1] - 1
+
+
+def _parts(site: Site, hours: tuple[int, int]) -> dict[str, list[Part]]:
+    """Return the parts of each table over a range of UTC hours, in order of time."""
+    store = Store(site.root / "store", site_id=site.site_id)
+    return {t: store.parts(t, first_hour=hours[0], last_hour=hours[1]) for t in TABLES}

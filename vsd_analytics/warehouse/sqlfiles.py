@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -149,14 +148,6 @@ def check_columns(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
             where=Where(str(relation.path)),
             why=f"declared {list(relation.columns)}, returned {returned}",
         )
-
-
-def sql_digest(*layers: str) -> str:
-    """Return a hash of the queries of some layers (headers do not count)."""
-    h = hashlib.blake2b(digest_size=8)
-    for relation in sorted(relations(*layers).values(), key=lambda r: r.name):
-        h.update(relation.name.encode() + b"\0" + relation.sql.encode() + b"\0")
-    return h.hexdigest()
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +9,7 @@ from pathlib import Path
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import Part
-
-Causes = Mapping[str, str]
+from vsd_analytics.warehouse.causes import Causes, Needs, text_hash
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,14 +19,15 @@ class Unit:
     Attributes:
         number: UTC hour number, or UTC day number.
         parts: Stored parts it reads, by table: its own and, for an hour, those of the hours beside it.
-        causes: Hashes of what it depends on, by cause ("records", "sql", "settings", "site"), so that a change can be
-            explained.
+        now: Hashes of its parts by table, and of what else its facts may depend on; see `causes`.
+        causes: Hashes of what its facts together depend on, by cause, so that a change can be explained.
         fingerprint: 16 hexadecimal digits over all of it; stands in the names of the unit's fact files.
         hours: First and last UTC hour of its own.
     """
 
     number: int
     parts: Mapping[TableName, Sequence[Part]]
+    now: Causes
     causes: Causes
     fingerprint: str
     hours: tuple[int, int]
@@ -63,27 +61,25 @@ class PartIndex:
         return {t: [p for h in range(first, last + 1) for p in by_hour.get(h, ())] for t, by_hour in self._by.items()}
 
 
-def day_unit(index: PartIndex, day: int, *, shared: Causes) -> Unit:
-    """Return the unit of a UTC day: all its parts."""
+def days_around(hour: int) -> list[int]:
+    """Return the UTC days an hour and the hours beside it lie in."""
+    return sorted({(hour + k) // 24 for k in (-1, 0, 1)})
+
+
+def day_unit(index: PartIndex, day: int, *, now: Causes, needs: Needs) -> Unit:
+    """Return the unit of a UTC day: all its parts, and what else its facts depend on."""
     hours = (day * 24, day * 24 + 23)
-    parts = index.between(*hours)
-    return _unit(day, parts, {**shared, "records": _parts_hash(parts)}, hours)
+    return _unit(day, index.between(*hours), now, needs, hours)
 
 
-def hour_unit(index: PartIndex, hour: int, *, shared: Causes, camera_days: str) -> Unit:
-    """Return the unit of a UTC hour: its parts and its neighbours', and its cameras' frame intervals."""
-    parts = index.between(hour - 1, hour + 1)
-    return _unit(hour, parts, {**shared, "records": _parts_hash(parts), "frame interval": camera_days}, (hour, hour))
+def hour_unit(index: PartIndex, hour: int, *, now: Causes, needs: Needs) -> Unit:
+    """Return the unit of a UTC hour: its parts and its neighbours', and what else its facts depend on."""
+    return _unit(hour, index.between(hour - 1, hour + 1), now, needs, (hour, hour))
 
 
 def merged_parts(units: Sequence[Unit]) -> dict[TableName, list[Part]]:
     """Return the parts several units read, each once, in order."""
     return {t: sorted({p for u in units for p in u.parts[t]}) for t in TABLES}
-
-
-def text_hash(value: object) -> str:
-    """Return a short hash of a JSON value."""
-    return hashlib.blake2b(json.dumps(value, sort_keys=True, default=str).encode(), digest_size=8).hexdigest()
 
 
 def fact_path(root: Path, relation: str, site_id: str, unit: Unit, *, is_day: bool) -> Path:
@@ -94,9 +90,9 @@ def fact_path(root: Path, relation: str, site_id: str, unit: Unit, *, is_day: bo
     return unit_folder(root, relation, site_id, hour) / f"{hour % 24:02d}-{unit.fingerprint}.parquet"
 
 
-def _unit(number: int, parts: Mapping[TableName, Sequence[Part]], causes: Causes, hours: tuple[int, int]) -> Unit:
-    return Unit(number, parts, causes, text_hash([number, sorted(causes.items())]), hours)
-
-
-def _parts_hash(parts: Mapping[TableName, Sequence[Part]]) -> str:
-    return text_hash([(t, p.hour, p.digest) for t, found in sorted(parts.items()) for p in found])
+def _unit(
+    number: int, parts: Mapping[TableName, Sequence[Part]], now: Causes, needs: Needs, hours: tuple[int, int]
+) -> Unit:
+    now = {**now, **{t: text_hash([(p.hour, p.digest) for p in found]) for t, found in parts.items()}}
+    causes = needs.causes(now)
+    return Unit(number, parts, now, causes, text_hash([number, sorted(causes.items())]), hours)

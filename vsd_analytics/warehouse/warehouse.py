@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -13,10 +14,13 @@ import pyarrow as pa
 from vsd_analytics.duck import connect, literal_list
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site import Site
-from vsd_analytics.store import Store
+from vsd_analytics.store import Store, removal
 from vsd_analytics.store.layout import list_parts
+from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.warehouse import leftovers
 from vsd_analytics.warehouse.build import BuildResult, build, damaged_facts
 from vsd_analytics.warehouse.dimensions import calendar, register_site
+from vsd_analytics.warehouse.sealed import OtherRules, other_rules
 from vsd_analytics.warehouse.sqlfiles import relations
 
 if TYPE_CHECKING:
@@ -40,13 +44,14 @@ class Extent:
 
 
 def stored_extent(site: Site) -> Extent | None:
-    """Return the local days with records, or None for an empty store; what is spooled is folded first."""
+    """Return the local days with records, present or sealed, or None without any; what is spooled is folded first."""
     store = Store(site.root / "store", site_id=site.site_id)
     if store.n_spooled():
         store.fold()
-    hours = store.hours()
-    if hours is None:
+    found = [h for h in (store.hours(), Seals(site.root / FOLDER, site_id=site.site_id).hours()) if h is not None]
+    if not found:
         return None
+    hours = (min(h[0] for h in found), max(h[1] for h in found))
     first, last = (
         datetime.fromtimestamp(h * 3600 + s, tz=site.zone).date() for h, s in ((hours[0], 0), (hours[1], 3599))
     )
@@ -56,8 +61,8 @@ def stored_extent(site: Site) -> Extent | None:
 class Warehouse:
     """Facts and marts of a range of local days.
 
-    Use it as a context manager. Every relation of `sql/facts` and `sql/marts`, and `calendar`, `cameras`, `areas`,
-    `area_cells`, `owner_cells`, `calibrations`, `params`, can be queried by name.
+    Use it as a context manager: no record is removed while it is open. Every relation of `sql/facts` and `sql/marts`,
+    and `calendar`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations`, `params`, can be queried by name.
 
     Args:
         site: The project.
@@ -82,8 +87,13 @@ class Warehouse:
         if store.n_spooled():
             store.fold()
         hours = [_utc_hour(first, site) - AROUND_H, _utc_hour(last + timedelta(days=1), site) - 1 + AROUND_H]
+        self._hours = (hours[0], hours[1])
+        self._reading = contextlib.ExitStack()
+        self._reading.enter_context(removal.reading(store.root))
+        self._reading_facts = contextlib.ExitStack()
+        self._reading_facts.enter_context(leftovers.reading(site.root / "facts"))
         self.built: BuildResult = build(
-            site, first_hour=hours[0], last_hour=hours[1], on_plan=on_plan, on_hours=on_hours
+            site, first_hour=hours[0], last_hour=hours[1], on_plan=on_plan, on_hours=on_hours, has_lock=True
         )
         self.con: duckdb.DuckDBPyConnection = connect()
         register_site(self.con, site, heat_cell_m=heat_cell_m)
@@ -98,6 +108,14 @@ class Warehouse:
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
         self.con.close()
+        self._reading_facts.close()
+        leftovers.clear(self.site.root / "facts", self.built.leftovers)
+        self._reading.close()
+
+    def other_rules(self) -> list[OtherRules]:
+        """Return the purged hours of the range that were computed by other rules than today's and stay so."""
+        first, last = self._hours[0] + AROUND_H, self._hours[1] - AROUND_H
+        return other_rules(self.site, self.built.sealed, first_hour=first, last_hour=last)
 
     def keep(self, *marts: str) -> None:
         """Compute marts once and keep their rows, when several queries will read them."""
@@ -123,22 +141,30 @@ class Warehouse:
         """Make every fact a relation of the fresh files of the range; `pairs`, the great one, is read when asked."""
         import duckdb
 
-        root, site_id = self.site.root / "facts", self.site.site_id
+        root, site_id, sealed = self.site.root / "facts", self.site.site_id, self.built.sealed
         for relation in relations("facts").values():
             if relation.unit == "day":
                 days = self.built.day_fingerprints
                 parts = list_parts(root, relation.name, site_id, first_hour=first_hour - 48, last_hour=last_hour + 48)
-                paths = [p.path for p in parts if days.get(p.hour // 24) == p.digest]
+                fresh = [(p.hour, p.path) for p in parts if days.get(p.hour // 24) == p.digest]
             else:
                 parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
-                paths = [p.path for p in parts if self.built.fingerprints.get(p.hour) == p.digest]
+                known = self.built.fingerprints
+                fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest and not sealed.holds(p.hour)]
+            kept = sealed.fact_paths(self.site, relation.name)
+            paths = [path for _, path in sorted([*fresh, *kept])]
             kind = "view" if relation.name == "pairs" else "table"
             rows = f"read_parquet({literal_list(paths)})" if paths else f"({_empty(relation.name)})"
+            if kept:  # facts sealed by an older version may lack a column, and have others that are gone
+                every = f"read_parquet({literal_list(paths)}, union_by_name = true)"
+                rows = f"({_empty(relation.name)} union all by name select * from {every})"
             try:
-                self.con.execute(f"create temp {kind} {relation.name} as select * from {rows}")
+                columns = ", ".join(relation.columns) if kept else "*"
+                self.con.execute(f"create temp {kind} {relation.name} as select {columns} from {rows}")
             except duckdb.OutOfMemoryException:
                 raise
             except duckdb.Error as error:
+                Seals(self.site.root / FOLDER, site_id=site_id).refuse_damaged(path for _, path in kept)
                 raise damaged_facts(error) from None
 
 
@@ -170,6 +196,7 @@ def _empty(name: str) -> str:
 
 _EMPTY_TYPES = {
     "camera_id": "null::varchar",
+    "calibration_id": "null::varchar",
     "track_a": "null::varchar",
     "track_b": "null::varchar",
     "is_inferred": "null::boolean",

@@ -1,0 +1,108 @@
+-- name: facts/sequence_runs
+-- One row per camera, UTC hour and unbroken stretch of the engine's running number: what arrived of what was sent.
+-- The engine has begun a new count when the number falls after a minute of silence; or for good: a minute's numbers are all below those
+-- of the minute before; or to 0 or 1, with no higher number right after. Any other fall is a clock that was set: numbers tell the order.
+-- grain: hour, camera_id, restarts, first_seq
+-- reads: stored_frames
+-- columns:
+--   hour        UTC hour number
+--   camera_id
+--   restarts    new counts of the engine in this hour before it; after five silent minutes message_gaps decides whether 0 goes on
+--   first_seq   first running number of the stretch
+--   last_seq    last one; every number between arrived
+--   first_ms    earliest message of the stretch, milliseconds since 1970, UTC
+--   last_ms     latest one
+--   n_messages  messages of the stretch
+-- assumes: numbers rise by one from message to message; frames without a number say nothing
+with numbered as (
+    select
+        camera_id,
+        seq,
+        unix_millis(ts) as ts_ms,
+        cast(floor(unix_millis(ts) / 3600000) as bigint) as hour
+    from stored_frames
+    where seq is not null
+),
+
+neighboured as (
+    select
+        hour,
+        camera_id,
+        ts_ms,
+        seq,
+        lag(hour) over in_time as before_hour,
+        ts_ms - lag(ts_ms) over in_time as silence_ms,
+        lag(seq) over in_time as before_seq,
+        min(seq) over (partition by camera_id order by ts_ms range between 60000 preceding and 1 preceding) as least_before,
+        max(seq) over (partition by camera_id order by ts_ms range between current row and 60000 following) as most_after,
+        case when lead(ts_ms, 1) over in_time - ts_ms <= 60000 then lead(seq, 1) over in_time else 0 end as after_1_seq,
+        case when lead(ts_ms, 2) over in_time - ts_ms <= 60000 then lead(seq, 2) over in_time else 0 end as after_2_seq
+    from numbered
+    window
+        in_time as (partition by camera_id order by ts_ms)
+),
+
+marked as (
+    select
+        hour,
+        camera_id,
+        ts_ms,
+        seq,
+        case
+            when before_seq is null or seq >= before_seq then 0
+            when before_hour < hour and silence_ms > 300000 then 0
+            when silence_ms > 60000 or most_after < least_before then 1
+            when seq <= 1 and before_seq >= 5 and after_1_seq < before_seq and after_2_seq < before_seq then 1
+            else 0
+        end as is_restart
+    from neighboured
+),
+
+counted as (
+    select
+        hour,
+        camera_id,
+        ts_ms,
+        seq,
+        sum(is_restart) over (
+            partition by camera_id, hour order by ts_ms rows between unbounded preceding and current row
+        ) as restarts
+    from marked
+),
+
+numbers as (
+    select
+        hour,
+        camera_id,
+        restarts,
+        seq,
+        min(ts_ms) as first_ms,
+        max(ts_ms) as last_ms
+    from counted
+    group by hour, camera_id, restarts, seq
+),
+
+islands as (
+    select
+        hour,
+        camera_id,
+        restarts,
+        seq,
+        first_ms,
+        last_ms,
+        seq - row_number() over (partition by hour, camera_id, restarts order by seq) as island
+    from numbers
+)
+
+select
+    hour,
+    camera_id,
+    cast(restarts as bigint) as restarts,
+    min(seq) as first_seq,
+    max(seq) as last_seq,
+    min(first_ms) as first_ms,
+    max(last_ms) as last_ms,
+    count(*) as n_messages
+from islands
+group by hour, camera_id, restarts, island
+order by hour, camera_id, restarts, first_seq

@@ -1,0 +1,186 @@
+"""How long the store takes for rows, beside the raw floor and beside delta-rs, in one run and on the same disk.
+
+The unit is `pyarrow.parquet.write_table` of the same rows in one file, fsynced: no store can be faster that keeps them.
+Run it with
+
+    python tests/benchmarks/bench_ingest.py --rows 1000000
+
+and put the table into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vsd_analytics.config import load_site
+from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.schema import SCHEMAS
+from vsd_analytics.simulate.small import START_MS
+from vsd_analytics.store import Store
+
+BATCH_ROWS = 10_000
+CAMERAS = 18
+PEOPLE = 15
+NOW = datetime(2026, 11, 20, tzinfo=UTC)
+CONFIG = '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[[floor]]\nid = "ground"\nname = "Ground"\n' + "".join(
+    f'[[camera]]\nid = "cam-{k + 1}"\nname = "Camera {k + 1}"\n' for k in range(CAMERAS)
+)
+
+Step = Callable[[Path], int]
+"""A step does its work in an empty folder and returns how many bytes of rows it left there."""
+
+
+def observations(n_rows: int) -> pa.Table:
+    """Return person records in the order of their arrival: 18 cameras, a frame a second each, 15 people a frame."""
+    rng = np.random.default_rng(1)
+    k = np.arange(n_rows)
+    frame, person = k // PEOPLE, k % PEOPLE
+    camera, second = frame % CAMERAS, frame // CAMERAS
+    track = person + PEOPLE * (second // 40)  # everybody stays 40 s
+    start, pace = rng.uniform(0, 20, (2, n_rows // 40 + PEOPLE * 2, 2))[:, (track % (n_rows // 40 + 1))]
+    walked = start + (pace - 10) / 40 * (second % 40)[:, None] + rng.normal(0, 0.03, (n_rows, 2))
+    names = pa.array([f"cam-{c + 1}" for c in range(CAMERAS)]).take(pa.array(camera))
+    ids = pa.array([f"{h:016x}" for h in rng.integers(0, 2**63, int(track.max()) + 1)]).take(pa.array(track))
+    columns = {
+        "camera_id": names,
+        "ts": pa.array(START_MS + 1000 * second).cast(SCHEMAS["observations"].field("ts").type),
+        "person": pa.array(person, pa.int32()),
+        "track_id": ids,
+        "x_mm": pa.array(np.round(walked[:, 0] * 1000), pa.int32()),
+        "y_mm": pa.array(np.round(walked[:, 1] * 1000), pa.int32()),
+        "u_px": pa.nulls(n_rows, pa.float32()),
+        "v_px": pa.nulls(n_rows, pa.float32()),
+        "quality": pa.repeat("metric", n_rows),
+    }
+    return pa.table([columns[c] for c in SCHEMAS["observations"].names], schema=SCHEMAS["observations"])
+
+
+def messages(rows: pa.Table) -> list[bytes]:
+    """Return the same records as frame messages, one line a frame."""
+    columns = [rows[c].to_pylist() for c in ("camera_id", "ts", "track_id", "x_mm", "y_mm")]
+    lines = []
+    for first in range(0, rows.num_rows, PEOPLE):
+        camera, ts, *_ = (c[first] for c in columns)
+        people = [
+            {"id": columns[2][i], "x_m": columns[3][i] / 1000, "y_m": columns[4][i] / 1000}
+            for i in range(first, min(first + PEOPLE, rows.num_rows))
+        ]
+        lines.append(msgspec.json.encode({"v": 1, "camera": camera, "ts": ts, "persons": people}))
+    return lines
+
+
+def size(folder: Path, pattern: str = "**/*.parquet") -> int:
+    """Return the bytes of files."""
+    return sum(p.stat().st_size for p in folder.glob(pattern))
+
+
+def steps(rows: pa.Table, lines: list[bytes]) -> dict[str, Step]:
+    """Return what is measured, by name."""
+    batches = [rows.slice(i, BATCH_ROWS) for i in range(0, rows.num_rows, BATCH_ROWS)]
+    text = b"\n".join(lines) + b"\n"
+
+    def floor(folder: Path) -> int:
+        path = folder / "rows.parquet"
+        pq.write_table(rows, path)
+        with path.open("rb") as f:
+            os.fsync(f.fileno())
+        return size(folder)
+
+    def append(folder: Path) -> int:
+        store = Store(folder / "store", site_id="shop")
+        for batch in batches:
+            store.append("observations", batch)
+        return size(folder)
+
+    def append_fold(folder: Path) -> int:
+        append(folder)
+        Store(folder / "store", site_id="shop").fold()
+        return size(folder)
+
+    def delta(folder: Path) -> int:
+        from deltalake import write_deltalake
+
+        for batch in batches:
+            write_deltalake(str(folder / "table"), batch, mode="append")
+        return size(folder)
+
+    def decode(folder: Path) -> int:
+        from vsd_analytics.ingest.frames import FrameMessage
+
+        decoder = msgspec.json.Decoder(FrameMessage)
+        for line in text.split(b"\n"):
+            if line:
+                decoder.decode(line)
+        return len(text)
+
+    def whole(folder: Path) -> int:
+        (folder / "vsd.toml").write_text(CONFIG)
+        (folder / "rows.jsonl").write_bytes(text)
+        result = ingest(load_site(folder), [folder / "rows.jsonl"], IngestOptions(), now=NOW)
+        stored = result.fold.tables["observations"].n_new
+        if stored != rows.num_rows:
+            raise AssertionError(f"{stored} of {rows.num_rows} rows stored")
+        return size(folder, "store/observations/**/*.parquet")
+
+    return {
+        "write_table, one file, fsynced (the unit)": floor,
+        "append, batches of 10,000, each durable": append,
+        "append and fold": append_fold,
+        "delta-rs append, same batches (no fsync)": delta,
+        "msgspec decodes the same rows as JSON Lines": decode,
+        "ingest of the JSON Lines, in all": whole,
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--rounds", type=int, default=3)
+    given = parser.parse_args()
+    rows = observations(given.rows)
+    measured = steps(rows, messages(rows))
+    times: dict[str, list[float]] = {name: [] for name in measured}
+    cpu: dict[str, list[float]] = {name: [] for name in measured}
+    sizes: dict[str, int] = {}
+    with tempfile.TemporaryDirectory() as root:
+        for _ in range(given.rounds):
+            for name, step in measured.items():
+                folder = Path(root) / "step"
+                folder.mkdir()
+                start, start_cpu = time.perf_counter(), time.process_time()
+                sizes[name] = step(folder)
+                times[name].append(time.perf_counter() - start)
+                cpu[name].append(time.process_time() - start_cpu)
+                shutil.rmtree(folder)
+    first = next(iter(measured))
+    unit, unit_cpu = times[first], statistics.median(cpu[first])
+    print(f"{given.rows:,} person records; {given.rounds} interleaved rounds\n")
+    print("| step | rows a second | times the unit, median | least | processor time, times the unit | bytes a row |")
+    print("|---|--:|--:|--:|--:|--:|")
+    for name, took in times.items():
+        ratios = [t / u for t, u in zip(took, unit, strict=True)]
+        rate = given.rows / statistics.median(took)
+        print(
+            f"| {name} | {rate:,.0f} | {statistics.median(ratios):.1f} | {min(ratios):.1f} "
+            f"| {statistics.median(cpu[name]) / unit_cpu:.1f} | {sizes[name] / given.rows:.1f} |"
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,260 @@
+"""Purge by age: records go, figures stay to the byte, and nothing of those hours is accepted any more."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from retained_projects import (
+    DAYS,
+    NOW,
+    TERMS,
+    audit,
+    day,
+    litter,
+    make_project,
+    messages,
+    seals_of,
+    three_days,
+    vsd,
+    write,
+)
+
+from vsd_analytics.config import load_site
+from vsd_analytics.errors import StoreError, UsageError
+from vsd_analytics.retention import Terms, purge_older
+from vsd_analytics.warehouse.build import build
+
+ALL = f"{DAYS[0]}..{DAYS[2]}"
+
+
+def figures(root: Path) -> dict[str, str]:
+    """Return what the figures print, to the byte."""
+    found = {
+        "hours": vsd(root, "hours", "--range", ALL, "--json"),
+        "cameras": vsd(root, "hours", "--range", ALL, "--by", "camera", "--json"),
+        "coverage": vsd(root, "coverage", "--range", ALL, "--json"),
+        "heatmap": vsd(root, "heatmap", "--range", ALL, "--cell", "0.25", "--json"),
+        "one day": vsd(root, "hours", "--range", DAYS[2], "--json"),
+    }
+    out = root.parent / f"{root.name}-report"
+    vsd(root, "report", "--week", "2026-W46", "--format", "json", "--out", str(out))
+    found["report"] = next(out.rglob("*.json")).read_text(encoding="utf-8")
+    shutil.rmtree(out)
+    return found
+
+
+@pytest.fixture(scope="module")
+def stored_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = make_project(tmp_path_factory.mktemp("kept") / "p")
+    vsd(root, "ingest", str(three_days(root)))
+    vsd(root, "build")
+    return root
+
+
+@pytest.fixture
+def project(stored_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(stored_once, tmp_path / "p"))
+
+
+@pytest.fixture(scope="module")
+def purged_once(stored_once: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = Path(shutil.copytree(stored_once, tmp_path_factory.mktemp("purged") / "p"))
+    vsd(root, "purge", "--older-than", DAYS[2], "--force", "--reason", "retention")
+    return root
+
+
+@pytest.fixture
+def purged(purged_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(purged_once, tmp_path / "q"))
+
+
+def raw_days(root: Path) -> set[str]:
+    return {p.parent.name for p in (root / "store").glob("*/site=shop/date=*/*.parquet")}
+
+
+def test_records_go_and_every_figure_stays_to_the_byte(project: Path) -> None:
+    before = figures(project)
+    vsd(project, "purge", "--older-than", DAYS[2], "--force")
+    assert raw_days(project) == {f"date={DAYS[2]}"}
+    assert figures(project) == before
+    shutil.rmtree(project / "facts")  # what can be made again is made again; what is sealed does not stand there
+    assert figures(project) == before
+    assert litter(project) == []
+
+
+def test_purging_day_by_day_gives_what_purging_at_once_gives(project: Path) -> None:
+    before = figures(project)
+    for date in DAYS[1:]:
+        vsd(project, "purge", "--older-than", date, "--force")
+        assert figures(project) == before
+    vsd(project, "purge", "--older-than", "2026-11-12", "--force")
+    assert raw_days(project) == set()
+    assert figures(project) == before
+    assert [e["utc_days"][0] for e in audit(project)] == list(DAYS)
+
+
+def test_a_day_whose_only_hour_was_sealed_before_is_sealed_whole(tmp_path: Path) -> None:
+    root = make_project(tmp_path / "p")
+    hours = {DAYS[0]: (9, 23), DAYS[1]: (0,), DAYS[2]: (9,)}
+    found = [m for d, some in hours.items() for m in messages(camera="cam-1", day=d, hours=some)]
+    vsd(root, "ingest", str(write(root / "f.jsonl", found)))
+    before = vsd(root, "hours", "--range", ALL, "--by", "camera", "--json")
+    for date in DAYS[1:]:
+        vsd(root, "purge", "--older-than", date, "--force")
+        assert vsd(root, "hours", "--range", ALL, "--by", "camera", "--json") == before
+    assert raw_days(root) == {f"date={DAYS[2]}"}
+    assert litter(root) == []
+
+
+def test_the_audit_line_says_what_when_and_why(purged: Path) -> None:
+    (entry,) = audit(purged)
+    assert entry["at"] == NOW.isoformat(timespec="seconds")
+    assert entry["records"] == {"frames": 1800, "observations": 2400, "pairs": 0}
+    assert (entry["older_than"], entry["utc_days"], entry["reason"]) == (DAYS[2], [DAYS[0], DAYS[1]], "retention")
+
+
+def test_where_single_people_were_is_not_kept(purged: Path) -> None:
+    kept = {p.name for p in (purged / "sealed").iterdir()}
+    assert "exposure" in kept
+    assert "pairs" not in kept
+    computed = {p.parent.name for p in (purged / "facts").rglob("*.parquet")}
+    assert computed == {f"date={DAYS[2]}"}
+
+
+def test_the_first_hour_that_stays_is_sealed_with_its_records(purged: Path) -> None:
+    """Its facts were computed from the hour before as well, which is gone."""
+    seal = seals_of(purged).read(day_number(DAYS[2]))
+    assert seal is not None
+    assert (seal.is_whole, sorted(seal.hours)) == (False, [day_number(DAYS[2]) * 24])
+    assert list((purged / "store" / "observations" / "site=shop" / f"date={DAYS[2]}").glob("00-*.parquet"))
+    assert build(load_site(purged)).n_built == 0
+
+
+def day_number(text: str) -> int:
+    return (day(text) - day("1970-01-01")).days
+
+
+def test_late_records_of_sealed_hours_are_quarantined_and_others_stored(purged: Path) -> None:
+    before = figures(purged)
+    late = messages(camera="cam-1", day=DAYS[0], hours=(9,), shift_m=0.5)
+    quiet = messages(
+        camera="cam-1", day=DAYS[1], hours=(15,)
+    )  # no record of that hour was ever stored: its day is sealed
+    edge = messages(camera="cam-1", day=DAYS[2], hours=(0,), shift_m=0.5)
+    good = messages(camera="cam-1", day="2026-11-12", hours=(9,))
+    told = json.loads(
+        vsd(purged, "ingest", str(write(purged / "late.jsonl", [*late, *quiet, *edge, *good])), "--json", code=1)
+    )
+    (source,) = told["sources"]
+    assert source["quarantined"] == {"sealed-hour": 3 * (90 + 120)}
+    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0}
+    after = figures(purged)
+    assert {k: after[k] for k in ("hours", "cameras", "heatmap")} == {
+        k: before[k] for k in ("hours", "cameras", "heatmap")
+    }
+
+
+def test_changed_settings_leave_sealed_figures_and_say_so(purged: Path) -> None:
+    before = json.loads(vsd(purged, "hours", "--range", DAYS[0], "--json"))
+    with (purged / "vsd.toml").open("a") as file:
+        file.write("[rule]\npair_max_m = 3.0\n")
+    after = json.loads(vsd(purged, "hours", "--range", DAYS[0], "--json"))
+    (note,) = after.pop("notes")
+    assert after == before
+    assert "settings changed" in note
+    assert "purge" in note
+    assert "notes" not in json.loads(vsd(purged, "hours", "--range", "2026-11-12", "--json"))
+    for command in ("hours", "coverage"):
+        assert vsd(purged, command, "--range", DAYS[0]), "the warning goes to standard error"
+    out = purged / "out"
+    vsd(purged, "report", "--week", "2026-W46", "--out", str(out))
+    assert "sealed by a purge, and since then: settings changed" in next(out.rglob("*.html")).read_text(
+        encoding="utf-8"
+    )
+    reasons = build(load_site(purged)).reasons
+    assert reasons == {}, "hours that have records were computed for the report, sealed ones never"
+
+
+def test_dry_run_removes_nothing(project: Path) -> None:
+    before = sorted(p.relative_to(project) for p in project.rglob("*.parquet"))
+    told = json.loads(vsd(project, "purge", "--older-than", DAYS[2], "--dry-run", "--json"))
+    assert told["dry_run"]
+    assert told["older_than"]["records"] == {"frames": 1800, "observations": 2400, "pairs": 0}
+    assert told["older_than"]["sealed_hours"] == 11
+    assert sorted(p.relative_to(project) for p in project.rglob("*.parquet")) == before
+    assert audit(project) == []
+
+
+def test_more_than_half_needs_force(project: Path) -> None:
+    with pytest.raises(StoreError) as caught:
+        vsd(project, "purge", "--older-than", DAYS[2])
+    assert caught.value.code == "E310"
+    assert len(raw_days(project)) == 3
+    vsd(project, "purge", "--older-than", DAYS[1])
+    assert len(raw_days(project)) == 2
+
+
+def test_nothing_to_remove_writes_nothing(purged: Path) -> None:
+    lines = audit(purged)
+    assert "nothing to remove" in vsd(purged, "purge", "--older-than", DAYS[2])
+    assert "nothing to remove" in vsd(purged, "purge", "--older-than", "30000d")
+    assert audit(purged) == lines
+
+
+@pytest.mark.parametrize(
+    ("age", "first_kept"), [("38d", "2026-11-12"), ("retention", "2026-11-20"), ("2026-11-10", "2026-11-10")]
+)
+def test_ages(project: Path, age: str, first_kept: str) -> None:
+    assert f"before {first_kept} (UTC days)" in vsd(project, "purge", "--older-than", age, "--dry-run")
+
+
+@pytest.mark.parametrize("age", ["30", "soon", "-3d", "2026-13-01", "2026-12-21"])
+def test_wrong_ages_are_refused(project: Path, age: str) -> None:
+    with pytest.raises(UsageError):
+        vsd(project, "purge", "--older-than", age)
+
+
+def test_old_quarantine_goes_with_the_records(project: Path) -> None:
+    bad = project / "bad.jsonl"
+    bad.write_text('{"v":1,"camera":"cam-1","ts":"nonsense"}\n')
+    vsd(project, "ingest", str(bad), code=1)
+    assert list((project / "quarantine").glob("*.jsonl"))
+    assert purge_older(load_site(project), before=day(DAYS[1]), terms=TERMS).n_quarantined == 0
+    later = Terms(now=NOW.replace(year=2027), is_forced=True)
+    assert purge_older(load_site(project), before=day("2027-01-01"), terms=later).n_quarantined == 1
+    assert not list((project / "quarantine").glob("*.jsonl"))
+
+
+@pytest.mark.parametrize("victim", ["exposure", "seals"])
+def test_damage_to_what_is_kept_is_told(purged: Path, victim: str) -> None:
+    path = next(p for p in (purged / "sealed" / victim).rglob("*") if p.is_file())
+    path.write_bytes(path.read_bytes()[:40])
+    with pytest.raises(StoreError) as caught:
+        vsd(purged, "hours", "--range", ALL, "--json")
+    assert caught.value.code == "E313"
+    assert seals_of(purged).damaged() == [path]
+
+
+def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
+    purged: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another version of the SQL may know more columns of a fact than its sealed files have."""
+    from dataclasses import replace
+
+    from vsd_analytics.warehouse import sqlfiles, warehouse
+
+    known = dict(sqlfiles.relations("facts"))
+    wider = replace(known["coverage"], columns={**dict.fromkeys(known["coverage"].columns, ""), "n_dropped": ""})
+    real = sqlfiles.relations
+
+    def relations(*layers: str) -> dict[str, sqlfiles.Relation]:
+        return {**real(*layers), **({"coverage": wider} if "facts" in layers else {})}
+
+    monkeypatch.setattr(warehouse, "relations", relations)
+    with warehouse.Warehouse(load_site(purged), day(DAYS[0]), day(DAYS[0])) as opened:
+        (row,) = opened.rows("select count(*) as n, count(n_dropped) as n_known from coverage")
+    assert row["n"] > 0
+    assert row["n_known"] == 0

@@ -1,0 +1,168 @@
+"""Purge of a camera and time: as if those records had never come, so that the right ones can."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+from retained_projects import DAYS, TERMS, audit, litter, make_project, messages, seals_of, three_days, vsd, write
+
+from vsd_analytics.config import load_site
+from vsd_analytics.errors import StoreError, UsageError
+from vsd_analytics.retention import purge_range
+from vsd_analytics.schema import TABLES
+
+ALL = f"{DAYS[0]}..2026-11-12"  # 23 UTC is the next day in Rome
+MORNING = f"{DAYS[0]}T10:00..{DAYS[0]}T12:00"  # Rome is an hour ahead: 9 and 10 UTC
+
+
+def table(root: Path) -> dict[str, list[str]]:
+    """Return every stored record, read by a plain glob as anybody would."""
+    return {
+        name: sorted(
+            str(r) for p in (root / "store" / name).rglob("*.parquet") for r in pq.ParquetFile(p).read().to_pylist()
+        )
+        for name in TABLES
+    }
+
+
+def figures(root: Path) -> tuple[str, str]:
+    return vsd(root, "hours", "--range", ALL, "--by", "camera", "--json"), vsd(
+        root, "heatmap", "--range", ALL, "--json"
+    )
+
+
+@pytest.fixture(scope="module")
+def stored_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = make_project(tmp_path_factory.mktemp("kept") / "p")
+    vsd(root, "ingest", str(three_days(root)))
+    vsd(root, "build")
+    return root
+
+
+@pytest.fixture
+def project(stored_once: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(stored_once, tmp_path / "p"))
+
+
+def test_wrong_camera_undone_and_right_one_ingested_is_as_if_never_wrong(project: Path, tmp_path: Path) -> None:
+    """The file of cam-2 was ingested as cam-1 and mixed with what is right there: purge, ingest the right files."""
+    before, shown = table(project), figures(project)
+    wrong = messages(camera="cam-1", day=DAYS[0], hours=(9, 10), shift_m=7.0)
+    for message in wrong:
+        message["persons"] = [{**p, "id": f"w{p['id']}"} for p in message["persons"]]
+    vsd(project, "ingest", str(write(tmp_path / "wrong.jsonl", wrong)))
+    assert table(project) != before
+    figures(project)
+    vsd(project, "purge", "--camera", "cam-1", "--range", MORNING, "--reason", "wrong camera named")
+    assert not any("'camera_id': 'cam-1'" in r and "2026, 11, 9, 9" in r for r in table(project)["observations"])
+    right = messages(camera="cam-1", day=DAYS[0], hours=(9, 10))
+    vsd(project, "ingest", str(write(tmp_path / "right.jsonl", right)))
+    assert table(project) == before
+    assert figures(project) == shown
+    assert litter(project) == []
+    (entry,) = audit(project)
+    assert entry["camera_id"] == "cam-1"
+    assert entry["from"] == "2026-11-09T09:00:00.000+00:00"
+    assert entry["reason"] == "wrong camera named"
+
+
+def test_minutes_may_be_named_and_all_cameras_meant(project: Path) -> None:
+    before = table(project)
+    told = json.loads(vsd(project, "purge", "--range", f"{DAYS[0]}T10:05:00..{DAYS[0]}T10:06:00", "--json"))
+    assert told["range"]["records"]["frames"] == 12  # 5 and 6 minutes past: one a minute edge, two cameras, six each
+    left = table(project)
+    gone = [r for r in before["frames"] if r not in left["frames"]]
+    assert len(gone) == 12
+    assert all("9, 9, 5" in r for r in gone)
+
+
+def test_facts_of_what_went_are_gone_at_once(project: Path) -> None:
+    """Also of an hour of which nothing is left, which no build would look at again."""
+    vsd(project, "purge", "--range", f"{DAYS[0]}T10:00..{DAYS[0]}T11:00")
+    assert not list((project / "facts").rglob(f"date={DAYS[0]}/09-*.parquet"))
+    hours = json.loads(vsd(project, "hours", "--range", DAYS[0], "--json"))["hours"]
+    assert [h["state"] for h in hours if h["start"].startswith(f"{DAYS[0]}T10")] == ["no_data"]
+
+
+def test_a_camera_that_vsd_toml_does_not_know_any_more_can_be_purged(project: Path) -> None:
+    toml = (project / "vsd.toml").read_text(encoding="utf-8")
+    (project / "vsd.toml").write_text(toml.replace('"cam-2"', '"cam-9"'), encoding="utf-8")
+    vsd(project, "purge", "--camera", "cam-2", "--range", ALL)
+    assert not any("cam-2" in r for rows in table(project).values() for r in rows)
+
+
+def test_dry_run_guard_and_wrong_words(project: Path) -> None:
+    before = table(project)
+    told = json.loads(vsd(project, "purge", "--range", ALL, "--dry-run", "--json"))
+    assert told["range"]["records"] == {"frames": 2700, "observations": 3600, "pairs": 0}
+    with pytest.raises(StoreError) as caught:
+        vsd(project, "purge", "--range", ALL)
+    assert caught.value.code == "E310"
+    wrong: tuple[tuple[str, ...], ...] = (
+        (),
+        ("--camera", "cam-1"),
+        ("--range", ALL, "--older-than", "30d"),
+        ("--range", ALL, "--camera", "../cam"),
+        ("--range", f"{DAYS[0]}T10:00"),
+        ("--range", f"{DAYS[0]}T10:00..{DAYS[0]}T10:00"),
+    )
+    for arguments in wrong:
+        with pytest.raises(UsageError):
+            vsd(project, "purge", *arguments)
+    assert table(project) == before
+    assert audit(project) == []
+
+
+@pytest.fixture
+def sealed(project: Path) -> Path:
+    vsd(project, "purge", "--older-than", DAYS[2], "--force")
+    return project
+
+
+def by_camera(root: Path) -> dict[str, list[dict[str, Any]]]:
+    rows = json.loads(vsd(root, "hours", "--range", ALL, "--by", "camera", "--json"))["hours"]
+    return {c: [r for r in rows if r["camera_id"] == c] for c in ("cam-1", "cam-2")}
+
+
+def test_a_camera_goes_out_of_sealed_facts_and_the_other_stays(sealed: Path) -> None:
+    before = by_camera(sealed)
+    told = json.loads(vsd(sealed, "purge", "--camera", "cam-1", "--range", MORNING, "--json"))
+    assert told["range"]["sealed_hours"] == 2
+    after = by_camera(sealed)
+    assert after["cam-2"] == before["cam-2"]
+    changed = [b["start"] for b, a in zip(before["cam-1"], after["cam-1"], strict=True) if a != b]
+    assert changed == [f"{DAYS[0]}T10:00:00+01:00", f"{DAYS[0]}T11:00:00+01:00"]
+    assert all(r["person_records"] is None for r in after["cam-1"] if r["start"] in changed)
+    for path in (sealed / "sealed").rglob(f"date={DAYS[0]}/09-*.parquet"):
+        assert "cam-1" not in pq.ParquetFile(path).read()["camera_id"].to_pylist()
+    assert litter(sealed) == []
+    assert seals_of(sealed).damaged() == []
+    assert "nothing to remove" in vsd(sealed, "purge", "--camera", "cam-1", "--range", MORNING)
+
+
+def test_everybody_goes_out_of_sealed_facts(sealed: Path) -> None:
+    vsd(sealed, "purge", "--range", f"{DAYS[0]}T01:00..{DAYS[1]}T01:00")
+    hours = json.loads(vsd(sealed, "hours", "--range", DAYS[0], "--json"))["hours"]
+    assert {h["state"] for h in hours} == {"no_data"}
+    late = write(sealed / "late.jsonl", messages(camera="cam-1", day=DAYS[0], hours=(9,)))
+    assert "sealed-hour" in json.loads(vsd(sealed, "ingest", str(late), "--json", code=1))["sources"][0]["quarantined"]
+
+
+def test_a_range_that_cuts_a_sealed_hour_is_refused_whole(sealed: Path) -> None:
+    before = by_camera(sealed)
+    with pytest.raises(StoreError) as caught:
+        purge_range(load_site(sealed), camera_id="cam-1", first_ms=ms(9, 30), after_ms=ms(11, 0), terms=TERMS)
+    assert caught.value.code == "E312"
+    assert "09:00Z" in str(caught.value.mend)
+    assert by_camera(sealed) == before
+
+
+def ms(hour: int, minute: int) -> int:
+    from datetime import UTC, datetime
+
+    return round(datetime(2026, 11, 9, hour, minute, tzinfo=UTC).timestamp() * 1000)

@@ -1,0 +1,216 @@
+"""`vsd quarantine list|replay`: what could not be used, and trying it again after mending."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.data_in import renames_of
+from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project, plain, render_error
+from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from vsd_analytics.ingest.quarantine import Entry, ReasonSummary
+    from vsd_analytics.ingest.replay import ReplayResult
+
+_SOURCES_SHOWN = 3
+_TEXT_CHARS = 160
+
+reason_option = click.option("--reason", metavar="REASON", help="Records of this reason only.")
+source_option = click.option("--source", metavar="TEXT", help="Sources whose name contains TEXT only.")
+
+
+@click.group()
+def quarantine() -> None:
+    """Look at the records that could not be used, and try them again.
+
+    \b
+    Example:
+      vsd quarantine list
+      vsd quarantine replay --dry-run
+    """
+
+
+@quarantine.command("list")
+@reason_option
+@source_option
+@click.option(
+    "--limit", type=click.IntRange(0, 10_000), default=1, show_default=True, metavar="N", help="Examples per reason."
+)
+@json_option
+@pass_project
+def list_(project: Project, /, reason: str | None, source: str | None, limit: int, as_json: bool) -> int:
+    """List what is in quarantine by reason: how many, where from, an example, what to do.
+
+    Exit code 1 when there is something.
+
+    \b
+    Example:
+      vsd quarantine list
+      vsd quarantine list --reason unknown-camera --limit 5
+    """
+    from vsd_analytics.ingest.quarantine import summarise
+
+    found = summarise(project.site.root / "quarantine", reason=reason, source=source, n_examples=limit)
+    if as_json:
+        emit_json({"reasons": [_summary_dict(s) for s in found]})
+    else:
+        for summary in found:
+            _tell_summary(summary)
+        if not found:
+            click.echo("nothing is in quarantine" + (" that fits" if reason or source else ""))
+    return 1 if found else 0
+
+
+@quarantine.command()
+@reason_option
+@source_option
+@click.option("--camera", metavar="ID", help="Camera of records that name none.")
+@click.option(
+    "--map", "renames", metavar="OURS=THEIRS", multiple=True, help="Column renames, instead of those of the ingest."
+)
+@click.option("--columns", metavar="NAMES", help="Column names of a headerless table, instead of those of the ingest.")
+@click.option("--period", "period_s", type=float, metavar="SECONDS", help="Sampling period, instead of the ingest's.")
+@click.option("--dry-run", is_flag=True, help="Try everything, write nothing.")
+@json_option
+@pass_project
+def replay(
+    project: Project,
+    /,
+    reason: str | None,
+    source: str | None,
+    camera: str | None,
+    renames: tuple[str, ...],
+    columns: str | None,
+    period_s: float | None,
+    dry_run: bool,
+    as_json: bool,
+) -> int:
+    """Try the records in quarantine again, after vsd.toml or the mapping was mended.
+
+    Good ones are stored, each once, and leave quarantine; bad ones stay with the reason they have now. Times are held
+    against the instant each record was quarantined at, or against --now where it is given. Exit code 0 when all are
+    gone, 1 when some remain.
+
+    \b
+    Example:
+      vsd quarantine replay --reason unknown-camera --dry-run
+      vsd quarantine replay --map ts=time_utc
+    """
+    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.replay import replay as replay_entries
+
+    if period_s is not None and not 0 < period_s < 1e6:
+        raise UsageError("--period must be greater than 0")
+    options = IngestOptions(
+        camera=camera,
+        map=renames_of(renames),
+        columns=None if columns is None else tuple(c.strip() for c in columns.split(",")),
+        period_s=period_s,
+    )
+    now = None if project.now_text is None else project.now
+    result = replay_entries(project.site, reason=reason, source=source, options=options, now=now, is_dry_run=dry_run)
+    if as_json:
+        emit_json(_replay_dict(result, is_dry_run=dry_run))
+    else:
+        _tell_replay(result, is_dry_run=dry_run)
+    return 1 if result.n_left else 0
+
+
+def _summary_dict(summary: ReasonSummary) -> dict[str, Any]:
+    from vsd_analytics.ingest.reasons import MENDS
+
+    return {
+        "reason": summary.reason,
+        "kept": summary.n_kept,
+        "counted_not_kept": summary.n_not_kept,
+        "replayable": summary.n_replayable,
+        "sources": dict(summary.sources.most_common()),
+        "mend": MENDS.get(summary.reason),
+        "examples": [
+            {
+                "source": e.source,
+                "line": e.line,
+                "at": None if e.at is None else e.at.isoformat(),
+                "detail": e.detail,
+                "text": e.text,
+                "replayable": e.can_be_replayed,
+            }
+            for e in summary.examples
+        ],
+    }
+
+
+def _tell_summary(summary: ReasonSummary) -> None:
+    from vsd_analytics.ingest.reasons import MENDS
+
+    counted = f", and {summary.n_not_kept:,} counted but not kept" if summary.n_not_kept else ""
+    click.echo(plain(f"{summary.reason}: {summary.n_kept:,} kept{counted}; {summary.n_replayable:,} can be replayed"))
+    for name, n in summary.sources.most_common(_SOURCES_SHOWN):
+        click.echo(f"    {n:>9,}  {_line(name)}")
+    if len(summary.sources) > _SOURCES_SHOWN:
+        click.echo(f"               and {len(summary.sources) - _SOURCES_SHOWN:,} more sources")
+    for entry in summary.examples:
+        _tell_example(entry)
+    if mend := MENDS.get(summary.reason):
+        click.echo(f"     mend: {mend}")
+
+
+def _tell_example(entry: Entry) -> None:
+    click.echo(f"      --> {_line(entry.source)}, line {entry.line}")
+    if entry.text:
+        click.echo(f"       |  {_line(entry.text)}")
+    click.echo(f"      why: {_line(entry.detail)}")
+
+
+def _line(text: str) -> str:
+    text = plain(text.replace("\n", " "))
+    return text if len(text) <= _TEXT_CHARS else text[: _TEXT_CHARS - 1] + "…"
+
+
+def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
+    return {
+        "dry_run": is_dry_run,
+        "tried": result.n_chosen - sum(result.n_fixed.values()),
+        "mended": result.n_mended,
+        "records": dict(result.n_records),
+        "left_out": dict(result.n_dropped),
+        "still_bad": dict(result.n_bad),
+        "not_replayable": dict(result.n_fixed),
+        "counted_not_kept": dict(result.n_not_kept),
+        "errors": [e.as_dict() for e in result.errors],
+        "stored": {
+            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second}
+            for t, c in result.fold.tables.items()
+        },
+    }
+
+
+def _tell_replay(result: ReplayResult, *, is_dry_run: bool) -> None:
+    from vsd_analytics.ingest.reasons import MENDS
+
+    _tell_counts("left out", result.n_dropped, "")
+    for reason, n in sorted(result.n_bad.items()):
+        click.echo(plain(f"    still bad: {n:,} {reason}"))
+        if mend := MENDS.get(reason):
+            click.echo(f"         mend: {mend}")
+    _tell_counts("cannot be replayed", result.n_fixed, "; mend and ingest their file again")
+    _tell_counts("counted, not kept", result.n_not_kept, "; ingest their file again")
+    for error in result.errors:
+        click.echo(render_error(error, word="warning"), err=True)
+    n_records, n_new = sum(result.n_records.values()), sum(c.n_new for c in result.fold.tables.values())
+    said = (
+        f"{result.n_mended:,} of {result.n_chosen:,} are good now, {n_records:,} record{'s' if n_records != 1 else ''}"
+    )
+    new = "" if is_dry_run else f", {n_new:,} of them new to the store"
+    click.echo(f"{said}{new}; {result.n_left:,} remain")
+    if is_dry_run:
+        click.echo("nothing was written")
+
+
+def _tell_counts(words: str, counts: Mapping[str, int], mend: str) -> None:
+    for reason, n in sorted(counts.items()):
+        click.echo(plain(f"    {words}: {n:,} {reason}{mend}"))

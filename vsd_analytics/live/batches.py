@@ -1,0 +1,130 @@
+"""When to store, when to fold, when to try again, and which numbers are missing: the pure part of listening."""
+
+from __future__ import annotations
+
+import random
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+GRACE_S = 60.0
+"""A fold by the clock waits this long after the hour, for its last messages."""
+FOLD_SEGMENTS = 2000
+"""Files in the spool after which a fold does not wait for the hour."""
+FOLD_ROWS = 1_000_000
+"""Rows in the spool after which a fold does not wait for the hour."""
+
+HELD_MAX_BYTES = 16 << 20
+RESTARTED = 10_000
+RANGES_MAX = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """One message as the broker delivered it.
+
+    Attributes:
+        topic: Topic it was published to.
+        payload: Its bytes; of a message that is too long only the beginning.
+        n_bytes: Length of the whole payload.
+        mid: Packet id to acknowledge it by, valid within its connection only.
+        qos: Quality of service it came with; 0 = the producer may lose it.
+        epoch: Number of the connection it came by.
+        is_retained: A copy the broker had kept, sent because of the subscription.
+        is_redelivered: The broker has sent it before.
+    """
+
+    topic: str
+    payload: bytes
+    n_bytes: int
+    mid: int = 0
+    qos: int = 1
+    epoch: int = 0
+    is_retained: bool = False
+    is_redelivered: bool = False
+
+
+def is_due(n_held: int, *, n_bytes: int, age_s: float, window: int, linger_s: float) -> bool:
+    """Tell whether the messages held should be stored now.
+
+    Args:
+        n_held: Messages held.
+        n_bytes: Bytes held.
+        age_s: Seconds since the first of them arrived.
+        window: Messages the broker sends without an acknowledgement. At half of it the batch is stored, so that the
+            broker fills the other half meanwhile.
+        linger_s: How long a message waits for others, which makes files fewer when little happens.
+    """
+    return n_held > 0 and (n_held >= max(1, window // 2) or n_bytes >= HELD_MAX_BYTES or age_s >= linger_s)
+
+
+def next_fold_s(after_s: float, *, every_s: float) -> float:
+    """Return the first instant after `after_s` (UNIX seconds) that lies `GRACE_S` beyond a multiple of `every_s`.
+
+    With 3600 s that is a minute past each full hour: soon after the hour is complete.
+    """
+    grace_s = min(GRACE_S, every_s / 2)
+    return (int((after_s - grace_s) // every_s) + 1) * every_s + grace_s
+
+
+def delays_s(*, first_s: float = 0.5, most_s: float = 30.0, seed: int = 0) -> Iterator[float]:
+    """Yield waiting times that double from `first_s` to `most_s`, each shortened at random by up to a half.
+
+    The shortening (jitter) keeps many listeners from knocking at a restarted broker at once.
+
+    Args:
+        first_s: The first, before shortening.
+        most_s: The longest.
+        seed: Of the random numbers; the same seed gives the same times.
+    """
+    chance = random.Random(seed)
+    delay_s = first_s
+    while True:
+        yield delay_s * (1 - chance.random() / 2)
+        delay_s = min(most_s, delay_s * 2)
+
+
+@dataclass
+class Numbering:
+    """Running numbers of one camera: which were skipped, in bounded memory.
+
+    Numbers may come again or in another order. A number far below the highest is a producer that started anew. When
+    there are more than `RANGES_MAX` separate gaps the oldest can no longer be filled.
+
+    Attributes:
+        highest: Highest number seen since the producer started; None = none yet.
+        n_missing: Numbers skipped and not come since.
+    """
+
+    highest: int | None = None
+    n_missing: int = 0
+    _ranges: list[tuple[int, int]] = field(default_factory=list)  # open gaps, first and last, ascending
+
+    def see(self, seq: int) -> None:
+        """Note one number."""
+        if self.highest is None or seq < self.highest - RESTARTED:
+            self.highest = seq
+            self._ranges.clear()
+        elif seq > self.highest:
+            if seq > self.highest + 1:
+                self._ranges.append((self.highest + 1, seq - 1))
+                self.n_missing += seq - self.highest - 1
+                del self._ranges[:-RANGES_MAX]
+            self.highest = seq
+        else:
+            self._fill(seq)
+
+    def see_all(self, numbers: Sequence[int | None]) -> None:
+        """Note several numbers; None is a message without one."""
+        for seq in numbers:
+            if seq is not None:
+                self.see(seq)
+
+    def _fill(self, seq: int) -> None:
+        i = bisect_right(self._ranges, (seq, 2**63)) - 1
+        if i < 0 or not self._ranges[i][0] <= seq <= self._ranges[i][1]:
+            return  # seen before, or a gap already forgotten
+        first, last = self._ranges[i]
+        self._ranges[i : i + 1] = [r for r in ((first, seq - 1), (seq + 1, last)) if r[0] <= r[1]]
+        del self._ranges[:-RANGES_MAX]
+        self.n_missing -= 1

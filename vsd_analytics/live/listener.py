@@ -1,0 +1,377 @@
+"""`vsd listen`: live MQTT into the store. A message is acknowledged only after what it says is durable.
+
+One thread speaks with the broker and appends to the spool; folding runs in a process of its own. The order of every
+batch: read, check, quarantine the bad, append pairs, observations, then frames, tell the observers, acknowledge.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from vsd_analytics.errors import LiveError, VsdError, Where
+from vsd_analytics.ingest.adapter import Rejected
+from vsd_analytics.ingest.quarantine import Quarantine, Reading
+from vsd_analytics.live.batches import FOLD_ROWS, FOLD_SEGMENTS, Delivery, delays_s, is_due, next_fold_s
+from vsd_analytics.live.folding import Folded, Folding
+from vsd_analytics.live.messages import Preparer
+from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, Link
+from vsd_analytics.live.status import Status, offline, read_status, write_status
+from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.site import Broker, Site
+from vsd_analytics.store import Store
+from vsd_analytics.store.durable import make_dirs
+from vsd_analytics.store.layout import segment_paths
+
+LINGER_S = 1.0
+FOLD_EVERY_S = 3600.0
+STATUS_EVERY_S = 5.0
+_READING = Reading("frames", first_line="")
+_STEP_MAX_S = 0.25
+_QUIET_S = 1.0
+
+
+class StoredObserver(Protocol):
+    """Somebody who wants to see what was stored, such as the alarms."""
+
+    def on_stored(self, tables: Mapping[TableName, pa.Table]) -> None:
+        """See a batch that is durable and not acknowledged yet; after a crash the same rows may come again."""
+
+    def on_tick(self, now: datetime) -> None:
+        """Learn that time has passed, about every `status_every_s`, also when nothing comes."""
+
+
+class Listener:
+    """Takes the frame messages of one site's broker into its store.
+
+    Args:
+        site: The site.
+        broker: Its broker.
+        password: Of the broker's user; None = none.
+        clock: Tells the instant, for the live rule of times, lag and status.
+        observers: Told of every durable batch.
+        fold_every_s: Folds a minute after each multiple of this.
+        status_every_s: Seconds between two heartbeats.
+        linger_s: How long a message waits for others before it is stored.
+        window: Messages held at most.
+        seed: Of the jitter of waiting times.
+        tell: Gets lines for the log.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        *,
+        broker: Broker,
+        password: str | None,
+        clock: Callable[[], datetime],
+        observers: Sequence[StoredObserver] = (),
+        fold_every_s: float = FOLD_EVERY_S,
+        status_every_s: float = STATUS_EVERY_S,
+        linger_s: float = LINGER_S,
+        window: int = WINDOW,
+        seed: int = 0,
+        tell: Callable[[str], None] = lambda _line: None,
+    ) -> None:
+        self.site, self.broker = site, broker
+        self.status = Status(started=clock())
+        self._clock, self._observers, self._tell = clock, observers, tell
+        self._fold_every_s, self._status_every_s, self._linger_s = fold_every_s, status_every_s, linger_s
+        self._store = Store(site.root / "store", site_id=site.site_id)
+        self._folding = Folding(self._store.root, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
+        self._preparer = Preparer(site, now=clock())
+        self._delays_s = partial(delays_s, seed=seed)
+        self._store_waiting_s = self._delays_s()
+        self._store_again_s = 0.0
+        self._fold_at_s = next_fold_s(clock().timestamp(), every_s=fold_every_s)
+        self._fold_again_s = 0.0
+        self._spooled_since_fold = [0, 0]
+        self._status_at_s = 0.0
+        self._quarantine_day = clock().date()
+        self._quarantine = self._new_quarantine()
+        self._epoch_told = 0
+        self._error_told: str | None = None
+        self.link = Link(
+            broker,
+            password=password,
+            session_s=max(SESSION_MIN_S, int(site.settings.live_late_max_s)),
+            payload_max_bytes=int(site.settings.line_max_bytes),
+            delays_s=self._delays_s,
+            will=offline(self.status.started),
+            window=window,
+        )
+
+    def run(
+        self, *, should_stop: Callable[[], bool], is_once: bool = False, connect_timeout_s: float | None = None
+    ) -> Status:
+        """Listen until told to stop; store and acknowledge what is held, then leave.
+
+        Args:
+            should_stop: Asked several times a second.
+            is_once: Stop by itself when the broker has had nothing for a second, and fold.
+            connect_timeout_s: Give up when there is no connection for so long at the start; None = never.
+
+        Returns:
+            What was done.
+
+        Raises:
+            LiveError: E701, no connection within `connect_timeout_s`; E702, another client took over the session.
+        """
+        began_s = time.monotonic()
+        self._count_spool()
+        is_fold_owed = self.status.spool_segments > 0
+        try:
+            while not should_stop():
+                self.link.step(self._patience_s())
+                self._note_link()
+                if self._is_store_due():
+                    self.store_held()
+                self._keep_folding(is_owed=is_fold_owed)
+                is_fold_owed = False
+                if time.monotonic() >= self._status_at_s:
+                    self.beat()
+                if self.link.epoch == 0 and connect_timeout_s is not None:
+                    self._give_up_after(connect_timeout_s, since_s=began_s)
+                if is_once and self._is_quiet(began_s):
+                    break
+            if self.link.held:
+                self.store_held()
+            if is_once:
+                self._fold_now()
+        finally:
+            self._folding.stop()
+            self.status.state = "stopped"
+            self.beat()
+            self.link.close()
+        return self.status
+
+    def store_held(self) -> bool:
+        """Store what is held, and acknowledge it; return False when the disk or a key refused, and nothing was."""
+        deliveries = self.link.take()
+        now = self._clock()
+        try:
+            ready = self._preparer.prepare(deliveries, now=now)
+            self._keep_rejected(ready.rejected, now=now)
+            n_segments = 0
+            for name in reversed(TABLES):  # a frame is stored after the persons it counts
+                rows = ready.tables.get(name)
+                if rows is not None and rows.num_rows:
+                    self._store.append(name, rows, engines=ready.engines)
+                    n_segments += 1
+        except (VsdError, OSError) as error:
+            delay_s = next(self._store_waiting_s)
+            self._store_again_s = time.monotonic() + delay_s
+            self._say_error(f"nothing can be stored, so nothing is acknowledged: {error}", state="cannot store")
+            return False
+        self._store_waiting_s = self._delays_s()
+        self._show(ready.tables)
+        self.status.n_acknowledged += self.link.acknowledge(deliveries)
+        self._note_stored(deliveries, ready.tables, n_segments=n_segments)
+        self.status.n_rejected.update(Counter(r.reason for r in ready.rejected))
+        self.status.n_dropped.update(ready.n_dropped)
+        return True
+
+    def beat(self) -> None:
+        """Write the heartbeat, publish it, let the observers know the time."""
+        now = self._clock()
+        told = self.status.as_dict(now=now)
+        write_status(self.site.root, told)
+        if self.broker.status_topic is not None:
+            self.link.publish(self.broker.status_topic, json.dumps(told).encode(), retain=True)
+        for observer in self._observers:
+            self._guarded(observer.on_tick, now)
+        self._status_at_s = time.monotonic() + self._status_every_s
+
+    def _patience_s(self) -> float:
+        until_s = [_STEP_MAX_S, self._status_at_s - time.monotonic()]
+        if self.link.held:
+            wake_s = max(self.link.first_held_s + self._linger_s, self._store_again_s)
+            until_s.append(wake_s - time.monotonic())
+        return max(0.0, min(until_s))
+
+    def _is_store_due(self) -> bool:
+        now_s = time.monotonic()
+        return now_s >= self._store_again_s and is_due(
+            len(self.link.held),
+            n_bytes=self.link.held_bytes,
+            age_s=now_s - self.link.first_held_s,
+            window=self.link.window,
+            linger_s=self._linger_s if self.link.is_connected else 0.0,
+        )
+
+    def _note_link(self) -> None:
+        """Bring the status up to what the connection is, and log changes of it."""
+        link, status = self.link, self.status
+        if link.taken_over:
+            raise LiveError(
+                f"another client took over the session {self.broker.client_id!r}",
+                code="E702",
+                why="two clients with one client id throw each other out for ever",
+                mend='stop the other listener, or give this one its own client_id = "..." under [mqtt]',
+            )
+        if link.is_connected and link.epoch != self._epoch_told:
+            self._epoch_told = status.n_connections = link.epoch
+            status.connected_since = self._clock()
+            known = "its session goes on" if link.session_was_present else "a new session"
+            self._tell(f"connected to {self.broker.host}:{self.broker.port}, {known}")
+        if link.is_connected and link.error is None:
+            if time.monotonic() >= self._store_again_s:
+                status.state, status.error, self._error_told = "listening", None, None
+        elif link.error is not None:
+            if not link.is_connected:
+                status.connected_since = None
+            state = "listening" if link.is_connected else "waiting for the broker"
+            self._say_error(f"{self.broker.host}:{self.broker.port}: {link.error}", state=state)
+
+    def _say_error(self, text: str, *, state: str) -> None:
+        self.status.state, self.status.error = state, text
+        if text != self._error_told:
+            self._error_told = text
+            self._tell(text)
+            self.beat()
+
+    def _keep_rejected(self, rejects: Sequence[Rejected], *, now: datetime) -> None:
+        """Make rejected records durable; what cannot be written now is tried again with its messages."""
+        if now.date() != self._quarantine_day:  # the most kept is per source and day
+            self._quarantine.close()  # says how many were only counted
+            self._quarantine_day = now.date()
+        if rejects:
+            try:
+                self._quarantine.add(rejects, reading=_READING, at=now)
+                self._quarantine.flush()
+            except OSError:
+                self._quarantine = self._new_quarantine()
+                raise
+
+    def _new_quarantine(self) -> Quarantine:
+        source = f"mqtt://{self.broker.host}:{self.broker.port}"
+        return Quarantine(self.site.root / "quarantine", source=source, is_live=True)
+
+    def _show(self, tables: Mapping[TableName, pa.Table]) -> None:
+        for observer in self._observers:
+            self._guarded(observer.on_stored, tables)
+
+    def _guarded(self, call: Callable[[Any], None], value: Any) -> None:
+        """Call an observer; its mistakes are told and stop nothing."""
+        try:
+            call(value)
+        except Exception as error:
+            self._tell(f"an observer failed: {type(error).__name__}: {error}")
+
+    def _note_stored(
+        self, deliveries: Sequence[Delivery], tables: Mapping[TableName, pa.Table], *, n_segments: int
+    ) -> None:
+        status = self.status
+        status.n_received += len(deliveries)
+        status.n_redelivered += sum(d.is_redelivered for d in deliveries)
+        status.n_qos0 += sum(d.qos == 0 for d in deliveries)
+        n_rows = 0
+        for name, rows in tables.items():
+            status.n_stored[name] += rows.num_rows
+            n_rows += rows.num_rows
+        status.spool_rows += n_rows
+        status.spool_segments += n_segments
+        self._spooled_since_fold[0] += n_rows
+        self._spooled_since_fold[1] += n_segments
+        frames = tables.get("frames")
+        if frames is None or not frames.num_rows:
+            return
+        for camera_id in pc.unique(frames["camera_id"]).to_pylist():
+            rows = frames.filter(pc.equal(frames["camera_id"], camera_id))
+            camera = status.camera(camera_id)
+            camera.n_frames += rows.num_rows
+            camera.last_ms = max(camera.last_ms, pc.max(rows["ts"].cast(pa.int64())).as_py())
+            camera.numbering.see_all(rows["seq"].to_pylist())
+            status.newest_ms = max(status.newest_ms or camera.last_ms, camera.last_ms)
+
+    def _count_spool(self) -> None:
+        """Count what an earlier life left in the spool."""
+        with contextlib.suppress(VsdError, OSError):
+            self.status.spool_segments = sum(len(segment_paths(self._store.root, t)) for t in TABLES)
+            self.status.spool_rows = self._store.n_spooled()
+
+    def _keep_folding(self, *, is_owed: bool) -> None:
+        status = self.status
+        if self._folding.is_running:
+            if (folded := self._folding.poll()) is not None:
+                self._note_fold(folded)
+            return
+        now_s = self._clock().timestamp()
+        is_clock_due = now_s >= self._fold_at_s
+        if is_clock_due:
+            self._fold_at_s = next_fold_s(now_s, every_s=self._fold_every_s)
+        is_full = status.spool_segments >= FOLD_SEGMENTS or status.spool_rows >= FOLD_ROWS
+        if status.spool_segments and (is_clock_due or is_full or is_owed) and time.monotonic() >= self._fold_again_s:
+            self._spooled_since_fold = [0, 0]
+            self._folding.start()
+
+    def _note_fold(self, folded: Folded) -> None:
+        status = self.status
+        status.fold, status.fold_at = folded, self._clock()
+        if folded.error is not None:
+            self._fold_again_s = time.monotonic() + max(60.0, 10 * folded.took_s)
+            self._tell(f"folding failed, the spool keeps everything: {folded.error}")
+            return
+        status.n_folds += 1
+        status.n_doubles += folded.n_known + folded.n_second
+        status.spool_rows, status.spool_segments = self._spooled_since_fold
+
+    def _fold_now(self) -> None:
+        """Fold to the end: twice, when a fold is running that began before the last records."""
+        for is_first in (True, False):
+            if not self._folding.is_running:
+                if not (is_first or self.status.spool_segments):
+                    return
+                self._spooled_since_fold = [0, 0]
+                self._folding.start()
+            while (folded := self._folding.poll()) is None:
+                time.sleep(0.02)
+            self._note_fold(folded)
+
+    def _is_quiet(self, began_s: float) -> bool:
+        """Tell whether there is a connection, nothing held, and nothing came for a second."""
+        since_s = max(self.link.first_held_s, self.link.connected_s, began_s)
+        return self.link.is_connected and not self.link.held and time.monotonic() - since_s > _QUIET_S
+
+    def _give_up_after(self, timeout_s: float, *, since_s: float) -> None:
+        if time.monotonic() - since_s > timeout_s:
+            raise LiveError(
+                f"no connection to the broker {self.broker.host}:{self.broker.port} within {timeout_s:g} s",
+                code="E701",
+                why=self.link.error,
+                mend="is it running and reachable, are user and password right: vsd doctor",
+            )
+
+
+@contextlib.contextmanager
+def alone(root: Path) -> Iterator[None]:
+    """Hold the lock of a project's listener; the kernel releases it when the process dies.
+
+    Raises:
+        LiveError: E706, another listener of this project holds it.
+    """
+    lock = root / "status" / "listen.lock"
+    make_dirs(lock.parent)
+    with lock.open("a") as f:
+        try:
+            fcntl.flock(f, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise LiveError(
+                "a listener of this project runs already",
+                code="E706",
+                where=Where(str(lock)),
+                why=f"its process is {(read_status(root) or {}).get('pid', 'unknown')}",
+                mend="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
+            ) from None
+        yield

@@ -1,0 +1,116 @@
+"""From MQTT payloads to the stored tables: decoded, checked against the live clock, pseudonymised."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+
+import pyarrow as pa
+
+from vsd_analytics.errors import VsdError
+from vsd_analytics.ingest.adapter import IngestOptions, Rejected
+from vsd_analytics.ingest.frames import MessageRows
+from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.pipeline import with_site
+from vsd_analytics.ingest.raw import rejected
+from vsd_analytics.live.batches import Delivery
+from vsd_analytics.schema import TableName
+from vsd_analytics.site import Site
+from vsd_analytics.store.secrets import DayKeys
+
+RETAINED = "the broker kept this copy (retain flag), so its age is unknown: publish frames without the retain flag"
+EMPTY = "the message is empty"
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A batch of messages ready for the store.
+
+    Attributes:
+        tables: Rows in `SCHEMAS`.
+        rejected: Records for quarantine; `line` is the running number of the message.
+        n_dropped: Counts by reason of what was left out on purpose.
+        engines: Engine names and versions the rows came from.
+    """
+
+    tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
+    rejected: Sequence[Rejected] = ()
+    n_dropped: Mapping[str, int] = field(default_factory=dict)
+    engines: Sequence[str] = ()
+
+
+class Preparer:
+    """Prepares the messages of one site.
+
+    Args:
+        site: The site; its cameras, settings, clocks and secrets are used.
+        now: The clock at the start.
+    """
+
+    def __init__(self, site: Site, *, now: datetime) -> None:
+        self._options = with_site(site, IngestOptions())
+        keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms else None
+        self._normaliser = Normaliser(site, now=now, keys=keys)
+        self._n_messages = 0
+
+    def prepare(self, deliveries: Sequence[Delivery], *, now: datetime) -> Prepared:
+        """Return what a batch says, in stored form.
+
+        A message that breaks the reading itself, in a way nobody foresaw, is quarantined alone: it must neither stop
+        those beside it nor come back for ever.
+
+        Args:
+            deliveries: Messages in the order they arrived.
+            now: The clock: instants outside [now - live_late_max_s, now + live_ahead_max_s] are rejected.
+
+        Raises:
+            VsdError: E303, the key of a day is damaged; the messages can be tried again.
+            OSError: The disk refused a new day's key; the messages can be tried again.
+        """
+        self._normaliser.live_at(now)
+        first, self._n_messages = self._n_messages + 1, self._n_messages + len(deliveries)
+        try:
+            return self._read(deliveries, first)
+        except (VsdError, OSError):
+            raise
+        except Exception:  # whatever it is, one message is the cause
+            return _joined([self._read_alone(d, number) for number, d in enumerate(deliveries, first)])
+
+    def _read(self, deliveries: Sequence[Delivery], first: int) -> Prepared:
+        limit = self._options.line_max_bytes
+        rows = MessageRows(self._options)
+        for number, delivery in enumerate(deliveries, first):
+            if delivery.is_retained:
+                rows.reject(number, "retained", RETAINED, delivery.payload)
+            elif delivery.n_bytes > limit:
+                rows.reject(number, "line-too-long", f"the message is longer than {limit:,} bytes", delivery.payload)
+            elif not delivery.payload.strip():
+                rows.reject(number, "bad-json", EMPTY, delivery.payload)
+            else:
+                rows.add(number, delivery.payload)
+        raw = rows.batch(0)
+        clean = self._normaliser.normalise(raw)
+        bad = [replace(r, detail=f"{r.detail}; topic {deliveries[r.line - first].topic}") for r in clean.rejected]
+        return Prepared(clean.tables, bad, clean.n_dropped, raw.engines)
+
+    def _read_alone(self, delivery: Delivery, number: int) -> Prepared:
+        try:
+            return self._read([delivery], number)
+        except (VsdError, OSError):
+            raise
+        except Exception as error:
+            detail = f"the message cannot be read: {type(error).__name__}: {error}; topic {delivery.topic}"
+            bad = rejected(number, reason="bad-message", detail=detail[:1000], record=delivery.payload)
+            return Prepared(rejected=[bad])
+
+
+def _joined(parts: Sequence[Prepared]) -> Prepared:
+    names = list(dict.fromkeys(name for p in parts for name in p.tables))
+    return Prepared(
+        {name: pa.concat_tables(p.tables[name] for p in parts if name in p.tables) for name in names},
+        [r for p in parts for r in p.rejected],
+        sum((Counter(p.n_dropped) for p in parts), Counter()),
+        sorted({e for p in parts for e in p.engines}),
+    )

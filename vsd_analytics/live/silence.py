@@ -1,0 +1,156 @@
+"""Cameras that send nothing in opening hours."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from functools import lru_cache
+
+from vsd_analytics.live.events import AlarmEvent, AlarmStep, alarm_id
+from vsd_analytics.site import AlarmRule, Site
+from vsd_analytics.warehouse.dimensions import QUARTER_MS, is_open
+
+FOREVER_MS = 2**62
+_QUARTERS_MAX = 8 * 96
+"""Opening hours are looked ahead this far; who is open for longer closes for no time at all."""
+
+
+class Opening:
+    """The opening hours of a site in quarter-hours, as the calendar of the reports counts them.
+
+    Args:
+        site: The project.
+        is_always: Take it as never closed.
+    """
+
+    def __init__(self, site: Site, *, is_always: bool = False) -> None:
+        zone = site.zone
+        self._is_always = is_always or (site.opening is None and not site.closed)
+
+        @lru_cache(maxsize=4 * _QUARTERS_MAX)
+        def is_open_in(quarter: int) -> bool:
+            local = datetime.fromtimestamp(quarter * QUARTER_MS / 1000, tz=zone)
+            return is_open(site, local.date(), local.hour * 60 + local.minute)
+
+        self._is_open_in = is_open_in
+
+    def is_open(self, ts_ms: int) -> bool:
+        """Tell whether the site is open at an instant."""
+        return self._is_always or self._is_open_in(ts_ms // QUARTER_MS)
+
+    def opens(self, ts_ms: int, *, before_ms: int) -> int | None:
+        """Return the first open instant from `ts_ms` on, None when there is none before `before_ms`."""
+        while ts_ms < before_ms:
+            if self.is_open(ts_ms):
+                return ts_ms
+            ts_ms = (ts_ms // QUARTER_MS + 1) * QUARTER_MS
+        return None
+
+    def closes(self, ts_ms: int) -> int:
+        """Return when the site closes next after an instant at which it is open."""
+        if self._is_always:
+            return FOREVER_MS
+        quarter = ts_ms // QUARTER_MS
+        last = quarter + _QUARTERS_MAX
+        while quarter < last and self._is_open_in(quarter):
+            quarter += 1
+        return quarter * QUARTER_MS
+
+
+class Silence:
+    """One rule of the kind "silence" at one camera.
+
+    A silence begins with the camera's last record, or when the site opens if that is later, and ends with its next
+    record, or when the site closes. A silence that never was `for_s` long within one opening is none.
+
+    Args:
+        site: The project.
+        rule: The rule.
+        camera_id: The camera.
+    """
+
+    def __init__(self, site: Site, *, rule: AlarmRule, camera_id: str) -> None:
+        self.rule, self._site = rule, site
+        self._camera = site.camera(camera_id)
+        self._for_ms, self._cooldown_ms = round(rule.for_s * 1000), round(rule.cooldown_s * 1000)
+        self._update_ms = round(site.settings.update_s * 1000)
+        self._opening = Opening(site, is_always=not rule.is_open_only)
+        self._from_ms: int | None = None  # silent from here on, unless the site is closed
+        self._quiet_ms = -FOREVER_MS
+        self._since_ms: int | None = None  # of the open alarm
+        self._told_ms = self._closes_ms = 0
+
+    @property
+    def open_alarms(self) -> list[str]:
+        """Return the id of the alarm that has started and not ended, if there is one."""
+        return [] if self._since_ms is None else [self._id(self._since_ms)]
+
+    def hear(self, ts_ms: int) -> list[AlarmEvent]:
+        """Take in that the camera sent something of this instant, the latest so far."""
+        events = [] if self._from_ms is None else self._until(ts_ms, is_heard=True)
+        if self._since_ms is not None:
+            events.append(self._end(ts_ms))
+        self._from_ms = ts_ms
+        return events
+
+    def pass_time(self, ts_ms: int) -> list[AlarmEvent]:
+        """Take in that the camera sent nothing more of any instant before `ts_ms`."""
+        if self._from_ms is None:
+            return []
+        return self._until(ts_ms, is_heard=False)
+
+    def watch(self, ts_ms: int) -> None:
+        """Expect records from `ts_ms` on, of a camera never heard of."""
+        if self._from_ms is None:
+            self._from_ms = ts_ms
+
+    def _until(self, ts_ms: int, *, is_heard: bool) -> list[AlarmEvent]:
+        """Return what was to tell of the silence up to `ts_ms`; at that instant itself only a start, when heard."""
+        events: list[AlarmEvent] = []
+        while self._from_ms is not None:
+            if self._since_ms is None:
+                if ts_ms - self._from_ms < self._for_ms:
+                    break
+                since = self._opening.opens(self._from_ms, before_ms=ts_ms)
+                if since is None:
+                    self._from_ms = max(self._from_ms, ts_ms // QUARTER_MS * QUARTER_MS)
+                    break
+                due, closes = max(since + self._for_ms, self._quiet_ms), self._opening.closes(since)
+                self._from_ms = since
+                if due >= closes and closes < ts_ms:
+                    self._from_ms = closes
+                elif due < min(closes, ts_ms) or (is_heard and due == ts_ms < closes):
+                    self._since_ms, self._closes_ms = since, closes
+                    events.append(self._event("start", due))
+                else:
+                    break
+            else:
+                due = min(self._told_ms + self._update_ms, self._closes_ms)
+                if due >= ts_ms:
+                    break
+                events.append(self._end(due) if due == self._closes_ms else self._event("update", due))
+        return events
+
+    def _end(self, at_ms: int) -> AlarmEvent:
+        event = self._event("end", at_ms)
+        self._since_ms, self._from_ms, self._quiet_ms = None, at_ms, at_ms + self._cooldown_ms
+        return event
+
+    def _id(self, since_ms: int) -> str:
+        return alarm_id(self._site, self.rule, camera_id=self._camera.camera_id, since_ms=since_ms)
+
+    def _event(self, step: AlarmStep, at_ms: int) -> AlarmEvent:
+        since_ms = self._since_ms if self._since_ms is not None else at_ms
+        self._told_ms = at_ms
+        camera = self._camera
+        return AlarmEvent(
+            self._id(since_ms),
+            self.rule.alarm_id,
+            self.rule.kind,
+            step,
+            at_ms,
+            since_ms,
+            self._site.site_id,
+            camera.camera_id,
+            camera.floor_id,
+            self.rule.area_id,
+        )

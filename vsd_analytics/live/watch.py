@@ -1,0 +1,343 @@
+"""Watching a folder around the clock: every file that appears in it is ingested once and moved away.
+
+What stands in the folder is open, what is done stands in `done/`, what could not be read at all stands in `failed/`
+beside a text that says why. A file is moved after its records are durable; a crash in between ingests it again, and the
+store knows its records by their keys. The folder is listed every few seconds: notifications get lost when many files
+come at once, a listing does not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from vsd_analytics.errors import InputError, UsageError, VsdError, disk_error
+from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.pipeline import SourceResult, ingest, with_site
+from vsd_analytics.live.batches import delays_s
+from vsd_analytics.live.gathering import GatheringStore
+from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
+from vsd_analytics.live.status import is_alive
+from vsd_analytics.site import Site
+from vsd_analytics.store.durable import make_dirs, publish
+
+STATUS = Path("status") / "watch.json"
+TOGETHER_FILES = 200
+TOGETHER_BYTES = 64 << 20
+"""At most so many files, or files of so many bytes, are made durable together before they are moved."""
+ROUND_FILES = 1_000
+"""Files ingested before the next fold and listing."""
+FOLD_EVERY_S = 3600.0
+RETRY_S = 60.0
+BEAT_S = 30.0
+
+
+@dataclass
+class WatchStatus:
+    """What a watch has done since its start.
+
+    Attributes:
+        folder: The folder.
+        started: When it started.
+        state: "watching", "cannot store" or "stopped".
+        n_done, n_failed: Files moved to `done/` and to `failed/`.
+        n_open: Files that stood in the folder at the last look.
+        n_records: Records acknowledged, those known already among them.
+        n_rejected: Records in quarantine, by reason.
+        last_file: Name of the file ingested last.
+        last_at: When that was.
+        error: What is wrong now; None = nothing.
+    """
+
+    folder: Path
+    started: datetime
+    state: str = "watching"
+    n_done: int = 0
+    n_failed: int = 0
+    n_open: int = 0
+    n_records: int = 0
+    n_rejected: Counter[str] = field(default_factory=Counter)
+    last_file: str | None = None
+    last_at: datetime | None = None
+    error: str | None = None
+
+    def as_dict(self, *, now: datetime) -> dict[str, Any]:
+        """Return the status as it stands in `status/watch.json`; instants are ISO 8601 in UTC, unknown is null."""
+        return {
+            "state": self.state,
+            "pid": os.getpid(),
+            "at": _iso(now),
+            "started": _iso(self.started),
+            "folder": Source(self.folder).name,
+            "done": self.n_done,
+            "failed": self.n_failed,
+            "open": self.n_open,
+            "records": self.n_records,
+            "rejected": dict(self.n_rejected),
+            "last_file": self.last_file,
+            "last_at": None if self.last_at is None else _iso(self.last_at),
+            "error": self.error,
+        }
+
+
+def watch(
+    site: Site,
+    folder: Path,
+    options: IngestOptions,
+    *,
+    clock: Callable[[], datetime],
+    sleep: Callable[[float], object] = time.sleep,
+    stop: Callable[[], bool] = lambda: False,
+    on_source: Callable[[SourceResult], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+    monotonic: Callable[[], float] = time.monotonic,
+) -> WatchStatus:
+    """Ingest every file that appears in `folder` until `stop`.
+
+    A file is taken once its size and time have not changed for `watch_settle_s` seconds, oldest first; names that begin
+    with a dot or end in `.part` or `.tmp`, links and folders are left alone. An error of one file never stops the
+    watch; a disk that refuses is waited for, and the file stays where it is.
+
+    Args:
+        site: The site the files belong to.
+        folder: The folder; `done/` and `failed/` are made in it.
+        options: What the user said about the files.
+        clock: The clock; records later than it are quarantined.
+        sleep: Waits for so many seconds; may return sooner when `stop` has become true.
+        stop: Asked between files, and between the batches of a large one, which is then left for the next start.
+        on_source: Called when a file is done.
+        tell: Called with one line for people about what went wrong.
+        monotonic: Seconds that no one sets.
+
+    Returns:
+        What was done.
+
+    Raises:
+        InputError: E201, there is no such folder.
+        UsageError: E101, the folder is one of the project's own, or `options.camera` is no camera of the site.
+        LiveError: E710, another process watches the folder.
+        OSError: `done/` and `failed/` cannot be made.
+    """
+    refuse_folder(site, folder)
+    with_site(site, options)
+    with alone(folder):
+        for name in (DONE, FAILED):
+            make_dirs(folder / name)
+        status = WatchStatus(folder, clock())
+        _Watch(site, options, status, clock, stop, on_source, tell or (lambda _: None), monotonic).run(sleep)
+    return status
+
+
+def read_watch_status(root: Path) -> dict[str, Any] | None:
+    """Return what stands in a project's `status/watch.json`, with `is_running`; None when there is nothing."""
+    try:
+        told = json.loads((root / STATUS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(told, dict):
+        return None
+    return {**told, "is_running": told.get("state") != "stopped" and is_alive(told.get("pid"))}
+
+
+class _StopError(Exception):
+    """The watch was asked to stop in the middle of a file."""
+
+
+@dataclass
+class _Watch:
+    """One run of `watch`."""
+
+    site: Site
+    options: IngestOptions
+    status: WatchStatus
+    clock: Callable[[], datetime]
+    stop: Callable[[], bool]
+    on_source: Callable[[SourceResult], None] | None
+    tell: Callable[[str], None]
+    monotonic: Callable[[], float]
+
+    def __post_init__(self) -> None:
+        settings = self.site.settings
+        self.store = GatheringStore(self.site.root / "store", site_id=self.site.site_id, ballast_mb=settings.ballast_mb)
+        self.pending: list[tuple[Waiting, SourceResult]] = []  # ingested, not yet durable
+        self.seen: dict[Waiting, float] = {}  # files and when each was first seen as it is
+        self.held: dict[Waiting, float] = {}  # files that cannot be read or moved now, and when to try again
+        self.is_folded = False  # what an earlier run left in the spool is folded first
+        self.folded_s = self.beaten_s = self.monotonic()
+        self.delays = delays_s(first_s=1.0, most_s=60.0)
+
+    def run(self, sleep: Callable[[float], object]) -> None:
+        """Look, ingest, fold, wait, until asked to stop."""
+        self.beat()
+        while not self.stop():
+            wait_s = float(self.site.settings.watch_scan_s)
+            before = self.status.as_dict(now=self.status.started)
+            try:
+                is_more = self.round()
+                self.fold()
+                self.healthy()
+                wait_s = 0.0 if is_more else wait_s
+            except _StopError:
+                break
+            except (OSError, VsdError) as error:
+                wait_s = self.refused(error)
+            if before != self.status.as_dict(now=self.status.started) or self.monotonic() - self.beaten_s > BEAT_S:
+                self.beat()
+            if wait_s and not self.stop():
+                sleep(wait_s)
+        try:
+            self.fold()
+        except (OSError, VsdError) as error:
+            self.refused(error)
+        self.status.state = "stopped"
+        self.beat()
+
+    def round(self) -> bool:
+        """Ingest the files that stand still; return whether more of them wait."""
+        now_s = self.monotonic()
+        self.held = {file: until_s for file, until_s in self.held.items() if until_s > now_s}
+        found, self.status.n_open = waiting(self.status.folder, known=self.held)
+        self.status.n_open += len(self.held)
+        self.seen = {file: self.seen.get(file, now_s) for file in found}
+        settle_s = float(self.site.settings.watch_settle_s)
+        settled = [file for file in found if now_s - self.seen[file] >= settle_s]
+        for files in _together(settled[:ROUND_FILES]):
+            self.take(files)
+            self.commit()
+            if self.monotonic() - self.folded_s > FOLD_EVERY_S:
+                self.fold()
+            if self.monotonic() - self.beaten_s > BEAT_S:
+                self.beat()
+        return len(settled) > ROUND_FILES
+
+    def take(self, files: Sequence[Waiting]) -> None:
+        """Ingest files; their records are durable, and they are moved, with the next `commit`."""
+        left = iter(files)
+
+        def done(result: SourceResult) -> None:
+            self.pending.append((next(left), result))
+            self.check_stop()
+
+        self.check_stop()
+        ingest(
+            self.site,
+            [self.status.folder / file.name for file in files],
+            self.options,
+            now=self.clock(),
+            is_folding=False,
+            store=self.store,
+            on_bytes=self.check_stop,
+            on_source=done,
+        )
+
+    def commit(self) -> None:
+        """Make what was ingested durable, then move its files; those that cannot be read or moved now stay."""
+        pending, self.pending = self.pending, []
+        self.is_folded = False
+        self.store.commit()
+        for file, result in pending:
+            self.status.last_file, self.status.last_at = Source(Path(file.name)).name, self.clock()
+            self.status.n_records += sum(result.n_records.values())
+            self.status.n_rejected.update(result.n_rejected)
+            if self.on_source is not None:
+                self.on_source(result)
+            if result.error is not None and not _is_of_the_file(result.error):
+                self.hold(file, f"{result.source}: {result.error.what}")
+                continue
+            try:
+                if as_it_is(self.status.folder, file.name) == file:
+                    self.move(file, result)
+            except FileNotFoundError:
+                continue
+            except OSError as refused:
+                self.hold(file, f"{result.source} is ingested and cannot be moved: {refused.strerror or refused}")
+
+    def move(self, file: Waiting, result: SourceResult) -> None:
+        """Move a file to `done/`, or to `failed/` with what was wrong beside it."""
+        if result.error is None:
+            to_done(self.status.folder, file)
+            self.status.n_done += 1
+        else:
+            to_failed(self.status.folder, file, result)
+            self.status.n_failed += 1
+            self.tell(f"{result.source}: {result.error.what} (moved to {FAILED}/)")
+        self.status.n_open -= 1
+
+    def hold(self, file: Waiting, words: str) -> None:
+        """Leave a file where it is and look at it again in a while."""
+        self.held[file] = self.monotonic() + RETRY_S
+        if self.status.error != words:
+            self.status.error = words
+            self.tell(words)
+
+    def check_stop(self, _n_bytes: int = 0) -> None:
+        """Stop between two files, or two batches of a large one."""
+        if self.stop():
+            raise _StopError
+
+    def fold(self) -> None:
+        """Fold what was ingested since the last time."""
+        if self.pending:
+            self.commit()
+        if not self.is_folded:
+            self.store.fold()
+            self.is_folded = True
+        self.folded_s = self.monotonic()
+
+    def refused(self, error: OSError | VsdError) -> float:
+        """Note that the disk or the store refused; return how long to wait."""
+        self.pending.clear()  # their files are still there
+        self.store.forget()
+        told = disk_error(error) or error
+        words = told.what if isinstance(told, VsdError) else (told.strerror or str(told))
+        if isinstance(told, VsdError) and told.where is not None:
+            words += f": {told.where.file}"
+        if self.status.error != words:
+            self.tell(f"{words}; files stay where they are, and it is tried again")
+        self.status.state, self.status.error = "cannot store", words
+        return next(self.delays)
+
+    def healthy(self) -> None:
+        """Note that a round went well."""
+        if self.status.state == "cannot store":
+            self.tell("it can be stored again")
+            self.delays = delays_s(first_s=1.0, most_s=60.0)
+        self.status.state = "watching"
+        if not self.held:
+            self.status.error = None
+
+    def beat(self) -> None:
+        """Write the status; it is no record, so a disk that refuses it stops nothing."""
+        self.beaten_s = self.monotonic()
+        text = json.dumps(self.status.as_dict(now=self.clock()), ensure_ascii=False, indent=1)
+        with contextlib.suppress(OSError):
+            publish(self.site.root / STATUS, text.encode("utf-8", "replace"), is_synced=False)
+
+
+def _together(files: Sequence[Waiting]) -> Iterator[list[Waiting]]:
+    """Yield the files in lots of at most `TOGETHER_FILES` and, but for the last of a lot, `TOGETHER_BYTES`."""
+    lot: list[Waiting] = []
+    for file in files:
+        lot.append(file)
+        if len(lot) >= TOGETHER_FILES or sum(f.size_bytes for f in lot) >= TOGETHER_BYTES:
+            yield lot
+            lot = []
+    if lot:
+        yield lot
+
+
+def _is_of_the_file(error: VsdError) -> bool:
+    """Tell whether an error lies in a file's content, not in its reading (E120) nor in the store."""
+    return isinstance(error, InputError | UsageError) and error.code not in ("E120", "E201")
+
+
+def _iso(instant: datetime) -> str:
+    return instant.astimezone(UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,240 @@
+"""Sealed facts: what is kept of hours whose raw records were removed, for good and apart from `facts/`.
+
+```
+sealed/<fact>/site=<site>/date=<YYYY-MM-DD>/<HH>-<digest>.parquet     a fact file, named by the hash of its bytes
+sealed/seals/site=<site>/<YYYY-MM-DD>.json                            what is sealed of a UTC day
+```
+
+A seal is what counts: fact files it does not name are litter. It is the one file here that is ever replaced, by a
+rename, and read in one piece.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+
+import msgspec
+
+from vsd_analytics.errors import StoreError, Where
+from vsd_analytics.store import durable
+from vsd_analytics.store.layout import list_parts, unit_folder
+
+FOLDER = "sealed"
+DAY_FACT = "camera_days"
+_EPOCH = date(1970, 1, 1).toordinal()
+_SEAL = re.compile(r"^(\d{4}-\d{2}-\d{2})\.json$")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitSeal:
+    """The sealed facts of a UTC hour or day.
+
+    Attributes:
+        fingerprint: What they were computed from, as it stood in their names.
+        causes: Hashes of the rules they were computed by: SQL, settings, cameras, calibrations.
+        facts: Digest of each fact's file, by fact.
+        records: Number of raw records that were removed, by table.
+        engines: For each table, the engines noted in each of its parts, in order.
+        last_ms: Instant of each camera's last record in it (UTC milliseconds).
+        cameras: Cameras with records when it was sealed; their calibrations are among `causes`.
+    """
+
+    fingerprint: str
+    causes: Mapping[str, str]
+    facts: Mapping[str, str]
+    records: Mapping[str, int] = field(default_factory=dict)
+    engines: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
+    last_ms: Mapping[str, int] = field(default_factory=dict)
+    cameras: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DaySeal:
+    """What is sealed of one UTC day.
+
+    Attributes:
+        day: UTC days since 1970.
+        is_whole: The whole day is sealed: no record of it is accepted any more. Else `hours` alone are.
+        sealed_on: UTC date of the purge, ISO.
+        hours: Sealed hours by UTC hour number.
+        camera_days: The fact of the whole day; None while the day is not whole.
+    """
+
+    day: int
+    is_whole: bool
+    sealed_on: str
+    hours: Mapping[int, UnitSeal]
+    camera_days: UnitSeal | None = None
+
+    def holds(self, hour: int) -> bool:
+        """Tell whether no record of a UTC hour of this day is accepted any more."""
+        return self.is_whole or hour in self.hours
+
+
+@dataclass(frozen=True, slots=True)
+class _Envelope:
+    digest: str
+    seal: msgspec.Raw
+
+
+class Seals:
+    """The sealed facts of one site.
+
+    Args:
+        root: `<project>/sealed`.
+        site_id: The site's id.
+    """
+
+    def __init__(self, root: Path, *, site_id: str) -> None:
+        self.root = root
+        self.site_id = site_id
+        self.folder = root / "seals" / f"site={site_id}"
+
+    def days(self) -> list[int]:
+        """Return the UTC day numbers with a seal, in order."""
+        if not self.folder.is_dir():
+            return []
+        matches = (_SEAL.match(p.name) for p in self.folder.iterdir())
+        numbers = (_day_number(m[1]) for m in matches if m)
+        return sorted(n for n in numbers if n is not None)
+
+    def read(self, day: int) -> DaySeal | None:
+        """Return the seal of a UTC day, or None when it has none.
+
+        Raises:
+            StoreError: E313, the file is damaged.
+        """
+        path = self.path(day)
+        try:
+            told = path.read_bytes()
+        except FileNotFoundError:
+            return None
+        try:
+            envelope = msgspec.json.decode(told, type=_Envelope)
+            body = bytes(envelope.seal)
+            seal = msgspec.json.decode(body, type=DaySeal)
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            raise _damaged(path) from None
+        if durable.digest(body) != envelope.digest or seal.day != day:
+            raise _damaged(path)
+        return seal
+
+    def between(self, first_hour: int | None, last_hour: int | None) -> dict[int, UnitSeal]:
+        """Return the sealed hours in [first_hour, last_hour] by UTC hour number; None = open."""
+        return {
+            hour: unit
+            for seal in self.seals(first_hour, last_hour)
+            for hour, unit in sorted(seal.hours.items())
+            if (first_hour is None or hour >= first_hour) and (last_hour is None or hour <= last_hour)
+        }
+
+    def seals(self, first_hour: int | None, last_hour: int | None) -> Iterator[DaySeal]:
+        """Yield the seals of the UTC days that touch [first_hour, last_hour], in order; None = open."""
+        for day in self.days():
+            is_after = first_hour is None or day >= first_hour // 24
+            if is_after and (last_hour is None or day <= last_hour // 24) and (seal := self.read(day)) is not None:
+                yield seal
+
+    def hours(self) -> tuple[int, int] | None:
+        """Return the first and last UTC hour number with sealed facts, or None."""
+        days = self.days()
+        first, last = ((s for d in order if (s := self.read(d)) and s.hours) for order in (days, reversed(days)))
+        start, end = next(first, None), next(last, None)
+        return None if start is None or end is None else (min(start.hours), max(end.hours))
+
+    def put(self, relation: str, hour: int, data: bytes) -> str:
+        """Store the bytes of a fact file durably; return their digest, which belongs into the seal."""
+        name = durable.digest(data)
+        path = self.fact_path(relation, hour, name)
+        if not path.exists():
+            durable.publish(path, data)
+        return name
+
+    def write(self, seal: DaySeal) -> None:
+        """Put a day's seal in force, durably and at once; its fact files were put before."""
+        body = msgspec.json.encode(msgspec.to_builtins(seal, str_keys=True), order="deterministic")
+        told = msgspec.json.encode(_Envelope(durable.digest(body), msgspec.Raw(body)))
+        durable.publish(self.path(seal.day), told + b"\n")
+
+    def path(self, day: int) -> Path:
+        """Return where the seal of a UTC day stands."""
+        return self.folder / f"{date.fromordinal(day + _EPOCH).isoformat()}.json"
+
+    def fact_path(self, relation: str, hour: int, digest: str) -> Path:
+        """Return where a sealed fact file stands."""
+        return unit_folder(self.root, relation, self.site_id, hour) / f"{hour % 24:02d}-{digest}.parquet"
+
+    def fact_paths(self, relation: str, first_hour: int | None, last_hour: int | None) -> list[Path]:
+        """Return the files of one fact of the sealed hours (of `camera_days`: the days) in a range, in order."""
+        if relation == DAY_FACT:
+            units = {s.day * 24: s.camera_days for s in self.seals(first_hour, last_hour)}
+        else:
+            units = dict(self.between(first_hour, last_hour))
+        return [
+            self.fact_path(relation, hour, unit.facts[relation])
+            for hour, unit in units.items()
+            if unit is not None and relation in unit.facts
+        ]
+
+    def damaged(self) -> list[Path]:
+        """Return the seals and sealed fact files whose bytes are not those they should be, or that are gone."""
+        found: list[Path] = []
+        for day in self.days():
+            try:
+                seal = self.read(day)
+            except StoreError:
+                found.append(self.path(day))
+                continue
+            for hour, unit in _units(seal):
+                paths = (self.fact_path(r, hour, d) for r, d in unit.facts.items())
+                found += [p for p in paths if not p.is_file() or durable.file_digest(p) != p.stem[3:]]
+        return found
+
+    def refuse_damaged(self, paths: Iterable[Path]) -> None:
+        """Raise StoreError E313 when a sealed fact file is damaged or gone: for whoever failed to read one."""
+        for path in paths:
+            if not path.is_file() or durable.file_digest(path) != path.stem[3:]:
+                raise _damaged(path)
+
+    def sweep(self, days: Collection[int]) -> int:
+        """Remove fact files of these days that no seal names, and what dead processes left; return how many."""
+        if not self.root.is_dir():
+            return 0
+        n_swept = durable.sweep_temporaries(self.root)
+        relations = sorted(p.name for p in self.root.iterdir() if p.is_dir() and p.name != "seals")
+        for day in days:
+            named = {self.fact_path(r, h, d) for h, u in _units(self.read(day)) for r, d in u.facts.items()}
+            for relation in relations:
+                for part in list_parts(self.root, relation, self.site_id, first_hour=day * 24, last_hour=day * 24 + 23):
+                    if part.path not in named:
+                        durable.remove(part.path)
+                        n_swept += 1
+        return n_swept
+
+
+def _units(seal: DaySeal | None) -> Iterator[tuple[int, UnitSeal]]:
+    if seal is not None:
+        yield from seal.hours.items()
+        if seal.camera_days is not None:
+            yield seal.day * 24, seal.camera_days
+
+
+def _day_number(text: str) -> int | None:
+    try:
+        return date.fromisoformat(text).toordinal() - _EPOCH
+    except ValueError:
+        return None
+
+
+def _damaged(path: Path) -> StoreError:
+    return StoreError(
+        "what is kept of a day whose records were purged is damaged",
+        code="E313",
+        where=Where(str(path)),
+        why="its bytes are not those that were sealed: the disk or a program changed them, or it is gone",
+        mend="restore the folder sealed from a backup; nothing else knows the figures of that day",
+    )

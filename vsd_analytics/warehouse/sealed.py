@@ -1,0 +1,123 @@
+"""The sealed facts of a range: what purged hours left, and which of it was computed by other rules than today's."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from vsd_analytics.site import Site
+from vsd_analytics.store.seals import DAY_FACT, FOLDER, Seals, UnitSeal
+from vsd_analytics.warehouse.causes import Causes, SiteTimes, needs, told
+from vsd_analytics.warehouse.sqlfiles import relations
+
+
+@dataclass(frozen=True, slots=True)
+class SealedRange:
+    """What is sealed of a range of UTC hours.
+
+    Attributes:
+        hours: Sealed hours by UTC hour number.
+        days: The sealed fact `camera_days`, by UTC day number.
+        whole_days: UTC days of which nothing is computed any more, whether an hour of them was recorded or not.
+    """
+
+    hours: Mapping[int, UnitSeal] = field(default_factory=dict)
+    days: Mapping[int, UnitSeal] = field(default_factory=dict)
+    whole_days: frozenset[int] = frozenset()
+
+    def holds(self, hour: int) -> bool:
+        """Tell whether the facts of a UTC hour are not computed any more."""
+        return hour in self.hours or hour // 24 in self.whole_days
+
+    def fact_paths(self, site: Site, relation: str) -> list[tuple[int, Path]]:
+        """Return UTC hour number and file of one sealed fact, in order; facts that were not known then are left out."""
+        seals = Seals(site.root / FOLDER, site_id=site.site_id)
+        units = {d * 24: u for d, u in self.days.items()} if relation == DAY_FACT else self.hours
+        known = [(h, u.facts[relation]) for h, u in sorted(units.items()) if relation in u.facts]
+        return [(h, seals.fact_path(relation, h, digest)) for h, digest in known]
+
+
+def sealed_range(site: Site, first_hour: int | None, last_hour: int | None) -> SealedRange:
+    """Return what is sealed of the hours in [first_hour, last_hour]; None = open.
+
+    Raises:
+        StoreError: E313, a seal is damaged.
+    """
+    found = list(Seals(site.root / FOLDER, site_id=site.site_id).seals(first_hour, last_hour))
+    return SealedRange(
+        {
+            hour: unit
+            for seal in found
+            for hour, unit in seal.hours.items()
+            if (first_hour is None or hour >= first_hour) and (last_hour is None or hour <= last_hour)
+        },
+        {seal.day: seal.camera_days for seal in found if seal.camera_days is not None},
+        frozenset(seal.day for seal in found if seal.is_whole),
+    )
+
+
+class Rules:
+    """By which rules facts would be computed today: SQL, settings, cameras, calibrations.
+
+    Args:
+        site: The project.
+    """
+
+    def __init__(self, site: Site) -> None:
+        needed = needs(site, [r.name for r in relations("facts").values() if r.unit == "hour"])
+        self._shared = {"sql": needed.sql, "settings": needed.settings}
+        self._times = SiteTimes(site)
+
+    def of_hour(self, hour: int, *, present: Collection[str]) -> Causes:
+        """Return a hash of each rule for a UTC hour in which these cameras had records."""
+        return {**self._shared, **self._times.of_hour(hour, present=present)}
+
+    def changed(self, hour: int, unit: UnitSeal) -> tuple[str, ...]:
+        """Return which rules have changed since an hour was sealed."""
+        today = self.of_hour(hour, present=unit.cameras)
+        return tuple(c for c in today if unit.causes.get(c) != today[c])
+
+
+@dataclass(frozen=True, slots=True)
+class OtherRules:
+    """Sealed hours in a row that were computed by other rules than today's, and stay as they are.
+
+    Attributes:
+        first_hour, last_hour: First and last of them, UTC hour numbers.
+        n_hours: How many.
+        changed: What has changed since, of `causes.WORDS`.
+    """
+
+    first_hour: int
+    last_hour: int
+    n_hours: int
+    changed: tuple[str, ...]
+
+    def told(self, site: Site) -> str:
+        """Return the warning for people, in the site's local time."""
+        first, last = (
+            datetime.fromtimestamp(s, tz=site.zone) for s in (self.first_hour * 3600, self.last_hour * 3600 + 3600)
+        )
+        hours = f"{self.n_hours:,} hour{'' if self.n_hours == 1 else 's'}"
+        return (
+            f"{hours} between {first:%Y-%m-%d %H:%M} and {last:%Y-%m-%d %H:%M} stand as they were sealed by a purge, "
+            f"and since then: {told(self.changed)}; do not compare them with newer ones"
+        )
+
+
+def other_rules(site: Site, sealed: SealedRange, *, first_hour: int, last_hour: int) -> list[OtherRules]:
+    """Return the runs of sealed hours in [first_hour, last_hour] that were computed by other rules than today's."""
+    runs: list[OtherRules] = []
+    rules, before = Rules(site), tuple[str, ...]()
+    for hour, unit in sorted(sealed.hours.items()):
+        if not first_hour <= hour <= last_hour:
+            continue
+        changed = rules.changed(hour, unit)
+        if changed and changed == before:
+            runs[-1] = OtherRules(runs[-1].first_hour, hour, runs[-1].n_hours + 1, changed)
+        elif changed:
+            runs.append(OtherRules(hour, hour, 1, changed))
+        before = changed
+    return runs
