@@ -25,6 +25,8 @@ lint: $(VENV)/.installed-test
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/benchmarks/bench_demo.py
+	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
+	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python -m vsd_analytics.reference docs

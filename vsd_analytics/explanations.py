@@ -277,7 +277,7 @@ Mend: openssl x509 -in FILE -noout -text shows a certificate; docs/live.md shows
     "E706": """\
 A listener of this project runs on this machine already. Two would share one session and take it from each other.
 Mend: vsd doctor tells its process id; stop it (systemctl stop vsd-listen), or leave it running.""",
-    "E710": """\
+    "E707": """\
 Another process watches this folder, or one folder was given to two projects. Two would take each other's files away.
 Mend: stop the other one (vsd doctor tells its process id), or watch another folder.""",
     "E710": """\

@@ -22,6 +22,7 @@ _SECTIONS: Final = {
     "site": "Describes the site itself. Its other keys: [guide](guide.md#vsdtoml-every-key).",
     "rule": "What counts as what.",
     "report": "What a report needs before it speaks, and how it looks.",
+    "analysis": "When hotspots and other findings are told.",
     "ingest": "Which records are refused.",
     "alarms": "When alarms speak. The other keys of this table: [alarms](alarms.md#where-alarms-go).",
     "privacy": "What is kept of people.",
@@ -186,7 +187,11 @@ Settings reach SQL as the one-row relation `params`. The site stands in `cameras
     ]
     for layer, title, said in (
         ("marts", "Marts", "One relation for each figure, over the range that was asked for."),
-        ("facts", "Facts", "Derived from the store hour by hour and kept in `facts/`; they can be made again while the records are stored."),
+        (
+            "facts",
+            "Facts",
+            "Derived from the store hour by hour and kept in `facts/`; they can be made again while the records are stored.",
+        ),
         ("staging", "Staging", "Steps between the store and the facts; they exist while facts are computed only."),
     ):
         found = relations(layer)

@@ -96,7 +96,10 @@ class Power:
         copy = self.scratch / "copy.img"
         subprocess.run(["cp", "--sparse=always", str(self.image), str(copy)], check=True)
         with mounted(copy, self.scratch / "copy") as disk:
-            torn, wrong = call(after_cut, disk / self.root.name, self.truth, self.acked, like, is_built)
+            try:
+                torn, wrong = call(after_cut, disk / self.root.name, self.truth, self.acked, like, is_built)
+            except AssertionError as error:
+                torn, wrong = 0, [str(error)]
         copy.unlink()
         found = self.found.setdefault(moment, Found())
         found.n_cuts += 1

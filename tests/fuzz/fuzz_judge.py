@@ -126,6 +126,7 @@ class Judge:
             except VsdError as error:
                 return Outcome("refused", error.code, Counter(), took())
             source = result.sources[0]
+        shutil.rmtree(self.folder / "quarantine", ignore_errors=True)
         store = MemoryStore.last
         assert store is not None
         rows = self._rows(store.tables, ignored)

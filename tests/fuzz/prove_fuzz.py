@@ -31,15 +31,16 @@ from fuzz_judge import HangError, Judge  # noqa: E402
 from fuzz_worlds import CONFIG, text_of  # noqa: E402
 
 MEMORY_BYTES = 8 << 30
-SILENCE_S = 120
-CHUNK = 250
+SILENCE_S = 600
+CHUNK = 100
 CLI_EVERY = 50
 
 
 def worker(first: int, end: int, step: int, seed: int, said: mp.Queue[Any], at: Any) -> None:
     """Run cases `first`, `first + step`, ... below `end` and report them a chunk at a time."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    warnings.simplefilter("error", RuntimeWarning)
+    for kind in (RuntimeWarning, SyntaxWarning):  # people would see them
+        warnings.simplefilter("error", kind)
     with tempfile.TemporaryDirectory() as folder:
         judge, done = Judge(Path(folder)), []
         for number in range(first, end, step):
@@ -100,9 +101,9 @@ def prove(inputs: int, *, seed: int, processes: int) -> tuple[list[Any], list[st
         try:
             chunk = said.get(timeout=SILENCE_S)
         except Empty:
-            failures.append(
-                f"{at.value}: the process {'hangs' if process.is_alive() else f'died ({process.exitcode})'}"
-            )
+            end = "hangs" if process.is_alive() else f"died ({process.exitcode})"
+            failures.append(f"{at.value}: the process {end}")
+            print(f"\nFAILED {failures[-1]}", file=sys.stderr, flush=True)
             process.kill()
             said, first = context.Queue(), at.value + processes
             process = context.Process(target=worker, args=(first, inputs, processes, seed, said, at), daemon=True)
@@ -113,7 +114,9 @@ def prove(inputs: int, *, seed: int, processes: int) -> tuple[list[Any], list[st
             process.join()
             continue
         results += chunk
-        failures += [text for *_, text in chunk if text]
+        for text in (text for *_, text in chunk if text):
+            failures.append(text)
+            print(f"\nFAILED {text}", file=sys.stderr, flush=True)
         running.append((process, said, at))
     return results, failures
 
@@ -164,8 +167,6 @@ def main() -> int:
     results, failures = prove(given.inputs, seed=given.seed, processes=given.processes)
     print(f"{len(results):,} inputs, seed {given.seed}; one in {CLI_EVERY} also through vsd ingest\n")
     print(table(results))
-    for text in failures[:50]:
-        print(f"\nFAILED {text}", file=sys.stderr)
     return 1 if failures else 0
 
 

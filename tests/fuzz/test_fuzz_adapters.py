@@ -49,6 +49,7 @@ def test_every_input_is_clean_before_it_is_damaged(judge: Judge, name: str) -> N
     assert (outcome.rows.total() >= 10) == (name != "vsd.toml")
 
 
+@pytest.mark.filterwarnings("error::SyntaxWarning", "error::RuntimeWarning")
 @pytest.mark.parametrize("first", range(0, 600, 100))
 def test_damaged_inputs_are_told_and_the_rows_around_the_damage_are_kept(judge: Judge, first: int) -> None:
     words = {run_case(judge, number, seed=1).outcome.word for number in range(first, first + 100)}

@@ -48,14 +48,15 @@ def live(site: Site, messages: Sequence[Message], *, killed_s: Sequence[int] = (
 
     for s in range(0, last, 5):
         now = at(s + 5)
-        if s in killed_s:  # by then everything it took is in the store
+        if any(k <= s < k + away_s for k in killed_s):  # the broker keeps what comes
+            continue
+        if s - away_s in killed_s:  # by then everything it took is in the store
             for table, rows in between(kept, taken).items():
                 store.append(table, rows)
             if s == 400:
                 store.fold()
             kept, alarms = taken, start()
-        if any(k <= s < k + away_s for k in killed_s):  # the broker keeps what comes
-            continue
+            alarms.on_tick(now)
         alarms.on_stored(between(taken, s + 5))
         taken = s + 5
         alarms.on_tick(now)
@@ -147,15 +148,15 @@ def test_a_silence_of_hours_is_known_again(tmp_path: Path, hours: int) -> None:
 
 def test_what_was_there_before_the_records_begin_is_told_only_while_it_lasts(tmp_path: Path) -> None:
     """A listener starts in the middle of it, with nothing told before: a gathering is news, a contact may be old."""
-    rules = (GATHERING, CONTACT)
-    ended, lasting = (make_site(*rules, root=tmp_path / name) for name in ("ended", "lasting"))
-    for site, until_s in ((ended, 1600), (lasting, 2000)):
+    ended, lasting = (make_site(GATHERING, CONTACT, root=tmp_path / name) for name in ("ended", "lasting"))
+    for site, until_s in ((ended, 1600), (lasting, 2100)):
         store = Store(site.root / "store", site_id=site.site_id)
-        messages = merge(stand(row(4), until_s), quiet(1990))
-        for table, rows in tables_of(site, messages).items():
+        messages = merge(stand(row(4), until_s), quiet(2200))
+        for table, rows in tables_of(site, messages[:1990]).items():
             store.append(table, rows)
         delivery = Delivery(site, log=AlarmLog(site.root / FILE))
-        LiveAlarms(site, delivery=delivery, clock=lambda: at(2000), tell=lambda _: None)
+        alarms = LiveAlarms(site, delivery=delivery, clock=lambda: at(2200), tell=lambda _: None)
+        alarms.on_stored(tables_of(site, messages[1990:]))
     assert not (ended.root / FILE).exists()
     told = [json.loads(line) for line in (lasting.root / FILE).read_text().splitlines()]
-    assert {(r["rule"], r["event"]) for r in told} == {("crowd", "start"), ("crowd", "update")}
+    assert {(r["rule"], r["event"]) for r in told} == {("crowd", "start"), ("crowd", "update"), ("crowd", "end")}

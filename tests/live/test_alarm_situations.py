@@ -222,6 +222,9 @@ def test_engines_that_send_pairs_only_have_gatherings_of_their_graph() -> None:
     assert told(events) == [("start", 60), ("end", 70)]
     assert (events[0].n_people, events[0].x_mm, events[0].nearest_mm) == (4, None, 1200)
     assert run(make_site(GATHERING), messages) == []  # nobody knows whether they are in the area
+    for message in messages:  # exactly at the distance is not closer
+        message["pairs"] = [{**link, "distance_m": 2.0} for link in message["pairs"]]
+    assert run(make_site(replace(GATHERING, area_id=None)), messages) == []
 
 
 def test_pairs_the_engine_sent_win_over_positions() -> None:
@@ -330,6 +333,22 @@ def test_a_camera_with_its_clock_ahead_makes_no_other_silent() -> None:
 
 def test_a_gap_shorter_than_the_rule_is_none() -> None:
     assert run(BUSY, [*quiet(30), *quiet(100, start_s=89), *quiet(189, camera="cam-2")]) == []
+
+
+def test_a_silence_of_exactly_the_time_is_one_and_its_end_is_no_update() -> None:
+    world = [*quiet(30), *quiet(100, start_s=90), *quiet(189, camera="cam-2")]
+    assert told(run(BUSY, world)) == [("start", 90), ("end", 90)]
+    world = [*quiet(30), *quiet(100, start_s=150), *quiet(300, camera="cam-2")]
+    assert told(run(BUSY, world)) == [("start", 90), ("end", 150)]
+
+
+def test_a_silence_too_short_before_the_closing_begins_again_at_the_opening() -> None:
+    site = make_site(SILENCE, opening=WEEKDAYS)
+    closing, opening = 13 * 3600, 24 * 3600
+    world = [*quiet(closing - 30, interval_s=30.0), *quiet(opening + 100, camera="cam-2", interval_s=30.0)]
+    events = run(site, world)
+    assert told(events) == [("start", opening + 60)]
+    assert events[0].since_ms == START_MS + opening * 1000
 
 
 def test_a_silence_counts_from_the_opening_and_ends_with_the_closing() -> None:

@@ -273,7 +273,7 @@ def test_what_cannot_be_watched_is_refused(site: Site) -> None:
         watch(site, world.folder, IngestOptions(camera="cam-9"), clock=lambda: NOW)
     with inbox.alone(world.folder), pytest.raises(LiveError) as caught:
         world.run()
-    assert caught.value.code == "E710"
+    assert caught.value.code == "E707"
 
 
 def test_the_status_tells_how_it_goes(site: Site) -> None:

@@ -176,7 +176,7 @@ def test_a_crash_at_any_point_and_whoever_comes_next_end_the_same(
     prepared: Path, unharmed: tuple[dict[str, list[str]], list[str], bytes], tmp_path: Path
 ) -> None:
     n_points = every_point(prepared, tmp_path / "counted")
-    assert n_points > 20
+    assert n_points >= 20
     for point in range(n_points):
         project = tmp_path / str(point)
         shutil.copytree(prepared, project)

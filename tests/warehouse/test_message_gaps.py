@@ -14,6 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from warehouse_projects import DAY, HOUR, T0, Frame, make_site, open_days, put, table
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.shared import run
 from vsd_analytics.duck import connect
 from vsd_analytics.warehouse import figures
 from vsd_analytics.warehouse.build import build
@@ -55,8 +57,8 @@ def logs(draw: st.DrawFn) -> tuple[list[Sent], list[Sent]]:
     """Draw what an engine sent and what of it is stored.
 
     Its clock steps by up to eight seconds now and then. It begins a count at 0, or always at 1, after a downtime longer
-    than that. Any message may be lost, but for the first ten of a count (else a short count is not told from a set clock)
-    and none at all for a few hours.
+    than that. Any message may be lost, but for the first ten of a count (else a short count is not told from a clock
+    that was set); for some hours none is sent.
     """
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     ts, taken = T0 + draw(st.integers(0, HOUR)), set[int]()
@@ -162,3 +164,31 @@ def test_numbers_give_the_same_bytes_built_hour_by_hour(tmp_path: Path, seed: in
     )
     assert whole == hourly
     assert len(whole) >= 6
+
+
+def test_coverage_says_what_never_arrived(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "vsd.toml").write_text(
+        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "Europe/Rome"\n[[floor]]\nid = "ground"\nname = "Ground"\n'
+        '[[camera]]\nid = "cam"\nname = "Cam"\nfloor = "ground"\n',
+        encoding="utf-8",
+    )
+    numbers = [*range(10), *range(1200, 1230), *range(1231, 1500), *range(50)]
+    put(make_site(tmp_path), [Frame(T0 + i * 61_000, seq=seq) for i, seq in enumerate(numbers)])
+    assert run(cli, ["-C", str(tmp_path), "coverage"]) == 0
+    page = capsys.readouterr().out
+    assert "1,191 messages never arrived (or went to quarantine), by the engine's running number:" in page
+    assert "1,190: 10 to 1199\n" in page
+    assert "  1: 1230\n" in page
+    assert "the engine began a new count" in page
+    assert run(cli, ["-C", str(tmp_path), "coverage", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["n_missing"] == 1191
+    assert told["gaps"][0] == {
+        "camera_id": "cam",
+        "start": "2026-11-09T09:09:09.000+01:00",
+        "end": "2026-11-09T09:10:10.000+01:00",
+        "n_missing": 1190,
+        "first_missing": 10,
+        "last_missing": 1199,
+    }
+    assert len(told["restarts"]) == 1

@@ -106,7 +106,10 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     opening = _opening(site, mistakes)
     closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates)
     day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start)
-    tables = {"site": site, **{key: root.inner(key) for key in ("rule", "report", "ingest", "alarms", "privacy")}}
+    tables = {
+        "site": site,
+        **{key: root.inner(key) for key in ("rule", "report", "analysis", "ingest", "alarms", "privacy")},
+    }
     settings = read_settings(tables, environ=environ, mistakes=mistakes)
     ingest_map = _ingest_map(tables["ingest"], mistakes)
     delivery = read_delivery(tables["alarms"], has_broker="mqtt" in values)

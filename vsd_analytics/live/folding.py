@@ -1,5 +1,7 @@
 """Folding beside listening: a process of its own, so that receipt never waits and its memory goes with it.
 
+It also puts the quarantine's many small files together.
+
 `python -m vsd_analytics.live.folding STORE SITE BALLAST_MB` folds once and prints what it did as one JSON line.
 """
 
@@ -99,6 +101,7 @@ def _read(stream: IO[bytes] | None) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Fold a store (its folder, site and ballast in megabytes) and print a JSON line; return the exit code."""
     from vsd_analytics.errors import VsdError
+    from vsd_analytics.ingest import quarantine
     from vsd_analytics.ingest.quarantine import tidy
     from vsd_analytics.live.status import peak_mb
     from vsd_analytics.store import Counts, Store
@@ -106,7 +109,9 @@ def main(arguments: Sequence[str]) -> int:
     with contextlib.suppress(OSError):
         os.nice(NICE)
     try:
-        folded = Store(Path(arguments[0]), site_id=arguments[1], ballast_mb=float(arguments[2])).fold()
+        store = Path(arguments[0])
+        folded = Store(store, site_id=arguments[1], ballast_mb=float(arguments[2])).fold()
+        quarantine.tidy(store.parent / "quarantine")
         tidy(Path(arguments[0]).parent / "quarantine")
     except (VsdError, OSError) as error:
         print(json.dumps({"error": f"{type(error).__name__}: {error}"[:500], "peak_mb": peak_mb()}))

@@ -105,14 +105,14 @@ def refuse_folder(site: Site, folder: Path) -> None:
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Hold the lock of a watched folder; LiveError E710 when another process does."""
+    """Hold the lock of a watched folder; LiveError E707 when another process does."""
     with (folder / LOCK).open("a") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise LiveError(
                 "another process watches this folder",
-                code="E710",
+                code="E707",
                 where=Where(Source(folder).name),
                 mend="stop it first; vsd doctor tells its process id",
             ) from None

@@ -151,6 +151,8 @@ class Listener:
                 self._fold_now()
         finally:
             self._folding.stop()
+            with contextlib.suppress(OSError):
+                self._quarantine.close()
             self.status.state = "stopped"
             self.beat()
             self.link.close()
@@ -312,7 +314,8 @@ class Listener:
         if is_clock_due:
             self._fold_at_s = next_fold_s(now_s, every_s=self._fold_every_s)
         is_full = status.spool_segments >= FOLD_SEGMENTS or status.spool_rows >= FOLD_ROWS
-        if status.spool_segments and (is_clock_due or is_full or is_owed) and time.monotonic() >= self._fold_again_s:
+        has_work = status.spool_segments > 0 or (is_clock_due and sum(status.n_rejected.values()) > 0)
+        if has_work and (is_clock_due or is_full or is_owed) and time.monotonic() >= self._fold_again_s:
             self._spooled_since_fold = [0, 0]
             self._folding.start()
 

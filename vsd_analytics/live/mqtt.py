@@ -156,6 +156,7 @@ class Link:
         self._is_open = False
         self._refusal: str | None = None
         self._n_read = 0
+        self._n_unanswered = 0  # subscriptions
         self._client = make_client(broker, client_id=broker.client_id, password=password)
         if broker.status_topic is not None and will is not None:
             self._client.will_set(broker.status_topic, will, qos=1, retain=True)
@@ -232,10 +233,19 @@ class Link:
         self._client.publish(topic, payload, qos=qos, retain=retain)
         return self.is_connected
 
-    def close(self, *, timeout_s: float = 1.0) -> None:
-        """Send what is waiting to be sent and leave; the session stays at the broker."""
+    def close(self, *, timeout_s: float = 2.0) -> None:
+        """Leave; the session stays at the broker.
+
+        Waits until the broker has taken all acknowledgements: a broker reads packet by packet, and forgets what it has
+        not read when a successor connects. Subscribing again changes nothing, and is answered after them.
+
+        Args:
+            timeout_s: Longest time to wait for that.
+        """
         until_s = time.monotonic() + timeout_s
-        while self.is_connected and self._client.want_write() and time.monotonic() < until_s:
+        if self.is_connected:
+            self._subscribe()
+        while self.is_connected and self._n_unanswered and time.monotonic() < until_s:
             self.step(0.05)
         if self.is_connected:
             self._client.disconnect()
@@ -274,9 +284,7 @@ class Link:
         self.error = why
         self._try_again_s = time.monotonic() + next(self._waiting_s)
 
-    def _on_connect(self, client: Client, _data: Any, flags: Any, reason: Any, _properties: Any) -> None:
-        from paho.mqtt.subscribeoptions import SubscribeOptions
-
+    def _on_connect(self, _client: Client, _data: Any, flags: Any, reason: Any, _properties: Any) -> None:
         if reason.is_failure:
             self._refusal = f"the broker refuses: {reason}"
             return
@@ -287,10 +295,18 @@ class Link:
         self.error = None
         self.session_was_present = bool(flags.session_present)
         self._waiting_s = self._delays_s()
+        self._n_unanswered = 0
+        self._subscribe()
+
+    def _subscribe(self) -> None:
+        from paho.mqtt.subscribeoptions import SubscribeOptions
+
         options = SubscribeOptions(qos=1, retainHandling=SubscribeOptions.RETAIN_SEND_IF_NEW_SUB)
-        client.subscribe([(topic, options) for topic in self.broker.topics])
+        self._client.subscribe([(topic, options) for topic in self.broker.topics])
+        self._n_unanswered += 1
 
     def _on_subscribe(self, _client: Client, _data: Any, _mid: int, reasons: Any, _properties: Any) -> None:
+        self._n_unanswered -= 1
         refused = [t for t, r in zip(self.broker.topics, reasons, strict=False) if r.is_failure]
         if refused:
             self.error = f"the broker refuses the subscription to {', '.join(refused)}: may this user read it?"

@@ -90,7 +90,7 @@ class Instant:
     def add_person(self, name: Name, track: str | None, x_mm: float, y_mm: float) -> None:
         """Keep one person record; of two with one name the lesser place counts, in whatever order they come."""
         found = self.persons.get(name)
-        if found is None or (x_mm, y_mm) < found[1:]:
+        if found is None or (math.isnan(x_mm), x_mm, y_mm) < (math.isnan(found[1]), *found[1:]):
             self.persons[name] = (track, x_mm, y_mm)
 
 

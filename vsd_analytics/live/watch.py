@@ -123,7 +123,7 @@ def watch(
     Raises:
         InputError: E201, there is no such folder.
         UsageError: E101, the folder is one of the project's own, or `options.camera` is no camera of the site.
-        LiveError: E710, another process watches the folder.
+        LiveError: E707, another process watches the folder.
         OSError: `done/` and `failed/` cannot be made.
     """
     refuse_folder(site, folder)

@@ -33,6 +33,7 @@ PRIOR_DF: Final = 10.0
 """Weight of the variance function, in days (d0)."""
 TRUNCATE: Final = 3.0
 """The Gaussian is cut off at this many standard deviations."""
+_NEIGHBOURS: Final = np.ones((3, 3), dtype=np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,22 +62,44 @@ class Cells:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaceRate:
+    """How the rate of a place compares with the site's, as counted (nothing is smoothed).
+
+    Attributes:
+        n: Violations in the place.
+        expected: What they would be at the site's rate of each day.
+        exposure_h: Person-hours in the place.
+        n_days: Days on which any of it was recorded.
+        ratio: n / expected.
+        lo, hi: Day-clustered interval of the ratio, never narrower than that of independent violations; None where the
+            days do not allow one.
+    """
+
+    n: float
+    expected: float
+    exposure_h: float
+    n_days: int
+    ratio: float
+    lo: float | None
+    hi: float | None
+
+    @property
+    def excess_per_day(self) -> float:
+        """Return (n - expected) per recorded day: what could be saved."""
+        return (self.n - self.expected) / self.n_days
+
+
+@dataclass(frozen=True, slots=True)
 class Spot:
     """One hotspot.
 
     Attributes:
-        number: Its rank by excess, from 1.
+        number: Its rank by excess per day, from 1.
         label: Its number in `Cells.label`.
         n_cells: Cells it has.
-        row, column: Its place: the mean of its cells' indices weighted by their excess.
-        peak_row, peak_column: Its cell with the greatest t.
-        n: Violations in its cells, as counted.
-        expected: What they would be at the site's rate of each day.
-        exposure_h: Person-hours in its cells.
-        ratio: n / expected.
-        lo, hi: Day-clustered interval of the ratio; None where days do not allow one.
-        excess_per_week: (n - expected) per seven recorded days: what could be saved.
+        row, column: Its place: the mean of its cells' indices weighted by their smoothed excess.
         q: The least q of its cells.
+        rate: Its violations beside those expected.
     """
 
     number: int
@@ -84,25 +107,31 @@ class Spot:
     n_cells: int
     row: float
     column: float
-    peak_row: int
-    peak_column: int
-    n: float
-    expected: float
-    exposure_h: float
-    ratio: float
-    lo: float | None
-    hi: float | None
-    excess_per_week: float
     q: float
+    rate: PlaceRate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hotspots:
-    """The cells, and the hotspots by excess, greatest first."""
+    """The cells, and the hotspots by excess per day, greatest first."""
 
     cells: Cells
     spots: tuple[Spot, ...]
     n_days: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Days:
+    """Checked input: what was not recorded is 0 in both, and False in `recorded`."""
+
+    counts: Floats
+    exposure: Floats
+    recorded: Bools
+    rate: Floats
+
+    @property
+    def expected(self) -> Floats:
+        return self.rate[:, None, None] * self.exposure
 
 
 def hotspots(
@@ -111,6 +140,7 @@ def hotspots(
     *,
     sigma_cells: float,
     is_recorded: npt.ArrayLike | None = None,
+    is_eligible: npt.ArrayLike | None = None,
     q_max: float = 0.05,
     min_ratio: float = 1.25,
     min_exposure_h: float = 0.25,
@@ -125,6 +155,8 @@ def hotspots(
         sigma_cells: Standard deviation of the smoothing, in cells.
         is_recorded: Whether the cell's camera recorded that day, same shape; None = every day, everywhere. What was
             not recorded is no zero: such days are left out for the cell.
+        is_eligible: Cells that may be tested, shape (n_rows, n_columns); None = all. The others count for the site's
+            rate and for their neighbours.
         q_max: False discovery rate at which cells pass.
         min_ratio: Least ratio of observed to expected.
         min_exposure_h: Least person-hours, smoothed, for a cell to be tested.
@@ -132,58 +164,96 @@ def hotspots(
         confidence: Level of the spots' intervals.
 
     Returns:
-        Cells and hotspots; none of either when there are fewer days with exposure than `min_days`.
+        Cells and hotspots; no cell is tested, and there is no hotspot, with fewer days than `min_days`.
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or not finite.
     """
+    days = _checked(n, x_h, is_recorded)
+    recorded = days.recorded
+    smooth_n, smooth_x = (_smooth(v, sigma_cells) for v in (days.counts, days.exposure))
+    smooth_x = np.where(recorded, smooth_x, 0.0)
+    mu = days.rate[:, None, None] * smooth_x
+    u = np.where(recorded, smooth_n - mu, 0.0)
+    n_days = recorded.sum(axis=0)
+    total, expected = u.sum(axis=0), mu.sum(axis=0)
+    is_tested = (n_days >= max(2, min_days)) & (smooth_x.sum(axis=0) >= min_exposure_h) & (expected > 0)
+    is_tested &= days.exposure.sum(axis=0) > 0
+    if is_eligible is not None:
+        is_tested &= np.asarray(is_eligible, dtype=bool)
+    t = _moderated_t(u, total, expected, n_days=n_days, is_tested=is_tested)
+    q = np.full(t.shape, np.nan)
+    q[is_tested] = benjamini_hochberg(stdtr(PRIOR_DF + n_days[is_tested] - 1, -t[is_tested]))
+    ratio = 1 + _divide(total, expected)
+    is_hot = is_tested & (np.nan_to_num(q, nan=1.0) <= q_max) & (ratio >= min_ratio)
+    label = np.asarray(ndimage.label(is_hot, structure=_NEIGHBOURS)[0], dtype=np.int64)
+    observed, expected, ratio, t = (
+        np.where(is_tested, values, np.nan) for values in (total + expected, expected, ratio, t)
+    )
+    cells = Cells(observed, expected, ratio, t, q, is_tested, is_hot, label)
+    spots = [_spot(k, cells, days, confidence) for k in range(1, int(label.max(initial=0)) + 1)]
+    spots.sort(key=lambda s: (-s.rate.excess_per_day, s.label))
+    ranked = tuple(replace(s, number=i) for i, s in enumerate(spots, 1))
+    return Hotspots(cells, ranked, int(recorded.any(axis=(1, 2)).sum()))
+
+
+def place_rate(
+    n: npt.ArrayLike,
+    x_h: npt.ArrayLike,
+    inside: npt.ArrayLike,
+    *,
+    is_recorded: npt.ArrayLike | None = None,
+    confidence: float = 0.95,
+) -> PlaceRate | None:
+    """Return how the rate of some cells compares with the site's, whether or not they are a hotspot.
+
+    var(ln ratio) = D/(D-1) sum_d (n_d - ratio m_d)^2 / n^2 over the D recorded days, at least 1/n; Student t on D-1.
+
+    Args:
+        n: Violations by day and cell, shape (n_days, n_rows, n_columns).
+        x_h: Person-hours, same shape.
+        inside: The cells, shape (n_rows, n_columns).
+        is_recorded: As for `hotspots`.
+        confidence: Level of the interval.
+
+    Returns:
+        None where none of them was recorded, or nobody was in them, or there were no violations anywhere.
+    """
+    return _place_rate(_checked(n, x_h, is_recorded), np.asarray(inside, dtype=bool), confidence)
+
+
+def benjamini_hochberg(p: npt.ArrayLike) -> Floats:
+    """Return q, the least false discovery rate at which each test passes: min over larger p of p m / rank.
+
+    Source: Benjamini & Hochberg, Controlling the false discovery rate, J. R. Statist. Soc. B 57 (1995).
+
+    Args:
+        p: P values, shape (m,).
+    """
+    values = np.asarray(p, dtype=np.float64)
+    order = np.argsort(values, kind="stable")
+    stepped = values[order] * len(values) / np.arange(1, len(values) + 1)
+    q = np.empty(len(values))
+    q[order] = np.minimum(1.0, np.minimum.accumulate(stepped[::-1])[::-1])
+    return q
+
+
+def _checked(n: npt.ArrayLike, x_h: npt.ArrayLike, is_recorded: npt.ArrayLike | None) -> _Days:
     counts, exposure = np.asarray(n, dtype=np.float64), np.asarray(x_h, dtype=np.float64)
     if counts.ndim != 3 or counts.shape != exposure.shape:
         raise ValueError("violations and person-hours must have one shape: days, rows, columns")
-    if not (np.isfinite(counts).all() and np.isfinite(exposure).all()) or min(counts.min(), exposure.min()) < 0:
+    if not (
+        np.isfinite(counts).all() and np.isfinite(exposure).all() and (counts >= 0).all() and (exposure >= 0).all()
+    ):
         raise ValueError("violations and person-hours must be finite and not negative")
     recorded = np.ones(counts.shape, dtype=bool) if is_recorded is None else np.asarray(is_recorded, dtype=bool)
     if recorded.shape != counts.shape:
         raise ValueError("is_recorded must have the shape of the counts")
-    recorded = recorded & (exposure.sum(axis=(1, 2)) > 0)[:, None, None]
     counts, exposure = np.where(recorded, counts, 0.0), np.where(recorded, exposure, 0.0)
-    day_rate = _divide(counts.sum(axis=(1, 2)), exposure.sum(axis=(1, 2)))
-    smooth_n, smooth_x = (_smooth(v, sigma_cells) for v in (counts, exposure))
-    mu = day_rate[:, None, None] * smooth_x
-    u = np.where(recorded, smooth_n - mu, 0.0)
-    mu = np.where(recorded, mu, 0.0)
-    days = recorded.sum(axis=0)
-    total, expected = u.sum(axis=0), mu.sum(axis=0)
-    is_tested = (
-        (days >= max(2, min_days))
-        & (np.where(recorded, smooth_x, 0.0).sum(axis=0) >= min_exposure_h)
-        & (exposure.sum(axis=0) > 0)
-        & (expected > 0)
-    )
-    t = _moderated_t(u, total, expected, days=days, is_tested=is_tested)
-    p = np.where(is_tested, 1 - stdtr(np.maximum(PRIOR_DF + days - 1, 1), np.nan_to_num(t)), np.nan)
-    q = _benjamini_hochberg(p, is_tested)
-    ratio = np.where(is_tested, 1 + _divide(total, expected), np.nan)
-    is_hot = is_tested & (np.nan_to_num(q, nan=1.0) <= q_max) & (np.nan_to_num(ratio) >= min_ratio)
-    label = ndimage.label(is_hot, structure=np.ones((3, 3)))[0].astype(np.int64)
-    cells = Cells(
-        np.where(is_tested, total + expected, np.nan),
-        np.where(is_tested, expected, np.nan),
-        ratio,
-        np.where(is_tested, t, np.nan),
-        q,
-        is_tested,
-        is_hot,
-        label,
-    )
-    raw_mu = day_rate[:, None, None] * exposure
-    spots = [
-        _spot(k, label == k, cells, total, counts, raw_mu, exposure, recorded, confidence)
-        for k in range(1, int(label.max(initial=0)) + 1)
-    ]
-    spots.sort(key=lambda s: (-s.excess_per_week, s.label))
-    ranked = tuple(_numbered(s, i) for i, s in enumerate(spots, 1))
-    return Hotspots(cells, ranked, int(recorded.any(axis=(1, 2)).sum()))
+    by_day = exposure.sum(axis=(1, 2))
+    recorded = recorded & (by_day > 0)[:, None, None]
+    counts = np.where(recorded, counts, 0.0)
+    return _Days(counts, exposure, recorded, _divide(counts.sum(axis=(1, 2)), by_day))
 
 
 def _smooth(values: Floats, sigma: float) -> Floats:
@@ -191,13 +261,13 @@ def _smooth(values: Floats, sigma: float) -> Floats:
     return smoothed
 
 
-def _moderated_t(u: Floats, total: Floats, expected: Floats, *, days: Ints, is_tested: Bools) -> Floats:
-    n_days = np.maximum(days, 2)
-    spread = n_days / (n_days - 1) * np.maximum((u**2).sum(axis=0) - total**2 / n_days, 0.0)
+def _moderated_t(u: Floats, total: Floats, expected: Floats, *, n_days: Ints, is_tested: Bools) -> Floats:
+    days = np.maximum(n_days, 2)
+    spread = days / (days - 1) * np.maximum((u**2).sum(axis=0) - total**2 / days, 0.0)
     linear, square = _variance_function(spread[is_tested], expected[is_tested])
     usual = linear * expected + square * expected**2
-    pooled = (PRIOR_DF * usual + (n_days - 1) * spread) / (PRIOR_DF + n_days - 1)
-    return np.asarray(_divide(total, np.sqrt(pooled)), dtype=np.float64)
+    pooled = (PRIOR_DF * usual + (days - 1) * spread) / (PRIOR_DF + days - 1)
+    return _divide(total, np.sqrt(pooled))
 
 
 def _variance_function(spread: Floats, expected: Floats) -> tuple[float, float]:
@@ -213,63 +283,38 @@ def _variance_function(spread: Floats, expected: Floats) -> tuple[float, float]:
     return (linear if linear > 0 else 0.1 * float(y.mean())), square
 
 
-def _benjamini_hochberg(p: Floats, is_tested: Bools) -> Floats:
-    q = np.full(p.shape, np.nan)
-    tested = p[is_tested]
-    if len(tested):
-        order = np.argsort(tested, kind="stable")
-        stepped = tested[order] * len(tested) / np.arange(1, len(tested) + 1)
-        adjusted = np.empty(len(tested))
-        adjusted[order] = np.minimum(1.0, np.minimum.accumulate(stepped[::-1])[::-1])
-        q[is_tested] = adjusted
-    return q
-
-
-def _spot(
-    label: int,
-    inside: Bools,
-    cells: Cells,
-    total: Floats,
-    counts: Floats,
-    mu: Floats,
-    exposure: Floats,
-    recorded: Bools,
-    confidence: float,
-) -> Spot:
+def _spot(label: int, cells: Cells, days: _Days, confidence: float) -> Spot:
+    inside = cells.label == label
     rows, columns = np.nonzero(inside)
-    weights = np.maximum(total[inside], 1e-12)
-    peak = int(np.argmax(cells.t[inside]))
-    used = recorded[:, inside].any(axis=1)
-    by_day, expected_by_day = counts[:, inside].sum(axis=1)[used], mu[:, inside].sum(axis=1)[used]
-    n, expected, n_days = float(by_day.sum()), float(expected_by_day.sum()), int(used.sum())
-    ratio = n / expected
-    lo = hi = None
-    if n_days > 1 and n > 0:
-        rest = by_day - ratio * expected_by_day
-        log_se = math.sqrt(n_days / (n_days - 1) * float(rest @ rest)) / n
-        half = t_quantile(n_days - 1, confidence=confidence) * log_se
-        lo, hi = ratio * math.exp(-half), ratio * math.exp(half)
+    weights = (cells.observed - cells.expected)[inside]
+    rate = _place_rate(days, inside, confidence)
+    assert rate is not None  # tested cells have exposure, and violations are expected in them
     return Spot(
         number=0,
         label=label,
         n_cells=len(rows),
         row=float(rows @ weights / weights.sum()),
         column=float(columns @ weights / weights.sum()),
-        peak_row=int(rows[peak]),
-        peak_column=int(columns[peak]),
-        n=n,
-        expected=expected,
-        exposure_h=float(exposure[:, inside].sum()),
-        ratio=ratio,
-        lo=lo,
-        hi=hi,
-        excess_per_week=(n - expected) * 7 / n_days,
-        q=float(np.nanmin(cells.q[inside])),
+        q=float(cells.q[inside].min()),
+        rate=rate,
     )
 
 
-def _numbered(spot: Spot, number: int) -> Spot:
-    return replace(spot, number=number)
+def _place_rate(days: _Days, inside: Bools, confidence: float) -> PlaceRate | None:
+    used = days.recorded[:, inside].any(axis=1)
+    n_d = days.counts[:, inside].sum(axis=1)[used]
+    m_d = days.expected[:, inside].sum(axis=1)[used]
+    n, expected, n_days = float(n_d.sum()), float(m_d.sum()), int(used.sum())
+    if not expected > 0:
+        return None
+    ratio = n / expected
+    lo = hi = None
+    if n_days > 1 and n > 0:
+        rest = n_d - ratio * m_d
+        log_var = max(n_days / (n_days - 1) * float(rest @ rest) / n**2, 1 / n)
+        half = t_quantile(n_days - 1, confidence=confidence) * math.sqrt(log_var)
+        lo, hi = ratio * math.exp(-half), ratio * math.exp(half)
+    return PlaceRate(n, expected, float(days.exposure[:, inside].sum()), n_days, ratio, lo, hi)
 
 
 def _divide(top: Floats, bottom: Floats) -> Floats:

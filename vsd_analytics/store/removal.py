@@ -171,14 +171,19 @@ def _carry_out(store: Path, intent: Intent) -> None:
 
 
 def _without(path: Path, table: TableName, which: Which) -> Path:
-    """Publish what remains of a part beside it, then unlink it; return its folder."""
+    """Put what remains of a part in its place, then under its own name; return its folder.
+
+    Each step is one rename, so that not even a plain glob sees a record twice or misses one that stays.
+    """
     if path.exists():
         rows = read_part(path, table)
         rest = rows.filter(pc.invert(which.mask(rows)))
         if rest.num_rows:
             data = part_bytes(table, rest, engines_of(path))
-            durable.publish(path.parent / f"{path.name[:2]}-{durable.digest(data)}.parquet", data)
-        durable.remove(path)
+            durable.publish(path, data)
+            path.rename(path.parent / f"{path.name[:2]}-{durable.digest(data)}.parquet")
+        else:
+            durable.remove(path)
     return path.parent
 
 

@@ -305,15 +305,15 @@ class _Files:
 
     def reason(self, unit: Unit) -> str:
         """Return in words why a unit is stale."""
-        found = [(name, path) for name in self.names for path in self._any(name, unit)]
-        if not found:
+        changed, has_any, has_fresh = set[str](), False, False
+        for name in self.names:
+            paths, fresh = self._any(name, unit), self.path(name, unit)
+            has_any, has_fresh = has_any or bool(paths), has_fresh or fresh in paths
+            for noted in map(_noted, () if fresh in paths else paths):
+                changed |= {c for c, h in self.causes(name, unit).items() if noted and noted.get(c) != h}
+        if not has_any:
             return "new"
-        changed = set()
-        for name, path in found:
-            noted = _noted(path)
-            changed |= {c for c, h in self.causes(name, unit).items() if noted and noted.get(c) != h}
-        is_fresh = any(path == self.path(name, unit) for name, path in found)
-        return told(changed) or ("incomplete" if is_fresh else "SQL changed")  # a fact was added
+        return told(changed) or ("incomplete" if has_fresh else "SQL changed")  # a fact was added
 
     def keep(self, unit: Unit) -> None:
         """Give the files of facts that do not depend on what changed the unit's new fingerprint."""

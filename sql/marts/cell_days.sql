@@ -1,0 +1,57 @@
+-- name: marts/cell_days
+-- One row per camera, local date and floor cell of half a metre in which anybody stood in opening hours, or a violation lies.
+-- grain: floor_id, camera_id, local_date, cx, cy
+-- reads: floor_cells, violations, calendar, cameras
+-- params: cell_mm
+-- columns:
+--   floor_id
+--   camera_id
+--   local_date
+--   cx            floor(x / 0.5 m)
+--   cy            floor(y / 0.5 m)
+--   exposure_s    person-seconds spent here
+--   violation_s   person-seconds in violation, where each person stands
+--   n_violations  violations whose mean midpoint lies here
+-- assumes: a cell without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+with stood as (
+    select
+        cameras.floor_id,
+        floor_cells.camera_id,
+        calendar.local_date,
+        floor(floor_cells.cx * params.cell_mm / 500)::int as cx,
+        floor(floor_cells.cy * params.cell_mm / 500)::int as cy,
+        floor_cells.exposure_ms,
+        floor_cells.violation_ms,
+        0 as n_violations
+    from floor_cells
+    cross join params
+    inner join calendar on floor_cells.bucket_quarter = calendar.quarter
+    inner join cameras on floor_cells.camera_id = cameras.camera_id
+    where calendar.is_open
+    union all
+    select
+        violations.floor_id,
+        violations.camera_id,
+        violations.local_date,
+        floor(violations.cx * params.cell_mm / 500)::int as cx,
+        floor(violations.cy * params.cell_mm / 500)::int as cy,
+        0 as exposure_ms,
+        0 as violation_ms,
+        1 as n_violations
+    from violations
+    cross join params
+    where violations.is_open and violations.cx is not null
+)
+
+select
+    floor_id,
+    camera_id,
+    local_date,
+    cx,
+    cy,
+    sum(exposure_ms) / 1000.0 as exposure_s,
+    sum(violation_ms) / 1000.0 as violation_s,
+    sum(n_violations)::bigint as n_violations
+from stood
+group by floor_id, camera_id, local_date, cx, cy
+order by floor_id, camera_id, local_date, cy, cx

@@ -1,0 +1,76 @@
+"""A sample of the points of `prove_crashes.py`, those that once went wrong among them, and who may remove facts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
+
+import pytest
+from crash_points import why_not
+from jobs import JOBS, START, messages, vsd, write_project
+from prove_crashes import Unharmed, disturb, unharmed
+
+from vsd_analytics.config import load_site
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+POINTS = [
+    ("append", "kill -9", "rename", "/store/live/observations"),
+    ("append", "EIO", "fsync", "/store/live/frames>"),
+    ("append", "ENOSPC", "write", "/store/live/frames"),
+    ("fold", "kill -9", "rename", "/store/observations"),
+    ("fold", "kill -9", "unlink", "/store/live/observations"),
+    ("fold", "EIO", "fsync", "/store/frames"),
+    ("fold", "ENOSPC", "create", "/store/observations"),
+    ("day keys", "kill -9", "unlink", "2026-11-10"),  # a hard link of the key stayed for good
+    ("day keys", "EIO", "link", "2026-11-09"),
+    ("quarantine", "kill -9", "rename", "/quarantine"),  # half a file stayed for good
+    ("build", "kill -9", "write", "/facts/coverage"),
+    ("build", "kill -9", "unlink", "/facts/coverage"),  # older facts stayed for good
+    ("build", "ENOSPC", "create", "/facts/exposure"),
+    ("purge by camera", "kill -9", "rename", "/store/observations"),  # a glob showed records twice
+]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Unharmed]:
+    """Return a function from a job's name to its undisturbed run; skips where calls cannot be counted."""
+    if (reason := why_not()) is not None:
+        pytest.skip(reason)
+    known: dict[str, Unharmed] = {}
+
+    def find(name: str) -> Unharmed:
+        if name not in known:
+            known[name] = unharmed(JOBS[name], tmp_path_factory.mktemp("job"))
+        return known[name]
+
+    return find
+
+
+@pytest.mark.parametrize(("name", "fault", "kind", "text"), POINTS)
+def test_a_job_stopped_or_refused_at_a_call_and_run_again_ends_as_if_nothing_had_happened(
+    undisturbed: Callable[[str], Unharmed], tmp_path: Path, name: str, fault: str, kind: str, text: str
+) -> None:
+    given = undisturbed(name)
+    assert given.wrong == ()
+    point = [p for p in given.points if p.kind == kind and text in p.text][-1]
+    assert disturb(JOBS[name], given, point, fault, folder=tmp_path / "disturbed") == []
+
+
+def test_facts_that_somebody_reads_stay_until_nobody_does(tmp_path: Path) -> None:
+    root = tmp_path / "project"
+    write_project(root)
+    given = tmp_path / "given"
+    vsd(root, "ingest", str(given / "first.jsonl"))
+    day = date(2026, 11, 9)
+    with Warehouse(load_site(root, environ={}), day, day) as warehouse:
+        before = warehouse.rows("select count(*) as n from pairs")
+        old = set((root / "facts").rglob("*.parquet"))
+        (given / "late.jsonl").write_text("\n".join(messages(START.replace(minute=0), 5)))
+        vsd(root, "ingest", str(given / "late.jsonl"))
+        vsd(root, "build")
+        assert old < set((root / "facts").rglob("*.parquet"))
+        assert warehouse.rows("select count(*) as n from pairs") == before
+    vsd(root, "build")
+    hours = [(p.parent, p.name[:2]) for p in (root / "facts").rglob("*.parquet")]
+    assert len(hours) == len(set(hours))

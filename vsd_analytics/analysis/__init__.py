@@ -1,0 +1,1 @@
+"""One file per question: marts in, statistics, one frozen answer out, with its state and reason."""

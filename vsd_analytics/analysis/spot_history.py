@@ -1,0 +1,132 @@
+"""The same hotspot in one week and the next: who is new, who persists, who is gone.
+
+The windows are walked from the oldest to the newest. A hotspot takes over the id of a known one when they share cells, or
+their middles are at most 2 m apart; most shared cells first, then the nearest, each id once. Ids that were gone are known
+as well. Any other gets a new id: the floor's, and the 1 m cell of its middle, such as `ground-x6-y5` (`-2` when taken). So
+an id follows from stored data alone, and stays while its hotspot does not move and windows reach back to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.stats.hotspots import Hotspots, Spot
+
+SAME_PLACE_M: Final = 2.0
+"""Hotspots of two windows whose middles are at most this far apart are one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What a window showed.
+
+    Attributes:
+        last: Its last day.
+        result: The test's cells and hotspots; the cells of all windows are the same ones.
+    """
+
+    last: date
+    result: Hotspots
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a hotspot of the newest window is; attributes as of `FloorSpot`."""
+
+    spot_id: str
+    state: Literal["new", "persisting"] | None
+    since: date
+    is_since_first: bool
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """Where the newest window stands.
+
+    Attributes:
+        now: Identity by label of its hotspots.
+        resolved: Id and label, in the window before, of hotspots that are gone: none of their cells is hot now.
+    """
+
+    now: Mapping[int, Identity]
+    resolved: tuple[tuple[str, int], ...]
+
+
+@dataclass(slots=True, eq=False)
+class _Known:
+    spot_id: str
+    inside: NDArray[np.bool_]
+    middle: tuple[float, float]
+    label: int
+    since: int
+    seen: int
+
+
+def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell: tuple[int, int]) -> History:
+    """Return who the hotspots of the newest window are (rules: this module).
+
+    Args:
+        windows: Oldest first; those in which nothing could be tested are left out.
+        floor_id: For new ids.
+        cell_m: Side of a cell.
+        first_cell: cx and cy of the first column and row.
+    """
+    known: dict[str, _Known] = {}
+    for k, window in enumerate(windows):
+        names = _named(window.result, list(known.values()), cell_m=cell_m)
+        for spot in window.result.spots:
+            spot_id = names.get(spot.label) or _new_id(spot, known, floor_id=floor_id, cell_m=cell_m, first=first_cell)
+            before = known.get(spot_id)
+            known[spot_id] = _Known(
+                spot_id,
+                window.result.cells.label == spot.label,
+                (spot.row, spot.column),
+                spot.label,
+                since=before.since if before is not None and before.seen == k - 1 else k,
+                seen=k,
+            )
+    if not windows:
+        return History({}, ())
+    newest = len(windows) - 1
+    now = {
+        one.label: Identity(
+            one.spot_id,
+            None if newest == 0 else "new" if one.since == newest else "persisting",
+            windows[one.since].last,
+            one.since == 0,
+        )
+        for one in known.values()
+        if one.seen == newest
+    }
+    is_hot = windows[-1].result.cells.is_hot
+    gone = [one for one in known.values() if one.seen == newest - 1 and not (one.inside & is_hot).any()]
+    return History(now, tuple((one.spot_id, one.label) for one in sorted(gone, key=lambda one: one.spot_id)))
+
+
+def _named(result: Hotspots, known: Sequence[_Known], *, cell_m: float) -> dict[int, str]:
+    """Return the ids that hotspots take over, by label."""
+    pairs = []
+    for spot in result.spots:
+        inside = result.cells.label == spot.label
+        for one in known:
+            n_shared = int((inside & one.inside).sum())
+            away_m = cell_m * float(np.hypot(spot.row - one.middle[0], spot.column - one.middle[1]))
+            if n_shared or away_m <= SAME_PLACE_M:
+                pairs.append((-n_shared, away_m, one.spot_id, spot.label))
+    names: dict[int, str] = {}
+    for _, _, spot_id, label in sorted(pairs):
+        if label not in names and spot_id not in names.values():
+            names[label] = spot_id
+    return names
+
+
+def _new_id(spot: Spot, taken: Mapping[str, _Known], *, floor_id: str, cell_m: float, first: tuple[int, int]) -> str:
+    x, y = (round(np.floor((start + at + 0.5) * cell_m)) for start, at in zip(first, (spot.column, spot.row), strict=True))
+    name = f"{floor_id}-x{x}-y{y}"
+    return next(i for i in (name, *(f"{name}-{k}" for k in range(2, len(taken) + 3))) if i not in taken)

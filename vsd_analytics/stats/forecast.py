@@ -1,0 +1,332 @@
+"""Next week, hour by hour: the usual week times the level of late weeks, with a range; and how good it was (M25).
+
+Nothing here is a model library: the usual week is a median, its level an exponential average, the range a negative
+binomial. By rolling origin on simulated years that beats a plain median and the seasonal naive forecast
+(docs/statistics.md), and a reader can check any number of it with a pencil.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammaincinv
+
+from vsd_analytics.stats.estimates import State
+from vsd_analytics.stats.hour_of_week import (
+    SLOTS,
+    Bools,
+    Floats,
+    Ints,
+    Spread,
+    Weeks,
+    as_weeks,
+    between_hours,
+    spread,
+    usual,
+)
+from vsd_analytics.stats.negative_binomial import quantile
+
+MIN_WEEKS: Final = 4
+MAX_WEEKS: Final = 8
+RANGE: Final = 0.8
+LEVEL_DECAY: Final = 0.5  # each week counts half of the one after it
+LEVEL_TRUST: Final = 0.7  # and 0.7 of what they say is believed; both chosen on simulated years
+LEVEL_SHARE: Final = 0.5  # a week tells a level when it recorded the hours of half of the usual count
+LEVEL_EVENTS: Final = 20.0  # so many usual events are added to a week of counts, so that few say little
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeekForecast:
+    """A week that has not happened yet.
+
+    Attributes:
+        mean: Expected per open hour, shape (168,); NaN where the site is closed or the hour was recorded too seldom.
+        lo, hi: Range that holds `share` of such hours, same shape.
+        naive: The seasonal naive forecast, the last recorded value of the same hour; NaN where `mean` is.
+        n_weeks: Recorded weeks behind each hour, same shape.
+        level: How far late weeks are above the usual, 1.1 = 10 %.
+        scale: Mean absolute difference of successive recorded values of an hour: the unit of MASE.
+        spread: How an hour differs from week to week.
+        share: Share of hours the range is to hold.
+        n_recorded_weeks: Weeks with a recorded hour.
+        state: "ok" when at least one hour is forecast.
+        reason: Words for a person: why not.
+    """
+
+    mean: Floats
+    lo: Floats
+    hi: Floats
+    naive: Floats
+    n_weeks: Ints
+    level: float
+    scale: float
+    spread: Spread
+    share: float
+    n_recorded_weeks: int
+    state: State
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chances:
+    """How likely it is that something happens at all in each hour.
+
+    Attributes:
+        rate: Expected per open hour, shape (168,); NaN where nothing is forecast.
+        chance: Probability of at least one in the hour, same shape.
+        n_recorded_weeks: Weeks with a recorded hour.
+        state: "ok" when at least one hour is forecast.
+        reason: Words for a person: why not.
+    """
+
+    rate: Floats
+    chance: Floats
+    n_recorded_weeks: int
+    state: State
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ForecastScore:
+    """How good a forecast was, beside the seasonal naive one, over the hours that both told and that were recorded.
+
+    Attributes:
+        wape: Sum of absolute errors / sum of what happened; None when nothing happened.
+        mase: Mean absolute error / mean absolute difference from one week to the next in the weeks it was made from.
+        hit_rate: Share of hours inside the range.
+        share: Share that is to be inside.
+        wape_naive, mase_naive: The same of the seasonal naive forecast.
+        n_hours: Hours scored.
+        state: "ok", or why there is no score.
+        reason: Words for a person: why not.
+    """
+
+    wape: float | None
+    mase: float | None
+    hit_rate: float | None
+    share: float
+    wape_naive: float | None
+    mase_naive: float | None
+    n_hours: int
+    state: State
+    reason: str | None
+
+
+def forecast_week(
+    n: npt.ArrayLike,
+    x_h: npt.ArrayLike,
+    *,
+    is_count: bool,
+    open_h: npt.ArrayLike | None = None,
+    share: float = RANGE,
+    min_weeks: int = MIN_WEEKS,
+    max_weeks: int = MAX_WEEKS,
+) -> WeekForecast:
+    """Forecast the week after the last row.
+
+    level_w = what week w counted / what is usual in the hours it recorded; usual week m_s = median over the last
+    `max_weeks` recorded weeks of rate_ws / level_w; forecast m_s exp(0.7 sum_w 2^-age ln level_w / sum_w 2^-age). Range:
+    the outer quantiles of a negative binomial (counts) or a gamma (amounts) with that mean and
+    var = (noise mean / open hours + dispersion mean^2) (1 + pi / (2 k)), noise and dispersion pooled over the hours (see
+    `hour_of_week.spread`), the last factor for the median of k weeks being itself uncertain.
+
+    Args:
+        n: What was counted, shape (n_weeks, 168), oldest first.
+        x_h: Recorded open hours, same shape; 0 or NaN = not recorded, which is never 0.
+        is_count: True for counts of events; False for amounts such as person-hours.
+        open_h: Open hours of each slot of the week to come, shape (168,): nothing is forecast where it is 0. None = 1.
+        share: Share of hours the range is to hold.
+        min_weeks: Recorded weeks the forecast, and each hour of it, needs.
+        max_weeks: Recorded weeks of an hour that are used at most.
+
+    Returns:
+        The forecast per open hour, with state "not_enough_data" and its reason below `min_weeks`.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+    """
+    weeks = as_weeks(n, x_h)
+    hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
+    k = np.minimum((weeks.x_h > 0).sum(axis=0), max_weeks)
+    is_told = (k >= min_weeks) & (hours > 0)
+    if (reason := _why_not(weeks, is_told, min_weeks=min_weeks)) is not None:
+        nothing = np.full(SLOTS, np.nan)
+        unknown = Spread(0.0, 0.0)
+        return WeekForecast(
+            nothing, nothing, nothing, nothing, k, 1.0, float("nan"), unknown, share, weeks.n_recorded,
+            "not_enough_data", reason,
+        )  # fmt: skip
+    usual_week, levels = _levelled(weeks, is_count=is_count, max_weeks=max_weeks)
+    level = _late_level(levels)
+    mean = np.where(is_told, usual_week * level, np.nan)
+    varies = spread(weeks.latest(max_weeks), is_count=is_count, min_weeks=min_weeks)
+    more = 1 + np.pi / 2 / np.maximum(k, 1)
+    lo, hi = _range(mean, varies, open_h=hours, more=more, share=share, is_count=is_count)
+    return WeekForecast(
+        mean=mean, lo=lo, hi=hi, naive=np.where(is_told, _last(weeks.rate), np.nan), n_weeks=k, level=level,
+        scale=_scale(weeks.rate), spread=varies, share=share, n_recorded_weeks=weeks.n_recorded,
+        state="ok", reason=None,
+    )  # fmt: skip
+
+
+def chances(
+    n: npt.ArrayLike,
+    x_h: npt.ArrayLike,
+    *,
+    open_h: npt.ArrayLike | None = None,
+    min_weeks: int = MIN_WEEKS,
+    max_weeks: int = MAX_WEEKS,
+) -> Chances:
+    """Tell how likely at least one event is in each hour of the week after the last row: for what is rare.
+
+    Gamma-Poisson empirical Bayes over the hours of the week: m = sum n / sum x, v the variance of rates beyond chance,
+    a = m^2 / v, b = m / v; rate = (a + n) / (b + x), P(at least one in h hours) = 1 - ((b + x) / (b + x + h))^(a + n).
+
+    Args:
+        n: Events, shape (n_weeks, 168), oldest first.
+        x_h: Recorded open hours, same shape; 0 or NaN = not recorded.
+        open_h: Open hours of each slot of the week to come, shape (168,); None = 1.
+        min_weeks: Recorded weeks the forecast, and each hour of it, needs.
+        max_weeks: Recorded weeks of an hour that are used at most.
+
+    Returns:
+        Rates and probabilities, with state "not_enough_data" and its reason below `min_weeks`.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or infinite.
+    """
+    weeks = as_weeks(n, x_h)
+    hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
+    late = weeks.latest(max_weeks)
+    is_told = ((late.x_h > 0).sum(axis=0) >= min_weeks) & (hours > 0)
+    nothing = np.full(SLOTS, np.nan)
+    if (reason := _why_not(weeks, is_told, min_weeks=min_weeks)) is not None:
+        return Chances(nothing, nothing, weeks.n_recorded, "not_enough_data", reason)
+    events, exposure = late.n.sum(axis=0)[is_told], late.x_h.sum(axis=0)[is_told]
+    m = float(events.sum() / exposure.sum())
+    rate, chance = nothing.copy(), nothing.copy()
+    if m == 0:  # never seen at all: at most the rule of three, and no reason to tell hours apart
+        a, b = np.full(events.shape, 1.0 / len(events)), exposure
+    else:
+        prior = max(between_hours(events, exposure, m), 1e-6 * m * m)
+        a, b = m * m / prior + events, m / prior + exposure
+    rate[is_told] = a / b
+    chance[is_told] = -np.expm1(-a * np.log1p(hours[is_told] / b))
+    return Chances(rate, chance, weeks.n_recorded, "ok", None)
+
+
+def score_forecast(forecast: WeekForecast, n: npt.ArrayLike, x_h: npt.ArrayLike) -> ForecastScore:
+    """Score a forecast against what happened, beside the seasonal naive forecast.
+
+    WAPE = sum |y - f| / sum y; MASE = mean |y - f| / scale (Hyndman, Koehler, Another look at measures of forecast
+    accuracy, 2006, with the seasonal difference); hit rate = share of hours with lo <= y <= hi.
+
+    Args:
+        forecast: Made before.
+        n: What was counted, shape (168,).
+        x_h: Recorded open hours, same shape; 0 or NaN = not recorded: not scored.
+    """
+    if forecast.state != "ok":
+        return _no_score(forecast, forecast.reason)
+    week = as_weeks(np.atleast_2d(n), np.atleast_2d(x_h))
+    happened = week.rate[0]
+    scored = ~np.isnan(happened) & ~np.isnan(forecast.mean)
+    if not scored.any():
+        return _no_score(forecast, "no hour that was forecast was recorded")
+    y, total = happened[scored], float(happened[scored].sum())
+    wrong, wrong_naive = (np.abs(y - f[scored]) for f in (forecast.mean, forecast.naive))
+    has_scale = forecast.scale > 0
+    return ForecastScore(
+        wape=float(wrong.sum()) / total if total > 0 else None,
+        mase=float(wrong.mean()) / forecast.scale if has_scale else None,
+        hit_rate=float(((y >= forecast.lo[scored]) & (y <= forecast.hi[scored])).mean()),
+        share=forecast.share,
+        wape_naive=float(wrong_naive.sum()) / total if total > 0 else None,
+        mase_naive=float(wrong_naive.mean()) / forecast.scale if has_scale else None,
+        n_hours=int(scored.sum()),
+        state="ok",
+        reason=None,
+    )
+
+
+def _no_score(forecast: WeekForecast, reason: str | None) -> ForecastScore:
+    return ForecastScore(None, None, None, forecast.share, None, None, 0, "not_enough_data", reason)
+
+
+def _why_not(weeks: Weeks, is_told: Bools, *, min_weeks: int) -> str | None:
+    if weeks.n_recorded < min_weeks:
+        return f"a forecast needs {min_weeks} recorded weeks, has {weeks.n_recorded}"
+    if not is_told.any():
+        return f"no open hour of the week to come was recorded in {min_weeks} weeks"
+    return None
+
+
+def _levelled(weeks: Weeks, *, is_count: bool, max_weeks: int) -> tuple[Floats, Floats]:
+    """Return the usual week at level 1, shape (168,), and each week's level, NaN where it recorded too little."""
+    plain = usual(weeks.latest(max_weeks), is_count=is_count)
+    levels = np.full(len(weeks.n), np.nan)
+    week = plain
+    for _ in range(2):  # the usual week needs the levels, the levels the usual week; twice is enough
+        levels = _levels(weeks, week, is_count=is_count)
+        at_one = np.where(np.isnan(levels), 1.0, levels)[:, None]
+        week = usual(Weeks(weeks.n, weeks.x_h * at_one).latest(max_weeks), is_count=is_count)
+    return week, levels
+
+
+def _levels(weeks: Weeks, week: Floats, *, is_count: bool) -> Floats:
+    expected = (np.nan_to_num(week) * weeks.x_h).sum(axis=1)
+    whole = float(np.nansum(week))
+    more = LEVEL_EVENTS if is_count else 0.0
+    is_told = (expected > 0) & (expected >= LEVEL_SHARE * whole)
+    # recorded hours of a closed or half recorded week are fewer, so the comparison is with what those would have
+    level = np.divide(weeks.n.sum(axis=1) + more, expected + more, out=np.full(len(weeks.n), np.nan), where=is_told)
+    return np.where(level > 0, level, np.nan)
+
+
+def _late_level(levels: Floats) -> float:
+    told = ~np.isnan(levels)
+    if not told.any():
+        return 1.0
+    weights = LEVEL_DECAY ** np.arange(len(levels))[::-1][told]
+    return float(np.exp(LEVEL_TRUST * (weights @ np.log(levels[told])) / weights.sum()))
+
+
+def _range(
+    mean: Floats, varies: Spread, *, open_h: Floats, more: Floats, share: float, is_count: bool
+) -> tuple[Floats, Floats]:
+    """Return the outer quantiles of the hours to come, per open hour."""
+    tails = (1 - share) / 2, (1 + share) / 2
+    hours = np.where(open_h > 0, open_h, np.nan)
+    counts = mean * hours
+    if is_count:
+        # the excess of var = (mean + d mean^2) more over Poisson, as a dispersion
+        wider = varies.dispersion * more + (more - 1) / np.maximum(counts, 1e-9)
+        low, high = (quantile(t, mean=counts, dispersion=wider) / hours for t in tails)
+        return low, high
+    variance = (varies.noise * mean / hours + varies.dispersion * mean**2) * more
+    is_sure = ~(variance > 0)
+    shape = np.where(is_sure, 1.0, mean**2 / np.where(is_sure, 1.0, variance))
+    low, high = (
+        np.where(is_sure, mean, gammaincinv(shape, t) * np.where(is_sure, 0.0, variance) / np.where(mean > 0, mean, 1))
+        for t in tails
+    )
+    return low, high
+
+
+def _last(rate: Floats) -> Floats:
+    """Return the last known value of each column; NaN where there is none."""
+    is_known = ~np.isnan(rate)
+    row = np.where(is_known.any(axis=0), len(rate) - 1 - is_known[::-1].argmax(axis=0), len(rate) - 1)
+    return np.asarray(rate[row, np.arange(rate.shape[1])])
+
+
+def _scale(rate: Floats) -> float:
+    """Return the mean absolute difference of successive known values of the same hour; NaN without any."""
+    total, n = 0.0, 0
+    for column in rate.T:
+        steps = np.abs(np.diff(column[~np.isnan(column)]))
+        total, n = total + float(steps.sum()), n + len(steps)
+    return total / n if n else float("nan")
