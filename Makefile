@@ -25,6 +25,7 @@ lint: $(VENV)/.installed-test
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/benchmarks/bench_demo.py
+	$(BIN)/python tests/retention/prove_purge_crashes.py
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 

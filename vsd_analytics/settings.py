@@ -75,9 +75,9 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("lateness_s", "alarms", 10.0, "seconds", 0.0, 3600.0, "Alarms wait this long for records that are late or out of order; later ones are stored and count for no alarm."),
     Setting("update_s", "alarms", 60.0, "seconds", 1.0, 86400.0, "An open alarm is told again this often, and at once when its group is larger than ever before."),
     Setting("same_place_m", "alarms", 3.0, "metres", 0.1, 1000.0, "Without an area, an alarm within this distance of one that ended is at the same place for the cool-down."),
-    Setting("together_m", "alarms", 1.25, "metres", 0.1, 10.0, "Two people who move together are at most this far apart in at least half of their close records."),
-    Setting("together_share", "alarms", 0.6, "", 0.0, 1.0, "Two people who move together are close in at least this share of the records that have either of them."),
-    Setting("together_walk_m", "alarms", 2.0, "metres", 0.0, 100.0, "Two people who move together have walked at least this far while close; standing ones are not told to be together."),
+    Setting("together_m", "rule", 1.25, "metres", 0.1, 10.0, "Two people who move together are at most this far apart in at least half of their close records.", True),
+    Setting("together_share", "rule", 0.6, "", 0.0, 1.0, "Two people who move together are close in at least this share of the records that have either of them."),
+    Setting("together_walk_m", "rule", 2.0, "metres", 0.0, 100.0, "Two people who move together have walked at least this far while close; standing ones are not told to be together."),
     Setting("pseudonyms", "privacy", True, "", None, None, "Replace the engine's track ids by keyed hashes; false only for published research recordings."),
     Setting("retention_days", "privacy", 30, "days", 1, 36500, "Days raw records are meant to be kept; printed on the report; vsd purge --older-than retention removes what is older."),
 )

@@ -1,7 +1,7 @@
 -- name: marts/episodes
 -- One row per episode: violation records of one pair with no gap longer than gap_ms, stitched over hours, files and midnight.
 -- grain: camera_id, track_a, track_b, started_ms
--- reads: episode_segments, calendar, cameras, owner_cells
+-- reads: episode_segments, calendar, cameras, owner_cells, site_days, track_groups
 -- params: episode_min_ms, owner_cell_mm, cell_mm
 -- columns:
 --   camera_id
@@ -23,6 +23,7 @@
 --   local_date
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
+--   is_together      the two move in one group, by all that was seen of them that site day; null where that cannot be known
 -- assumes: segments of the hours around the calendar are loaded, so that an episode is whole; one that began before it is left out
 with marked as (
     select
@@ -104,11 +105,19 @@ select
     calendar.hour_start_ms,
     calendar.local_date,
     calendar.local_hour,
-    calendar.is_open
+    calendar.is_open,
+    case
+        when s.x_mm is not null and a.track_id is not null and b.track_id is not null then coalesce(a.group_id = b.group_id, false)
+    end as is_together
 from stitched as s
 cross join params
 inner join calendar on floor(s.started_ms / 900000) = calendar.quarter
 inner join cameras on s.camera_id = cameras.camera_id
+left join site_days on floor(s.started_ms / 900000) = site_days.quarter
+left join track_groups as a
+    on s.camera_id = a.camera_id and site_days.site_day = a.site_day and s.track_a = a.track_id
+left join track_groups as b
+    on s.camera_id = b.camera_id and site_days.site_day = b.site_day and s.track_b = b.track_id
 left join owner_cells
     on
         cameras.floor_id = owner_cells.floor_id

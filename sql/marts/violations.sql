@@ -19,6 +19,7 @@
 --   local_date
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
+--   is_together      the two move in one group; null where that cannot be known
 -- assumes: what reports call a violation is this row
 select
     episodes.camera_id,
@@ -36,7 +37,8 @@ select
     episodes.hour_start_ms,
     episodes.local_date,
     episodes.local_hour,
-    episodes.is_open
+    episodes.is_open,
+    episodes.is_together
 from episodes
 inner join cameras on episodes.camera_id = cameras.camera_id
 left join area_cells

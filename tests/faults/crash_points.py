@@ -54,7 +54,7 @@ CONTEXT.set_forkserver_preload(
         "vsd_analytics.warehouse.warehouse",
     ]
 )
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 TRIES = 12
 _RETURNED = re.compile(r"= -?\d")
 _CALL = re.compile(r"^(\d+)\s+(\w+)\((.*)$")
@@ -121,9 +121,9 @@ def why_not() -> str | None:
     return None
 
 
-def call(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what `function` returns in a fresh process."""
-    done = run(_plainly, Path(), function, arguments)
+def call(function: Callable[..., Any], *arguments: Any, patience_s: float = PATIENCE_S) -> Any:
+    """Return what `function` returns in a fresh process, which is given up after `patience_s`."""
+    done = run(_plainly, Path(), function, arguments, patience_s=patience_s)
     assert done.status == "ok", done.told
     return done.told
 
@@ -136,6 +136,7 @@ def run(
     is_traced: bool = False,
     inject: str | None = None,
     path: str | None = None,
+    patience_s: float = PATIENCE_S,
 ) -> Run:
     """Run `job(folder, *arguments, ack)` in a fresh process.
 
@@ -146,6 +147,7 @@ def run(
         is_traced: Count calls.
         inject: What strace shall inject, such as "write:signal=SIGKILL:when=3".
         path: Look at calls on this path alone, `{pid}` in it being the process.
+        patience_s: Kill it when it says nothing for so long.
 
     Raises:
         PermissionError: strace may not attach.
@@ -162,7 +164,7 @@ def run(
         ours.send("go")
         messages = []
         try:
-            while ours.poll(PATIENCE_S):
+            while ours.poll(patience_s):
                 messages.append(ours.recv())
             child.kill()
         except (EOFError, ConnectionResetError):

@@ -95,7 +95,7 @@ def report(root: Path, over: Path) -> Loop:
 
 def glob(root: Path, over: Path) -> Loop:
     """Count by the glob of the documentation until the file `over` is there."""
-    return call(glob_again_and_again, root, over)  # type: ignore[no-any-return]
+    return call(glob_again_and_again, root, over, patience_s=3600.0)  # type: ignore[no-any-return]
 
 
 def glob_again_and_again(root: Path, over: Path) -> Loop:

@@ -160,3 +160,19 @@ def test_what_was_there_before_the_records_begin_is_told_only_while_it_lasts(tmp
     assert not (ended.root / FILE).exists()
     told = [json.loads(line) for line in (lasting.root / FILE).read_text().splitlines()]
     assert {(r["rule"], r["event"]) for r in told} == {("crowd", "start"), ("crowd", "update"), ("crowd", "end")}
+
+
+def test_a_damaged_store_stops_no_listener(tmp_path: Path) -> None:
+    site = make_site(GATHERING, root=tmp_path)
+    store = Store(tmp_path / "store", site_id=site.site_id)
+    for table, rows in tables_of(site, stand(row(4), 50)).items():
+        store.append(table, rows)
+    store.fold()
+    for path in (tmp_path / "store" / "observations").rglob("*.parquet"):
+        path.write_bytes(path.read_bytes()[:-100])
+    said: list[str] = []
+    alarms = LiveAlarms(site, delivery=Delivery(site), clock=lambda: at(60), tell=said.append)
+    assert len(said) == 1
+    assert "damaged" in said[0]
+    alarms.on_stored(tables_of(site, stand(row(4), 100, start_s=60)))
+    assert alarms.as_dict()["open"] == 1

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import worlds as w
 
+from vsd_analytics.analysis.comparable import has_other_rules
 from vsd_analytics.config import load_site
-from vsd_analytics.report.comparable import has_other_rules
 from vsd_analytics.report.render import render_html
 from vsd_analytics.report.twins import from_json, to_json
 from vsd_analytics.store.seals import UnitSeal

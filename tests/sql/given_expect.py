@@ -35,7 +35,7 @@ import duckdb
 from vsd_analytics.duck import connect
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site import Camera, Floor, Site
-from vsd_analytics.warehouse.dimensions import calendar, register_quarters, register_site
+from vsd_analytics.warehouse.dimensions import calendar, register_quarters, register_site, site_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 HERE = Path(__file__).parent
@@ -116,6 +116,9 @@ def types() -> Mapping[str, Mapping[str, str]]:
     con.register("_calendar", calendar(site(), date(1970, 1, 1), date(1970, 1, 1)))
     con.execute("create temp table calendar as select * from _calendar where false")
     found["calendar"] = _described(con, "calendar")
+    con.register("_site_days", site_days(site(), date(1970, 1, 1), date(1970, 1, 1)))
+    con.execute("create temp table site_days as select * from _site_days where false")
+    found["site_days"] = _described(con, "site_days")
     for relation in all_relations():
         con.execute(f"create temp table {relation.name} as {relation.sql}")
         found[relation.name] = _described(con, relation.name)

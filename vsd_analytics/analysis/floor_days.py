@@ -66,8 +66,9 @@ class Grid:
         """Return the union of some cells as polygons in floor metres, outer rings counter-clockwise."""
         rows, columns = np.nonzero(inside)
         x, y = (self.cx + columns) * self.cell_m, (self.cy + rows) * self.cell_m
-        whole = shapely.union_all(shapely.box(x, y, x + self.cell_m, y + self.cell_m)).normalize()
-        return tuple(shapely.orient_polygons(part) for part in shapely.get_parts(whole) if part.geom_type == "Polygon")
+        whole = shapely.union_all(shapely.box(x, y, x + self.cell_m, y + self.cell_m))
+        parts = shapely.get_parts(shapely.simplify(whole, 0).normalize())
+        return tuple(shapely.orient_polygons(part) for part in parts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +119,10 @@ class FloorDays:
     def index(self, day: date) -> int:
         """Return the index of a day; below 0 or beyond the last where it is not loaded."""
         return (day - self.first).days
+
+    def day(self, index: int) -> date:
+        """Return the day of an index."""
+        return self.first + timedelta(days=index)
 
     def span(self, first: date, last: date) -> slice:
         """Return the loaded days from `first` to `last` as a slice."""
@@ -209,7 +214,7 @@ class FloorDays:
         return NO_IDS if row["no_violations"] else None
 
     def _cells(self, n_side: int) -> tuple[Ints, Ints, Ints, Ints, Floats, Floats, Floats]:
-        """Return camera and day index, row, column, violations, person-hours and those in violation, one entry per cell."""
+        """Return camera and day index, row, column, violations, person-hours and those in violation."""
         found = self._warehouse.table(
             "select camera_id, local_date, floor(cy / $side)::bigint as cy, floor(cx / $side)::bigint as cx, "
             "sum(n_violations)::double as n, sum(exposure_s)::double / 3600 as exposure_h, "

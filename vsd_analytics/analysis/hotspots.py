@@ -1,24 +1,24 @@
 """Where a person-hour is riskier than elsewhere on the floor, and since when (M20).
 
-The test is `vsd_analytics.stats.hotspots`, over the trailing `hotspot_days` (28) days and cells of 1 m. A cell enters it
-when the cameras see at least 80 % of the disc of the legal distance around it: at the border of the view neighbours are
-missing. The same test over windows that end one, two, ... weeks earlier tells which hotspots are new.
+The test is `vsd_analytics.stats.hotspots`, over the trailing `hotspot_days` (28) days and cells of 1 m. A cell enters
+it when the cameras see at least 80 % of the disc of the legal distance around it: at the border of the view neighbours
+are missing. The same test over windows that end one, two, ... weeks earlier tells which hotspots are new.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final, Literal
 
 import numpy as np
-import shapely
 
-from vsd_analytics.analysis.floor_days import NO_POSITIONS, Cube, Flags, FloorDays, Grid
-from vsd_analytics.analysis.spot_history import Found, History, follow
+from vsd_analytics.analysis.floor_days import NO_POSITIONS, Cube, FloorDays, Grid
+from vsd_analytics.analysis.places import Place, place_of
+from vsd_analytics.analysis.spot_history import Found, Identity, follow
 from vsd_analytics.site import Area, Floor, Site
 from vsd_analytics.stats import hotspots as test
-from vsd_analytics.warehouse.dimensions import calibration_spans
 from vsd_analytics.warehouse.warehouse import Warehouse, stored_extent
 
 CELL_M: Final = 1.0
@@ -32,32 +32,6 @@ WEEK: Final = timedelta(days=7)
 
 State = Literal["ok", "not_enough_data", "not_measurable"]
 SpotState = Literal["new", "persisting"]
-Ring = tuple[tuple[float, float], ...]
-Polygon = tuple[Ring, ...]
-"""Outer ring counter-clockwise, then holes; floor metres, corners once."""
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where a hotspot is.
-
-    Attributes:
-        x_m, y_m: The middle of its cells weighted by their excess, floor metres.
-        area_id, area_name: Area of vsd.toml with most of its excess; None for the rest of the floor.
-        nearest_area_id, nearest_area_name, nearest_m: Nearest area, when it lies in none, and how far it is.
-        polygons: Its cells.
-        area_m2: Their size.
-    """
-
-    x_m: float
-    y_m: float
-    area_id: str | None
-    area_name: str | None
-    nearest_area_id: str | None
-    nearest_area_name: str | None
-    nearest_m: float | None
-    polygons: tuple[Polygon, ...]
-    area_m2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,15 +171,22 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
     now = looks[-1]
     is_open = data.is_open[now.days]
     known = data.is_used[:, now.days].any(axis=0)
-    history = follow([_found(look) for look in looks if look.found is not None], grid=data.grid, floor_id=floor.floor_id)
     compared = [look for look in looks[:-1] if look.found is not None]
     spots: tuple[FloorSpot, ...] = ()
     resolved: tuple[ResolvedSpot, ...] = ()
     if now.found is not None and data.grid is not None:
-        places = _Places(data.grid, [a for a in site.areas if a.floor_id == floor.floor_id])
+        areas = [a for a in site.areas if a.floor_id == floor.floor_id]
+        history = follow(
+            [Found(look.last, look.found) for look in (*compared, now) if look.found is not None],
+            floor_id=floor.floor_id,
+            cell_m=CELL_M,
+            first_cell=(data.grid.cx, data.grid.cy),
+        )
         per_week = float(is_open.sum()) / len(is_open) * 7
-        spots = tuple(_spot(s, now.found, places, history, per_week) for s in now.found.spots)
-        resolved = tuple(_resolved(k, now, compared[-1], places, history, site) for k in history.resolved)
+        spots = tuple(_spot(s, history.now[s.label], now.found, data.grid, areas, per_week) for s in now.found.spots)
+        resolved = tuple(
+            _resolved(spot_id, label, now, compared[-1], data.grid, areas, site) for spot_id, label in history.resolved
+        )
     cube = now.cube
     return FloorHotspots(
         floor_id=floor.floor_id,
@@ -244,7 +225,7 @@ def _look(warehouse: Warehouse, data: FloorDays, last: date) -> _Look:
     if cube.n.sum() < settings.hotspot_min_violations:
         why = f"fewer than {settings.hotspot_min_violations:,} violations were counted in the {n_days} days"
         return _Look(last, days, "not_enough_data", why, cube)
-    seen = data.seen_share(days, radius_m=settings.distance_m, cells=cube.exposure_h.any(axis=0))
+    seen = data.seen_share(days, radius_m=settings.distance_m, cells=np.asarray(cube.exposure_h.any(axis=0)))
     found = test.hotspots(
         cube.n,
         cube.exposure_h,
@@ -268,24 +249,23 @@ def _why_no_places(warehouse: Warehouse, floor: Floor, last: date, n_days: int) 
     return NO_POSITIONS if row["n_unplaced"] * 2 > row["n"] else None
 
 
-def _found(look: _Look) -> Found:
-    assert look.found is not None
-    return Found(look.last, look.found)
-
-
 def _spot(
-    spot: test.Spot, found: test.Hotspots, places: _Places, history: History, open_days_per_week: float
+    spot: test.Spot,
+    identity: Identity,
+    found: test.Hotspots,
+    grid: Grid,
+    areas: Sequence[Area],
+    open_days_per_week: float,
 ) -> FloorSpot:
-    rate, identity = spot.rate, history.now[spot.label]
+    rate, cells = spot.rate, found.cells
     per_week = open_days_per_week / rate.n_days
-    cells = found.cells
     return FloorSpot(
         number=spot.number,
         spot_id=identity.spot_id,
         state=identity.state,
         since=identity.since,
         is_since_first=identity.is_since_first,
-        place=places.of(cells.label == spot.label, weights=cells.observed - cells.expected),
+        place=place_of(grid, cells.label == spot.label, weights=cells.observed - cells.expected, areas=areas),
         ratio=rate.ratio,
         lo=rate.lo,
         hi=rate.hi,
@@ -300,9 +280,8 @@ def _spot(
 
 
 def _resolved(
-    gone: tuple[str, int], now: _Look, before: _Look, places: _Places, history: History, site: Site
+    spot_id: str, label: int, now: _Look, before: _Look, grid: Grid, areas: Sequence[Area], site: Site
 ) -> ResolvedSpot:
-    spot_id, label = gone
     assert now.cube is not None
     assert before.found is not None
     cells = before.found.cells
@@ -316,10 +295,38 @@ def _resolved(
     )
     return ResolvedSpot(
         spot_id=spot_id,
-        place=places.of(inside, weights=cells.observed - cells.expected),
+        place=place_of(grid, inside, weights=cells.observed - cells.expected, areas=areas),
         ratio_before=next(s.rate.ratio for s in before.found.spots if s.label == label),
         ratio=None if rate is None else rate.ratio,
         lo=None if rate is None else rate.lo,
         hi=None if rate is None else rate.hi,
         n=None if rate is None else round(rate.n),
     )
+
+
+def _notes(warehouse: Warehouse, data: FloorDays, look: _Look) -> tuple[str, ...]:
+    """Return what a reader must know of the window: cameras left out, recalibrations, borders unknown."""
+    days = range(look.days.start, look.days.stop)
+    notes = []
+    for k, camera in enumerate(data.cameras):
+        unknown = [data.unknown[k, d] for d in days if (k, d) in data.unknown]
+        if unknown and look.state == "ok":
+            told = f"on {len(unknown)} of {len(days)} days"
+            notes.append(f"camera {camera.camera_id} is left out {told}: {unknown[-1]}")
+    ids = [c.camera_id for c in data.cameras]
+    moved = warehouse.rows(
+        "select camera_id from calibrations_used inner join (select distinct floor(quarter / 4)::bigint as hour "
+        "from calendar where is_open and local_date between $first and $last) using (hour) "
+        "where camera_id in (select unnest($ids)) group by camera_id having count(distinct calibration_id) > 1 "
+        "order by camera_id",
+        {"ids": ids, "first": data.day(look.days.start), "last": data.day(look.days.stop - 1)},
+    )
+    if moved:
+        who = ", ".join(row["camera_id"] for row in moved)
+        notes.append(f"recalibrated in these days: {who}; places before and after may not be the same ones")
+    if not look.is_border_known:
+        notes.append(
+            "what some camera sees is unknown, so cells at the border of the view are tested too; "
+            "there neighbours are missing, and a hotspot may be missed"
+        )
+    return tuple(notes)

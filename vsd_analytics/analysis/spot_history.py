@@ -1,13 +1,16 @@
 """The same hotspot in one week and the next: who is new, who persists, who is gone.
 
-The windows are walked from the oldest to the newest. A hotspot takes over the id of a known one when they share cells, or
-their middles are at most 2 m apart; most shared cells first, then the nearest, each id once. Ids that were gone are known
-as well. Any other gets a new id: the floor's, and the 1 m cell of its middle, such as `ground-x6-y5` (`-2` when taken). So
-an id follows from stored data alone, and stays while its hotspot does not move and windows reach back to it.
+The windows are walked from the oldest to the newest. A hotspot takes over the id of a known one when they share cells,
+or their middles are at most 2 m apart; most shared cells first, then the nearest, each id once. Ids that were gone are
+known as well. Any other gets a new id: the floor's, and the square metre of its middle, such as `ground-x6-y5` (`-2`
+when taken). A hotspot that falls in two is no news: both stand since the one did, and one keeps its id; where two grow
+into one, none is gone. So an id follows from stored data alone, and stays while windows reach back to it, or it does
+not move.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -79,18 +82,18 @@ def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell
     """
     known: dict[str, _Known] = {}
     for k, window in enumerate(windows):
-        names = _named(window.result, list(known.values()), cell_m=cell_m)
+        earlier = list(known.values())
+        names = _named(window.result, earlier, cell_m=cell_m)
         for spot in window.result.spots:
             spot_id = names.get(spot.label) or _new_id(spot, known, floor_id=floor_id, cell_m=cell_m, first=first_cell)
-            before = known.get(spot_id)
-            known[spot_id] = _Known(
-                spot_id,
-                window.result.cells.label == spot.label,
-                (spot.row, spot.column),
-                spot.label,
-                since=before.since if before is not None and before.seen == k - 1 else k,
-                seen=k,
-            )
+            inside = window.result.cells.label == spot.label
+            stood = [
+                one.since
+                for one in earlier
+                if one.seen == k - 1 and (one.spot_id == spot_id or (one.inside & inside).any())
+            ]
+            middle = (spot.row, spot.column)
+            known[spot_id] = _Known(spot_id, inside, middle, spot.label, since=min(stood, default=k), seen=k)
     if not windows:
         return History({}, ())
     newest = len(windows) - 1
@@ -127,6 +130,6 @@ def _named(result: Hotspots, known: Sequence[_Known], *, cell_m: float) -> dict[
 
 
 def _new_id(spot: Spot, taken: Mapping[str, _Known], *, floor_id: str, cell_m: float, first: tuple[int, int]) -> str:
-    x, y = (round(np.floor((start + at + 0.5) * cell_m)) for start, at in zip(first, (spot.column, spot.row), strict=True))
+    x, y = (math.floor((i + at + 0.5) * cell_m) for i, at in zip(first, (spot.column, spot.row), strict=True))
     name = f"{floor_id}-x{x}-y{y}"
     return next(i for i in (name, *(f"{name}-{k}" for k in range(2, len(taken) + 3))) if i not in taken)

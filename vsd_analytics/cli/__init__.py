@@ -25,6 +25,8 @@ COMMANDS: dict[str, str] = {
     "coverage": "figures:coverage",
     "hours": "figures:hours",
     "heatmap": "figures:heatmap",
+    "hotspots": "spots:hotspots",
+    "forecast": "outlook:forecast",
     "report": "reports:report",
     "export": "keeping:export",
     "purge": "keeping:purge",

@@ -91,6 +91,7 @@ def listen(
         )
         if alarms is not None:
             alarms.delivery.publish = partial(listener.link.publish, qos=1)
+            listener.status.alarms = alarms.as_dict
         status = listener.run(should_stop=signals.came, is_once=once, connect_timeout_s=connect_timeout_s)
     if as_json:
         emit_json(status.as_dict(now=_clock(project)()))

@@ -12,6 +12,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from vsd_analytics.errors import VsdError
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.delivery import Delivery, Record
 from vsd_analytics.live.events import AlarmEvent
@@ -38,7 +39,11 @@ class LiveAlarms:
     ) -> None:
         self._site, self.delivery, self._clock, self._tell = site, delivery, clock, tell
         self._passed_over: set[str] = set()
-        self.engine = self._warm(clock())
+        try:
+            self.engine = self._warm(clock())
+        except (VsdError, OSError) as error:
+            tell(f"alarms begin without what was stored before: {error}")
+            self.engine = AlarmEngine(site, start=clock())
 
     def on_stored(self, tables: Mapping[TableName, pa.Table]) -> None:
         """See a batch that is durable."""

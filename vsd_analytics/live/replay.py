@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -22,6 +23,7 @@ SLICE_MS = 60_000
 """Records are fed a minute at a time, so that memory does not grow with the hour."""
 
 DAY_S = 86_400.0
+_TRIES = 5
 
 
 def lookback_s(rules: Sequence[AlarmRule], *, lateness_s: float) -> float:
@@ -111,11 +113,21 @@ def stored_minutes(
 
 def _rows(store: Store, table: TableName, hour: int, cameras: Collection[str] | None) -> pa.Table:
     """Return one table's stored rows of an hour, by time."""
-    parts = [p.path for p in store.parts(table, first_hour=hour, last_hour=hour)]
+    for _ in range(_TRIES - 1):
+        with contextlib.suppress(FileNotFoundError):
+            return _rows_now(store, table, hour, cameras)
+    return _rows_now(store, table, hour, cameras)
+
+
+def _rows_now(store: Store, table: TableName, hour: int, cameras: Collection[str] | None) -> pa.Table:
+    """Return the rows; FileNotFoundError when a fold takes a file away meanwhile.
+
+    The spool is read first: what a fold moves is then found twice, never nowhere.
+    """
     try:
-        read = [_read(path, table) for path in parts]
-        read += [_between(_read(p, table), hour * HOUR_MS, (hour + 1) * HOUR_MS) for p in _spool(store, table, hour)]
-    except (pa.ArrowException, OSError):
+        read = [_between(_read(p, table), hour * HOUR_MS, (hour + 1) * HOUR_MS) for p in _spool(store, table, hour)]
+        read += [_read(part.path, table) for part in store.parts(table, first_hour=hour, last_hour=hour)]
+    except pa.ArrowException:
         store.refuse_damaged()
         raise
     rows = pa.concat_tables([SCHEMAS[table].empty_table(), *read])

@@ -8,6 +8,7 @@ import os
 import resource
 import sys
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -65,6 +66,7 @@ class Status:
         fold: The last one.
         fold_at: When it ended.
         error: What is wrong now; None = nothing.
+        alarms: Tells how the alarms are; None = there are no rules.
     """
 
     started: datetime
@@ -87,6 +89,7 @@ class Status:
     fold: Folded | None = None
     fold_at: datetime | None = None
     error: str | None = None
+    alarms: Callable[[], dict[str, Any]] | None = None
 
     def camera(self, camera_id: str) -> Camera:
         """Return a camera's entry, made when it is new."""
@@ -137,6 +140,7 @@ class Status:
             "folds": self.n_folds,
             "fold": fold,
             "peak_mb": peak_mb(),
+            "alarms": None if self.alarms is None else self.alarms(),
             "error": self.error,
         }
 

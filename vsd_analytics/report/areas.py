@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from vsd_analytics.analysis.panels import Array, Place
 from vsd_analytics.report import estimates, recorded
 from vsd_analytics.report.model import AreaRow, BusiestSpot
 from vsd_analytics.report.privacy import GIVES_AWAY, held_back, too_few
-from vsd_analytics.report.weekdata import Array, Place, WeekData
+from vsd_analytics.report.weekdata import WeekData
 
 REST = "Rest of the floor"
 MIN_CAMERA_SHARE = 0.01

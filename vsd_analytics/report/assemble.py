@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from datetime import date, datetime, timedelta
 
+from vsd_analytics.analysis.panels import HISTORY_WEEKS, WEEK
 from vsd_analytics.report import areas as report_areas
 from vsd_analytics.report import changes, estimates, headline, hours, recorded
 from vsd_analytics.report.figures import figures
@@ -22,13 +23,12 @@ from vsd_analytics.report.model import (
     WeekState,
 )
 from vsd_analytics.report.privacy import GIVES_AWAY, is_small, too_few
-from vsd_analytics.report.weekdata import WEEK, WeekData
+from vsd_analytics.report.weekdata import WeekData
 from vsd_analytics.site import Floor, Site
 from vsd_analytics.version import VERSION
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse, stored_extent
 
-HISTORY_WEEKS = 5
 MADE_UP_ENGINE = "vsd-demo "
 """What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 

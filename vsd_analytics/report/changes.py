@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import timedelta
 
+from vsd_analytics.analysis import comparable
+from vsd_analytics.analysis.panels import WEEK, Place
 from vsd_analytics.changelog import read_log
-from vsd_analytics.report import comparable, estimates, words
+from vsd_analytics.report import estimates, words
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Coverage, Estimate, LogLine, Outage, SettingsChange
 from vsd_analytics.report.privacy import is_small
-from vsd_analytics.report.weekdata import WEEK, Place, WeekData
+from vsd_analytics.report.weekdata import WeekData
 from vsd_analytics.site import LogEntry
 
 DETECTED_MIN_H = 2.0

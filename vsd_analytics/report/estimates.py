@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import date
 
-import numpy as np
-from numpy.typing import NDArray
-
+from vsd_analytics.analysis import rates
+from vsd_analytics.analysis.panels import Place
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Estimate, Verdict
 from vsd_analytics.report.privacy import is_small
-from vsd_analytics.report.weekdata import Panel, Place, WeekData
-from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
+from vsd_analytics.report.weekdata import WeekData
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
-from vsd_analytics.stats.rates import how_often, how_risky
 
 VERDICTS: dict[str, Verdict] = {
     "clear fall": "clear_fall",
@@ -55,14 +50,11 @@ def measure(
         until: Only hours that start before it; not for comparisons.
     """
     panel = data.panel(place, data.week_days, since=since, until=until)
-    pair = data.compared(place, since=since) if is_compared else None
-    is_part = since is not None or until is not None
-    history = data.panel(place, [] if is_part else data.history_days)
     return Measured(
-        often=_often(data, panel, pair, history),
-        risky=_risky(data, panel, pair, history),
+        often=_often(data, place, is_compared=is_compared, since=since, until=until),
+        risky=_risky(data, place, is_compared=is_compared, since=since, until=until),
         n=int(panel.n.sum()),
-        n_before=0 if pair is None else int(pair[0].n.sum()),
+        n_before=int(data.compared(place, since=since)[0].n.sum()) if is_compared else 0,
     )
 
 
@@ -70,25 +62,12 @@ def people(data: WeekData, *, is_compared: bool) -> Estimate:
     """Return the mean number of people in view of the floor: person-hours per recorded open hour, and its change."""
     if (why := data.why_no_exposure) is not None:
         return Estimate(value=None, state="not_measurable", reason=why)
-    panel = data.panel(data.everyone, data.week_days)
-    recorded = panel.x_h.sum(axis=1)
-    seen = recorded > 0
-    if not seen.any():
+    if (value := rates.mean_people(data.this, data.everyone)) is None:
         return Estimate(value=None, state="not_enough_data", reason="nothing was recorded in opening hours")
-    value = float((panel.exposure_h.sum(axis=1)[seen] / recorded[seen]).sum())
     if not is_compared:
         return Estimate(value=value)
-    before, now = data.compared(data.everyone)
-    settings = data.site.settings
-    change = compare_exposure(
-        before.exposure_h,
-        before.x_h,
-        now.exposure_h,
-        now.x_h,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
-    return _estimate(RateEstimate(value, None, None, None, 0.0, 0, None, None, "ok", None, False), change, now)
+    level = RateEstimate(value, None, None, None, 0.0, 0, None, None, "ok", None, False)
+    return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))
 
 
 def without_figures(estimate: Estimate, reason: str) -> Estimate:
@@ -106,69 +85,33 @@ def without_change(estimate: Estimate, reason: str) -> Estimate:
     return replace(estimate, previous=None, change=None, change_lo=None, change_hi=None, reason=reason)
 
 
-def _often(data: WeekData, panel: Panel, pair: tuple[Panel, Panel] | None, history: Panel) -> Estimate:
-    if (why := data.why_no_violations) is not None:
-        return Estimate(value=None, state="not_measurable", reason=why)
-    settings = data.site.settings
-    has_history = history.n.shape[1] > 0
-    level = how_often(
-        panel.n,
-        panel.x_h,
-        weekday=_weekdays(data.week_days),
-        history_n=history.n if has_history else None,
-        history_x_h=history.x_h if has_history else None,
-        history_weekday=_weekdays(data.history_days) if has_history else None,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
-    if level.rate is None and data.hours.recorded_s[:, data.week()].any():
-        share = fmt.percent(settings.partial_hour_share)
+def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
+    level = rates.level_often(data.this, place, since=since, until=until)
+    if level.rate is None and level.state != "not_measurable" and data.hours.recorded_s[:, data.week()].any():
+        share = fmt.percent(data.site.settings.partial_hour_share)
         return Estimate(value=None, state="not_enough_data", reason=f"no open hour was recorded to {share} or more")
-    if pair is None:
+    if level.state == "not_measurable" or not is_compared:
         return _estimate(level)
-    before, now = pair
-    change = compare_how_often(
-        before.n, before.x_h, now.n, now.x_h, confidence=settings.confidence, min_days=settings.min_days
-    )
-    return _without_small_counts(_estimate(level, change, now), change, below=settings.mask_below)
+    change = rates.change_often(data.pair, place, since=since)
+    below = data.site.settings.mask_below
+    return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
 
 
-def _risky(data: WeekData, panel: Panel, pair: tuple[Panel, Panel] | None, history: Panel) -> Estimate:
-    if (why := data.why_no_violations or data.why_no_exposure) is not None:
-        return Estimate(value=None, state="not_measurable", reason=why)
-    settings = data.site.settings
-    has_history = history.n.shape[1] > 0
-    level = how_risky(
-        panel.n.sum(axis=0),
-        panel.exposure_h.sum(axis=0),
-        weekday=_weekdays(data.week_days),
-        history_n=history.n.sum(axis=0) if has_history else None,
-        history_exposure_h=history.exposure_h.sum(axis=0) if has_history else None,
-        history_weekday=_weekdays(data.history_days) if has_history else None,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        min_exposure_h=settings.min_exposure_h,
-    )
-    if pair is None:
+def _risky(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
+    level = rates.level_risky(data.this, place, since=since, until=until)
+    if level.state == "not_measurable" or not is_compared:
         return _estimate(level)
-    before, now = pair
-    change = compare_how_risky(
-        before.n.sum(axis=0),
-        before.exposure_h.sum(axis=0),
-        now.n.sum(axis=0),
-        now.exposure_h.sum(axis=0),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        min_exposure_h=settings.min_exposure_h,
-    )
-    return _without_small_counts(_estimate(level, change, now), change, below=settings.mask_below)
+    change = rates.change_risky(data.pair, place, since=since)
+    below = data.site.settings.mask_below
+    return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
 
 
-def _weekdays(days: Sequence[date]) -> NDArray[np.int64]:
-    return np.array([d.weekday() for d in days], dtype=np.int64)
+def _hours(data: WeekData, place: Place, since: int | None) -> float:
+    """Return the recorded open camera-hours of this week that are compared."""
+    return float(data.compared(place, since=since)[1].x_h.sum())
 
 
-def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, now: Panel | None = None) -> Estimate:
+def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, hours_compared: float = 0.0) -> Estimate:
     reason = level.reason if level.lo is None else None
     if reason is None and change is not None and change.state != "ok":
         reason = change.reason
@@ -179,7 +122,7 @@ def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, now: Pa
         state=level.state if level.rate is None else "ok",
         reason=reason,
     )
-    if change is None or now is None:
+    if change is None:
         return plain
     if level.rate is None:  # without a level no change is told either
         return replace(plain, verdict="too_little_data")
@@ -190,7 +133,7 @@ def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, now: Pa
         change_lo=change.change_lo,
         change_hi=change.change_hi,
         verdict=VERDICTS[change.verdict],
-        hours_compared=float(now.x_h.sum()),
+        hours_compared=hours_compared,
     )
 
 

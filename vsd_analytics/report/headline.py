@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
+from vsd_analytics.analysis.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
 from vsd_analytics.report.model import AreaRow, LogLine, Span, Story, WeekReport
 from vsd_analytics.report.nothing import nothing
 from vsd_analytics.report.things import question, things
-from vsd_analytics.report.words import NO_FLOOR, NO_IDS
 
 MAX_WORDS: Final = 15
 _SAME: Final = "Violations about the same as last week"

@@ -10,12 +10,13 @@ import shapely
 from numpy.typing import NDArray
 
 from vsd_analytics import geometry
+from vsd_analytics.analysis.panels import Array, Flags, positions
 from vsd_analytics.report import bands as heat
 from vsd_analytics.report.floorplan import nice_metres
 from vsd_analytics.report.model import AreaRow, Extent, FloorMap, MapArea, MapBand, MapImage, MapSpot, Polygon
 from vsd_analytics.report.pictures import has_paper, picture_image, plan_image
 from vsd_analytics.report.privacy import is_small
-from vsd_analytics.report.weekdata import Array, Flags, WeekData, positions
+from vsd_analytics.report.weekdata import WeekData
 
 MARGIN_M = 1.0
 SIDE_MIN_M = 8.0

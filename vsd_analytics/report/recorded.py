@@ -9,9 +9,11 @@ import numpy as np
 import shapely
 
 from vsd_analytics import geometry
+from vsd_analytics.analysis.comparable import HOUR_MS
+from vsd_analytics.analysis.panels import WEEK, Ints
 from vsd_analytics.report.changes import not_compared
 from vsd_analytics.report.model import CameraDay, CameraRecord, Coverage, Outage
-from vsd_analytics.report.weekdata import HOUR_MS, WEEK, Ints, WeekData
+from vsd_analytics.report.weekdata import WeekData
 from vsd_analytics.warehouse.provenance import last_records
 
 

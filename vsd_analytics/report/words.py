@@ -17,10 +17,6 @@ FORBIDDEN: Final = (
     *("\u00b1", "p < "),
 )
 
-NO_IDS: Final = "the engine sends no track ids, so records cannot be joined to violations"
-NO_POSITIONS: Final = "the engine sends no positions"
-NO_FLOOR: Final = "the engine sends pixels and its camera has no calibration"
-
 VERDICT_WORDS: Final[dict[Verdict, str]] = {
     "clear_fall": "Clear fall",
     "clear_rise": "Clear rise",

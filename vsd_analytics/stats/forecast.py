@@ -77,6 +77,7 @@ class Chances:
     Attributes:
         rate: Expected per open hour, shape (168,); NaN where nothing is forecast.
         chance: Probability of at least one in the hour, same shape.
+        n_weeks: Recorded weeks behind each hour, same shape.
         n_recorded_weeks: Weeks with a recorded hour.
         state: "ok" when at least one hour is forecast.
         reason: Words for a person: why not.
@@ -84,6 +85,7 @@ class Chances:
 
     rate: Floats
     chance: Floats
+    n_weeks: Ints
     n_recorded_weeks: int
     state: State
     reason: str | None
@@ -128,10 +130,10 @@ def forecast_week(
     """Forecast the week after the last row.
 
     level_w = what week w counted / what is usual in the hours it recorded; usual week m_s = median over the last
-    `max_weeks` recorded weeks of rate_ws / level_w; forecast m_s exp(0.7 sum_w 2^-age ln level_w / sum_w 2^-age). Range:
-    the outer quantiles of a negative binomial (counts) or a gamma (amounts) with that mean and
-    var = (noise mean / open hours + dispersion mean^2) (1 + pi / (2 k)), noise and dispersion pooled over the hours (see
-    `hour_of_week.spread`), the last factor for the median of k weeks being itself uncertain.
+    `max_weeks` recorded weeks of rate_ws / level_w; forecast m_s exp(0.7 sum_w 2^-age ln level_w / sum_w 2^-age).
+    Range: the outer quantiles of a negative binomial (counts) or a gamma (amounts) with that mean and
+    var = (noise mean / open hours + dispersion mean^2) (1 + pi / (2 k)), noise and dispersion pooled over the hours
+    (see `hour_of_week.spread`), the last factor because the median of k weeks is itself uncertain.
 
     Args:
         n: What was counted, shape (n_weeks, 168), oldest first.
@@ -201,10 +203,11 @@ def chances(
     weeks = as_weeks(n, x_h)
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
     late = weeks.latest(max_weeks)
-    is_told = ((late.x_h > 0).sum(axis=0) >= min_weeks) & (hours > 0)
+    k = (late.x_h > 0).sum(axis=0)
+    is_told = (k >= min_weeks) & (hours > 0)
     nothing = np.full(SLOTS, np.nan)
     if (reason := _why_not(weeks, is_told, min_weeks=min_weeks)) is not None:
-        return Chances(nothing, nothing, weeks.n_recorded, "not_enough_data", reason)
+        return Chances(nothing, nothing, k, weeks.n_recorded, "not_enough_data", reason)
     events, exposure = late.n.sum(axis=0)[is_told], late.x_h.sum(axis=0)[is_told]
     m = float(events.sum() / exposure.sum())
     rate, chance = nothing.copy(), nothing.copy()
@@ -215,7 +218,7 @@ def chances(
         a, b = m * m / prior + events, m / prior + exposure
     rate[is_told] = a / b
     chance[is_told] = -np.expm1(-a * np.log1p(hours[is_told] / b))
-    return Chances(rate, chance, weeks.n_recorded, "ok", None)
+    return Chances(rate, chance, k, weeks.n_recorded, "ok", None)
 
 
 def score_forecast(forecast: WeekForecast, n: npt.ArrayLike, x_h: npt.ArrayLike) -> ForecastScore:

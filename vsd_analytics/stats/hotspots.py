@@ -98,6 +98,7 @@ class Spot:
         label: Its number in `Cells.label`.
         n_cells: Cells it has.
         row, column: Its place: the mean of its cells' indices weighted by their smoothed excess.
+        peak_row, peak_column: Its cell with the greatest smoothed excess.
         q: The least q of its cells.
         rate: Its violations beside those expected.
     """
@@ -107,6 +108,8 @@ class Spot:
     n_cells: int
     row: float
     column: float
+    peak_row: int
+    peak_column: int
     q: float
     rate: PlaceRate
 
@@ -287,6 +290,7 @@ def _spot(label: int, cells: Cells, days: _Days, confidence: float) -> Spot:
     inside = cells.label == label
     rows, columns = np.nonzero(inside)
     weights = (cells.observed - cells.expected)[inside]
+    peak = int(np.argmax(weights))
     rate = _place_rate(days, inside, confidence)
     assert rate is not None  # tested cells have exposure, and violations are expected in them
     return Spot(
@@ -295,6 +299,8 @@ def _spot(label: int, cells: Cells, days: _Days, confidence: float) -> Spot:
         n_cells=len(rows),
         row=float(rows @ weights / weights.sum()),
         column=float(columns @ weights / weights.sum()),
+        peak_row=int(rows[peak]),
+        peak_column=int(columns[peak]),
         q=float(cells.q[inside].min()),
         rate=rate,
     )

@@ -43,7 +43,8 @@ class Weeks:
     @property
     def rate(self) -> Floats:
         """Return counts per recorded hour; NaN where nothing was recorded."""
-        return np.divide(self.n, self.x_h, out=np.full(self.n.shape, np.nan), where=self.x_h > 0)
+        rate: Floats = np.divide(self.n, self.x_h, out=np.full(self.n.shape, np.nan), where=self.x_h > 0)
+        return rate
 
     def latest(self, max_weeks: int) -> Weeks:
         """Return only the last `max_weeks` recorded values of each slot; earlier ones count as not recorded."""
@@ -155,14 +156,12 @@ def as_weeks(n: npt.ArrayLike, x_h: npt.ArrayLike) -> Weeks:
     return Weeks(counts, hours)
 
 
-def recorded_hours(
-    n: npt.ArrayLike, x_h: npt.ArrayLike, open_h: npt.ArrayLike, *, min_share: float
-) -> Weeks:
+def recorded_hours(n: npt.ArrayLike, x_h: npt.ArrayLike, open_h: npt.ArrayLike, *, min_share: float) -> Weeks:
     """Return what all cameras counted together, and in how many hours of all of them.
 
-    A camera that is down takes its people with it, not the site's: hours are weighted by the camera's usual part of the
-    count in that slot, x = sum_c m_c x_c / sum_c m_c with m_c its mean rate there, so that n / x estimates what all would
-    have counted. With all cameras up x is the recorded time.
+    A camera that is down takes its people with it, not the site's: hours are weighted by the camera's usual part of
+    the count in that slot, x = sum_c m_c x_c / sum_c m_c with m_c its mean rate there, so that n / x estimates what all
+    would have counted. With all cameras up x is the recorded time.
 
     Args:
         n: Counts by camera, shape (n_cameras, n_weeks, 168); NaN = not known.
@@ -210,10 +209,10 @@ def usual(weeks: Weeks, *, is_count: bool) -> Floats:
 def spread(weeks: Weeks, *, is_count: bool, min_weeks: int = 2) -> Spread:
     """Return how much an hour differs from week to week, pooled over the slots.
 
-    For counts the noise is 1 and dispersion = sum_s (s2 - mean mean(1/x)) / sum_s (mean^2 - s2 / k) over slots with k >=
-    `min_weeks` recorded weeks, s2 their variance: sums before the ratio, because the ratio of one slot is mostly chance.
-    For measured amounts (people in view) noise and dispersion both come from the slots, by least squares of s2 / mean on
-    1 and mean, neither below 0.
+    For counts the noise is 1 and dispersion = sum_s (s2 - mean mean(1/x)) / sum_s (mean^2 - s2 / k) over slots with
+    k >= `min_weeks` recorded weeks, s2 their variance: sums before the ratio, because the ratio of one slot is mostly
+    chance. For measured amounts (people in view) noise and dispersion both come from the slots, by least squares of
+    s2 / mean on 1 and mean, neither below 0.
 
     Args:
         weeks: Counts and hours.
@@ -252,7 +251,7 @@ def slot_rates(
     """Return the rate of each hour of the week, shrunk by gamma-Poisson empirical Bayes (M13).
 
     Prior gamma(a, b) over the hours: a = m^2 / v, b = m / v, m = sum n / sum x, v the variance between hours beyond
-    chance. rate = (a + n') / (b + x'), limits from the gamma posterior. Events of one hour share its crowd, so an hour's
+    chance. rate = (a + n') / (b + x'), limits from the gamma posterior. Events of one hour share its crowd, so its
     exposure counts for less than it measures: x' = x / (1 + dispersion rate sum x_w^2 / x), n' = n x' / x, with the
     dispersion from week to week. With dispersion 0 it is the plain gamma-Poisson.
 

@@ -69,9 +69,7 @@ def quantile(share: float, *, mean: npt.ArrayLike, dispersion: npt.ArrayLike) ->
 
 def _tail(k: npt.ArrayLike, *, mean: npt.ArrayLike, dispersion: npt.ArrayLike, is_upper: bool) -> Floats:
     """Return P(N > k) or P(N <= k)."""
-    counts, means, spreads = np.broadcast_arrays(
-        *(np.asarray(a, dtype=np.float64) for a in (k, mean, dispersion))
-    )
+    counts, means, spreads = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (k, mean, dispersion)))
     from_k = np.maximum(counts, 0) + 1
     is_poisson = spreads < POISSON_BELOW
     p = 1 / (1 + spreads * means)

@@ -1,4 +1,4 @@
-"""The last weeks side by side: how often and how risky each was, with its interval; gaps where a week is missing (M28)."""
+"""The last weeks side by side: how often and how risky each was, with its interval, and gaps (M28)."""
 
 from __future__ import annotations
 
@@ -57,6 +57,7 @@ def weekly_trend(
     exposure_h: npt.ArrayLike | None,
     open_h: npt.ArrayLike,
     *,
+    coverage: npt.ArrayLike,
     n_weeks: int,
     min_coverage: float = DEFAULTS.min_coverage,
     confidence: float = DEFAULTS.confidence,
@@ -73,6 +74,7 @@ def weekly_trend(
         x_h: Recorded open hours that enter rates, same shape.
         exposure_h: Person-hours, same shape; None = the engine sends no positions.
         open_h: Open hours of each day, shape (7 n_all_weeks,).
+        coverage: Recorded share of the open camera-hours of each week, shape (n_all_weeks,); NaN = closed all week.
         n_weeks: Weeks to tell, the last ones; those before are history only.
         min_coverage: Share of open camera-hours a week needs.
         confidence: Level of the intervals.
@@ -88,30 +90,41 @@ def weekly_trend(
     if counts.shape[-1] % 7 or counts.shape != hours.shape or open_hours.shape != counts.shape[-1:]:
         raise ValueError(f"days must make whole weeks, cameras x days: {counts.shape}, {hours.shape}")
     n_all = counts.shape[-1] // 7
+    shares = np.asarray(coverage, dtype=np.float64)
     weeks: list[WeekLevel] = []
     for w in range(max(n_all - n_weeks, 0), n_all):
         now = slice(7 * w, 7 * w + 7)
-        scheduled = float(open_hours[now].sum()) * len(counts)
-        coverage = float(hours[:, now].sum()) / scheduled if scheduled > 0 else None
-        if coverage is None or coverage < min_coverage or coverage == 0:
-            weeks.append(WeekLevel(None, None, coverage, "not_enough_data", _gap(coverage, min_coverage)))
+        share = None if np.isnan(shares[w]) else float(shares[w])
+        if share is None or share < min_coverage or not hours[:, now].any():
+            weeks.append(WeekLevel(None, None, share, "not_enough_data", _gap(share, min_coverage)))
             continue
         days = np.arange(7 * max(w - HISTORY_WEEKS, 0), 7 * w)
         days = days[(hours[:, days] > 0).any(axis=0) & (open_hours[now] > 0)[days % 7]]
-        weekday = np.arange(7)
-        past = {"weekday": weekday, "history_weekday": days % 7} if len(days) else {}
+        weekday, past_weekday = (np.arange(7), days % 7) if len(days) else (None, None)
         often = how_often(
-            counts[:, now], hours[:, now], confidence=confidence, min_days=min_days,
-            history_n=counts[:, days] if past else None, history_x_h=hours[:, days] if past else None, **past,
-        )  # fmt: skip
+            counts[:, now],
+            hours[:, now],
+            weekday=weekday,
+            history_n=counts[:, days] if len(days) else None,
+            history_x_h=hours[:, days] if len(days) else None,
+            history_weekday=past_weekday,
+            confidence=confidence,
+            min_days=min_days,
+        )
         risky = None
         if people is not None:
             risky = how_risky(
-                counts[:, now].sum(axis=0), people[:, now].sum(axis=0), confidence=confidence, min_days=min_days,
-                min_exposure_h=min_exposure_h, history_n=counts[:, days].sum(axis=0) if past else None,
-                history_exposure_h=people[:, days].sum(axis=0) if past else None, **past,
-            )  # fmt: skip
-        weeks.append(WeekLevel(often, risky, coverage, "ok", None))
+                counts[:, now].sum(axis=0),
+                people[:, now].sum(axis=0),
+                weekday=weekday,
+                history_n=counts[:, days].sum(axis=0) if len(days) else None,
+                history_exposure_h=people[:, days].sum(axis=0) if len(days) else None,
+                history_weekday=past_weekday,
+                confidence=confidence,
+                min_days=min_days,
+                min_exposure_h=min_exposure_h,
+            )
+        weeks.append(WeekLevel(often, risky, share, "ok", None))
     n_told = sum(week.state == "ok" for week in weeks)
     if n_told < MIN_TREND_WEEKS:
         reason = f"a trend needs {MIN_TREND_WEEKS} recorded weeks, has {n_told}"

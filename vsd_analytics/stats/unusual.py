@@ -83,9 +83,9 @@ def unusual_hours(
     """Return the hours of a week whose count is hard to believe beside the same hour of the weeks before.
 
     Usual = median of the last `max_weeks` recorded weeks; p two-sided from a negative binomial with that mean and
-    var = (mean + dispersion mean^2) (1 + pi / (2 k)), dispersion pooled over hours, the last factor for the median of k
-    weeks being itself uncertain; q by Benjamini and Hochberg over the hours of the week. Unusual: q <= `q_max`, at least
-    `min_change` of the usual and `min_difference` violations away from it. An hour without data is never unusual.
+    var = (mean + dispersion mean^2) (1 + pi / (2 k)), dispersion pooled over hours, the last factor because the median
+    of k weeks is itself uncertain; q by Benjamini and Hochberg over the hours of the week. Unusual: q <= `q_max`, at
+    least `min_change` of the usual and `min_difference` violations away from it. An hour without data is never unusual.
 
     Args:
         n: Violations, shape (168,).

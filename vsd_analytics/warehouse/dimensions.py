@@ -61,6 +61,7 @@ _CALENDAR = pa.schema(
         ("is_open", pa.bool_()),
     ]
 )
+_SITE_DAYS = pa.schema([("quarter", pa.int64()), ("site_day", pa.date32())])
 _AREAS = pa.schema(
     [("area_id", pa.string()), ("area_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string())]
 )
@@ -88,6 +89,11 @@ def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
         "full_hour_share": float(s.full_hour_share),
         "partial_hour_share": float(s.partial_hour_share),
         "outage_min_ms": 600_000,
+        "together_mm": round(s.together_m * 1000),
+        "together_share": float(s.together_share),
+        "together_walk_mm": round(s.together_walk_m * 1000),
+        "together_min_ms": 2000,
+        "together_min_records": 3,
     }
 
 
@@ -236,6 +242,19 @@ def calendar(site: Site, first: date, last: date) -> pa.Table:
         opened = is_open(site, day, minute)
         rows.append((quarter, day, local.hour, local.fold, local.isoweekday(), hour_start_ms, offset_min, opened))
     return _table(_CALENDAR, rows)
+
+
+def site_days(site: Site, first: date, last: date) -> pa.Table:
+    """Return the site day of each UTC quarter-hour, for the whole site days that touch local days `first` to `last`.
+
+    A site day starts at `day_starts` local time and ends track ids (`ingest.pseudonyms`); columns quarter, site_day.
+    """
+    zone, starts = site.zone, timedelta(minutes=site.day_starts_min)
+    before = first - timedelta(days=1)
+    quarters = range(_quarter_at(before, site), _quarter_at(last + timedelta(days=2), site))
+    local = [datetime.fromtimestamp(q * 900, tz=zone).replace(tzinfo=None) - starts for q in quarters]
+    found = [(q, at.date()) for q, at in zip(quarters, local, strict=True)]
+    return _table(_SITE_DAYS, [(q, day) for q, day in found if before <= day <= last])
 
 
 def is_open(site: Site, day: date, minute: int) -> bool:

@@ -19,7 +19,7 @@ from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.warehouse import leftovers
 from vsd_analytics.warehouse.build import BuildResult, build, damaged_facts
-from vsd_analytics.warehouse.dimensions import calendar, register_site
+from vsd_analytics.warehouse.dimensions import calendar, register_site, site_days
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     import duckdb
     import pandas as pd
 
-AROUND_H = 12
-"""Hours of facts loaded on either side of a range, so that an episode is stitched whole."""
+AROUND_H = 25
+"""Hours of facts loaded on either side of a range, so that episodes and the site days that touch it are whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,8 @@ class Warehouse:
     """Facts and marts of a range of local days.
 
     Use it as a context manager: no record is removed while it is open. Every relation of `sql/facts` and `sql/marts`,
-    and `calendar`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations`, `params`, can be queried by name.
+    and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations`, `params`, can be queried
+    by name.
 
     Args:
         site: The project.
@@ -99,9 +100,12 @@ class Warehouse:
         register_site(self.con, site, heat_cell_m=heat_cell_m)
         self.con.register("_calendar", calendar(site, first, last))
         self.con.execute("create temp table calendar as select * from _calendar")
+        self.con.register("_site_days", site_days(site, first, last))
+        self.con.execute("create temp table site_days as select * from _site_days")
         self._facts(hours[0], hours[1])
         for relation in relations("marts").values():
             self.con.execute(f"create temp view {relation.name} as {relation.sql}")
+        self.keep("track_groups")
 
     def __enter__(self) -> Warehouse:
         return self
@@ -199,6 +203,7 @@ _EMPTY_TYPES = {
     "calibration_id": "null::varchar",
     "track_a": "null::varchar",
     "track_b": "null::varchar",
+    "track_id": "null::varchar",
     "is_inferred": "null::boolean",
     "is_owned": "null::boolean",
     "is_derived": "null::boolean",

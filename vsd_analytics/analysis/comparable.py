@@ -1,4 +1,4 @@
-"""Which cameras may be compared over two weeks: those whose facts were measured alike in both."""
+"""Which cameras may be compared over a range: those whose facts were measured alike all the time."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from statistics import median
 
 from vsd_analytics.site import Camera, Floor
-from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.build import hour_needs
 from vsd_analytics.warehouse.dimensions import calibration_spans, owner_spans
 from vsd_analytics.warehouse.warehouse import Warehouse
 
+HOUR_MS = 3_600_000
 DAY_MS = 24 * HOUR_MS
 INTERVAL_TOLERANCE = 0.1
 """Frame intervals that differ by more than this share are told: a violation is a whole number of frames."""

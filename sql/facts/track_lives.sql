@@ -1,0 +1,123 @@
+-- name: facts/track_lives
+-- One row per track and UTC hour it was seen in: how much of it was seen, and whether another track goes on where it ends.
+-- grain: hour, camera_id, track_id
+-- reads: located, camera_days
+-- columns:
+--   hour           UTC hour number
+--   camera_id
+--   track_id
+--   n_records      person records, also those another camera counts
+--   first_ms       first of them, milliseconds since 1970, UTC
+--   last_ms        last of them
+--   exposure_ms    person-milliseconds: sum of their weights
+--   n_ends         1 where the track ends in this hour at a known place, else 0
+--   n_goes_on      other tracks that begin within reach of its end and after it
+--   n_came_before  other tracks that began within reach of its end and before it: so many do by chance
+-- assumes: reach is 1.5 frame intervals, from 1 to 10 s, and 0.5 m plus 1 m for each second of it; a track seen again by then has not ended
+with lives as (
+    select
+        cast(floor(ts_ms / 3600000) as bigint) as hour,
+        camera_id,
+        track_id,
+        count(*) as n_records,
+        min(ts_ms) as first_ms,
+        max(ts_ms) as last_ms,
+        cast(sum(weight_ms) as bigint) as exposure_ms,
+        min_by(x_mm, ts_ms) filter (where x_mm is not null) as first_x_mm,
+        min_by(y_mm, ts_ms) filter (where x_mm is not null) as first_y_mm,
+        max_by(x_mm, ts_ms) filter (where x_mm is not null) as last_x_mm,
+        max_by(y_mm, ts_ms) filter (where x_mm is not null) as last_y_mm
+    from located
+    where track_id is not null
+    group by cast(floor(ts_ms / 3600000) as bigint), camera_id, track_id
+),
+
+reaching as (
+    select
+        l.hour,
+        l.camera_id,
+        l.track_id,
+        l.first_ms,
+        l.last_ms,
+        l.first_x_mm,
+        l.first_y_mm,
+        l.last_x_mm,
+        l.last_y_mm,
+        l.first_ms - lag(l.last_ms) over (partition by l.camera_id, l.track_id order by l.hour) as since_ms,
+        lead(l.first_ms) over (partition by l.camera_id, l.track_id order by l.hour) - l.last_ms as until_ms,
+        greatest(1000, least(10000, cast(floor(3 * d.interval_ms / 2) as bigint))) as reach_ms
+    from lives as l
+    inner join camera_days as d on l.camera_id = d.camera_id and cast(floor(l.hour / 24) as bigint) = d.utc_day
+),
+
+-- spans of 10 s: what is within reach of an end lies in its span or in one beside it
+spans as (
+    select -1 as beside
+    union all
+    select 0 as beside
+    union all
+    select 1 as beside
+),
+
+ends as (
+    select
+        r.hour,
+        r.camera_id,
+        r.track_id,
+        r.last_ms,
+        r.last_x_mm,
+        r.last_y_mm,
+        r.reach_ms,
+        500 + r.reach_ms as reach_mm,
+        cast(floor(r.last_ms / 10000) as bigint) + spans.beside as span
+    from reaching as r
+    cross join spans
+    where r.last_x_mm is not null and (r.until_ms is null or r.until_ms > r.reach_ms)
+),
+
+starts as (
+    select
+        camera_id,
+        track_id,
+        first_ms,
+        first_x_mm,
+        first_y_mm,
+        cast(floor(first_ms / 10000) as bigint) as span
+    from reaching
+    where first_x_mm is not null and (since_ms is null or since_ms > reach_ms)
+),
+
+ended as (
+    select
+        e.hour,
+        e.camera_id,
+        e.track_id,
+        count(*) filter (where s.first_ms > e.last_ms) as n_goes_on,
+        count(*) filter (where s.first_ms < e.last_ms) as n_came_before
+    from ends as e
+    left join starts as s
+        on
+            e.camera_id = s.camera_id
+            and e.span = s.span
+            and e.track_id <> s.track_id
+            and s.first_ms between e.last_ms - e.reach_ms and e.last_ms + e.reach_ms
+            and cast(s.first_x_mm - e.last_x_mm as bigint) * (s.first_x_mm - e.last_x_mm)
+            + cast(s.first_y_mm - e.last_y_mm as bigint) * (s.first_y_mm - e.last_y_mm)
+            <= e.reach_mm * e.reach_mm
+    group by e.hour, e.camera_id, e.track_id
+)
+
+select
+    l.hour,
+    l.camera_id,
+    l.track_id,
+    l.n_records,
+    l.first_ms,
+    l.last_ms,
+    l.exposure_ms,
+    case when e.hour is null then 0 else 1 end as n_ends,
+    coalesce(e.n_goes_on, 0) as n_goes_on,
+    coalesce(e.n_came_before, 0) as n_came_before
+from lives as l
+left join ended as e on l.hour = e.hour and l.camera_id = e.camera_id and l.track_id = e.track_id
+order by l.hour, l.camera_id, l.track_id

@@ -1,0 +1,97 @@
+-- name: marts/track_groups
+-- One row per track and site day: the group it moves with. Groups are the connected components of pairs that move together.
+-- grain: camera_id, site_day, track_id
+-- reads: track_days, pair_days
+-- columns:
+--   camera_id
+--   site_day   day in the site's zone that starts at day_starts; track ids end with it
+--   track_id
+--   group_id   the least track id of the group; null for who moves with nobody
+--   n_members  tracks of the group; 1 for who moves with nobody
+-- assumes: who moves together with the same person moves together
+with recursive edges as (
+    select
+        camera_id,
+        site_day,
+        track_a as track_id,
+        track_b as other_id
+    from pair_days
+    where moves_together
+    union all
+    select
+        camera_id,
+        site_day,
+        track_b as track_id,
+        track_a as other_id
+    from pair_days
+    where moves_together
+),
+
+-- every lesser id of the component reaches a track; on the way from the least one all ids are greater than it
+reached as (
+    select
+        camera_id,
+        site_day,
+        track_id,
+        other_id as lesser_id
+    from edges
+    where other_id < track_id
+    union
+    select
+        edges.camera_id,
+        edges.site_day,
+        edges.track_id,
+        reached.lesser_id
+    from reached
+    inner join edges
+        on
+            reached.camera_id = edges.camera_id
+            and reached.site_day = edges.site_day
+            and reached.track_id = edges.other_id
+    where reached.lesser_id < edges.track_id
+),
+
+labels as (
+    select
+        camera_id,
+        site_day,
+        track_id,
+        min(lesser_id) as group_id
+    from reached
+    group by camera_id, site_day, track_id
+    union all
+    select
+        camera_id,
+        site_day,
+        track_id,
+        track_id as group_id
+    from edges
+    group by camera_id, site_day, track_id
+),
+
+members as (
+    select
+        camera_id,
+        site_day,
+        track_id,
+        min(group_id) as group_id
+    from labels
+    group by camera_id, site_day, track_id
+)
+
+select
+    track_days.camera_id,
+    track_days.site_day,
+    track_days.track_id,
+    members.group_id,
+    case
+        when members.group_id is null then 1
+        else count(*) over (partition by track_days.camera_id, track_days.site_day, members.group_id)
+    end as n_members
+from track_days
+left join members
+    on
+        track_days.camera_id = members.camera_id
+        and track_days.site_day = members.site_day
+        and track_days.track_id = members.track_id
+order by track_days.site_day, track_days.camera_id, track_days.track_id

@@ -1,0 +1,150 @@
+"""`vsd hotspots`: where a person-hour is riskier than elsewhere on the floor."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.ranges import range_options, resolve, warehouse_of
+from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project, plain, render_error
+from vsd_analytics.errors import UsageError, VsdError
+
+if TYPE_CHECKING:
+    from vsd_analytics.analysis.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
+
+
+@click.command()
+@range_options
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["text", "json", "geojson", "csv"]),
+    default="text",
+    show_default=True,
+    help="GeoJSON has outlines in floor metres.",
+)
+@click.option("--out", metavar="FILE", help="Write here; default: standard output.")
+@click.option("--cells", "with_cells", is_flag=True, help="JSON: add every tested cell.")
+@click.option("--share", is_flag=True, help="Hold back small counts: for a table that leaves your hands.")
+@json_option
+@pass_project
+def hotspots(
+    project: Project,
+    week: str | None,
+    days: str | None,
+    floor_id: str | None,
+    kind: str,
+    out: str | None,
+    with_cells: bool,
+    share: bool,
+    as_json: bool,
+) -> None:
+    """Print the places where a person-hour is clearly riskier than elsewhere on the floor, and since when.
+
+    Looks at the 28 days that end with the week or range (setting hotspot_days). Busy places are no hotspots by being
+    busy; chance and days that differ are allowed for. Places are ranked by the violations above the floor's rate: what
+    could be saved. Compared with the 28 days a week earlier, a hotspot is new or persisting; what stands out no more is
+    listed below.
+
+    \b
+    Example:
+      vsd hotspots --week last
+      vsd hotspots --week last --format geojson --out hotspots.geojson
+    """
+    from vsd_analytics.analysis import hotspots as analysis
+    from vsd_analytics.analysis import spot_export
+
+    floors = [f.floor_id for f in project.site.floors]
+    if (floor_id is None and len(floors) > 1) or (floor_id is not None and floor_id not in floors):
+        raise UsageError(f"which floor? This site has {', '.join(floors)}", mend=f"--floor {floors[0]}")
+    _, until = resolve(project, week=week, days=days)
+    first, _ = analysis.days_needed(project.site, until)
+    with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:
+        warehouse.keep("episodes", "violations")
+        found = analysis.hotspots(warehouse, floor_id=floor_id, until=until)
+        rules = [run.told(warehouse.site) for run in warehouse.other_rules()]
+    if share:
+        found = spot_export.without_small(found, below=int(project.site.settings.mask_below))
+    kind = "json" if as_json else kind
+    if kind == "json":
+        told = spot_export.as_dict(found, with_cells=with_cells)
+        told["notes"] += rules
+        if out is None:
+            emit_json(told)
+            return
+        text = json.dumps(told, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    elif kind == "geojson":
+        text = json.dumps(spot_export.as_geojson(found), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+    elif kind == "csv":
+        text = _csv([spot_export.spot_row(s) for s in found.spots], spot_export.COLUMNS)
+    else:
+        text = plain(_text(found)) + "\n"
+    if kind != "json":
+        for note in rules:
+            click.echo(render_error(VsdError(note, code="W310"), word="warning"), err=True)
+    if kind in ("geojson", "csv") and found.reason is not None:
+        project.say(f"no hotspots: {found.reason}")
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    from pathlib import Path
+
+    Path(out).write_text(text, encoding="utf-8")
+    project.say(f"wrote {out}")
+
+
+def _csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
+    """Return CSV in which no text is a formula to a spreadsheet and no control character is left."""
+    from vsd_analytics.report.twins import safe_cell
+
+    made = io.StringIO()
+    writer = csv.writer(made, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow(["" if v is None else safe_cell(plain(v)) if isinstance(v, str) else v for v in row.values()])
+    return made.getvalue()
+
+
+def _text(found: FloorHotspots) -> str:
+    counted = "" if found.n is None else f", {found.n:,} violations in {found.exposure_h or 0:,.0f} person-hours"
+    lines = [f"{found.floor_name}, {found.first} to {found.last}: {found.n_days} days recorded{counted}", ""]
+    if found.state != "ok":
+        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
+        lines.append(f"{word}: {found.reason}")
+    elif not found.spots:
+        lines.append("no place stands out beyond chance")
+    else:
+        rows = [("No", "place", "times the floor's rate", "above it a week", "since"), *map(_row, found.spots)]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    if found.resolved:
+        lines += ["", f"standing out no more, against the days to {found.compared_with}:", *map(_gone, found.resolved)]
+    return "\n".join([*lines, *(f"note: {note}" for note in found.notes)])
+
+
+def _row(spot: FloorSpot) -> tuple[str, ...]:
+    between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
+    above = (
+        "" if spot.excess_lo is None or spot.excess_hi is None else f" ({spot.excess_lo:,.0f} to {spot.excess_hi:,.0f})"
+    )
+    since = {"new": "new", None: "first look"}.get(
+        spot.state, f"{spot.since}{' or earlier' if spot.is_since_first else ''}"
+    )
+    return f"{spot.number:>2}", _place(spot), f"{spot.ratio:.1f}{between}", f"{spot.excess_per_week:,.0f}{above}", since
+
+
+def _gone(spot: ResolvedSpot) -> str:
+    between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
+    now = "nobody was there" if spot.ratio is None else f"now {spot.ratio:.1f} times{between}"
+    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times the floor's rate, {now}"
+
+
+def _place(spot: FloorSpot | ResolvedSpot) -> str:
+    place = spot.place
+    near = "" if place.nearest_name is None else f", {place.nearest_m:.0f} m from {place.nearest_name}"
+    return plain(f"{place.name}{near}").replace("\n", " ")
