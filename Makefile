@@ -24,6 +24,7 @@ lint: $(VENV)/.installed-test
 
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
+	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --shops 10
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/retention/prove_purge_crashes.py
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000

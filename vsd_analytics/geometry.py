@@ -1,16 +1,15 @@
-"""What cameras see of a floor, and which one owns a cell that several see.
+"""What cameras see of a floor; which of them counts where several do is in `vsd_analytics.ownership`.
 
 The maps themselves are in `vsd_analytics.homography` and can be had from here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from vsd_analytics.homography import (
     Array,
@@ -32,11 +31,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Bounds",
     "Fit",
-    "OwnerCell",
     "fit_homography",
     "ground_resolution",
     "ground_sign",
-    "owner_cells",
     "plan_bounds",
     "seen_floor",
     "to_floor",
@@ -53,23 +50,6 @@ VIEW_REACH_M = 30.0
 
 NEAREST_TO_FARTHEST = 1000.0
 """Depth ratio at which the view is cut off before it reaches the horizon."""
-
-VOTE_CELLS = 5
-"""Side of the square of cells that vote on the owner of their middle."""
-
-
-class OwnerCell(NamedTuple):
-    """A cell that several cameras see, and the one that counts there.
-
-    Attributes:
-        camera_id: The camera that counts.
-        cx: floor(x / cell_m).
-        cy: floor(y / cell_m).
-    """
-
-    camera_id: str
-    cx: int
-    cy: int
 
 
 def plan_bounds(floor: Floor) -> Bounds | None:
@@ -163,76 +143,6 @@ def unseen(floor: Floor, *, cameras: Iterable[Camera], bounds: Bounds) -> list[P
         return None
     rest = shapely.box(*bounds).difference(shapely.union_all(known))
     return [part for part in shapely.get_parts(rest) if part.geom_type == "Polygon" and part.area > 0]
-
-
-def owner_cells(cameras: Iterable[Camera], *, cell_m: float, floor: Floor | None = None) -> list[OwnerCell]:
-    """Return which camera counts in each floor cell that two or more cameras see.
-
-    It is the camera that shows the middle of the cell finest (`ground_resolution`; a camera without homography comes
-    last, nearest view first), then the majority among the cells around it, so that borders are not ragged.
-
-    Args:
-        cameras: Cameras of the site, each with the latest of its calibrations. Those whose view is unknown take no
-            part.
-        cell_m: Side of a cell in metres.
-        floor: Only this floor; None = all floors, one after the other.
-
-    Returns:
-        One row per cell and floor, by cx and cy; cells in one view only are not listed.
-    """
-    by_floor: dict[str, list[tuple[Camera, Polygon]]] = {}
-    for camera in cameras:
-        view = view_polygon(camera, calibration=_latest(camera))
-        if view is not None and not view.is_empty and (floor is None or camera.floor_id == floor.floor_id):
-            by_floor.setdefault(camera.floor_id, []).append((camera, view))
-    return [cell for seen in by_floor.values() if len(seen) > 1 for cell in _owners(seen, cell_m=cell_m)]
-
-
-def _owners(seen: Sequence[tuple[Camera, Polygon]], *, cell_m: float) -> list[OwnerCell]:
-    """Return the owners of the cells of one floor that two or more of its cameras see."""
-    import shapely
-
-    views = [view for _, view in seen]
-    overlaps = [one.intersection(other).bounds for one, other in combinations(views, 2) if one.intersects(other)]
-    if not overlaps:
-        return []
-    low = np.floor(np.min(overlaps, axis=0)[:2] / cell_m).astype(np.int64)
-    high = np.floor(np.max(overlaps, axis=0)[2:] / cell_m).astype(np.int64) + 1
-    cx, cy = (
-        grid.ravel() for grid in np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]), indexing="ij")
-    )
-    middles = np.column_stack((cx + 0.5, cy + 0.5)) * cell_m
-    finest = np.full((len(seen), len(cx)), np.nan)
-    for row, (camera, view) in enumerate(seen):
-        inside = shapely.contains_xy(view, middles[:, 0], middles[:, 1])
-        finest[row, inside] = _fineness(camera, view, middles[inside])
-    shared = np.sum(~np.isnan(finest), axis=0) > 1
-    scores = np.where(np.isnan(finest), -np.inf, finest)
-    chosen = np.where(shared, np.argmax(scores, axis=0), -1)
-    votes = _votes(chosen.reshape(high - low), len(seen)).reshape(len(seen), -1).astype(np.float64)
-    votes[np.isnan(finest)] = -1.0  # a camera owns only what it sees
-    votes[chosen, np.arange(len(chosen))] += 0.5  # a tie leaves the finest camera in place
-    winner = np.argmax(votes, axis=0)
-    rows = zip(winner[shared].tolist(), cx[shared].tolist(), cy[shared].tolist(), strict=True)
-    return [OwnerCell(seen[i][0].camera_id, x, y) for i, x, y in rows]
-
-
-def _fineness(camera: Camera, view: Polygon, xy: Array) -> Array:
-    """Return pixels per metre; without a homography a negative number, the greater the nearer to the view's middle."""
-    calibration = _latest(camera)
-    if calibration is None:
-        middle = view.centroid
-        return np.asarray(-1.0 - np.hypot(xy[:, 0] - middle.x, xy[:, 1] - middle.y))
-    fineness = ground_resolution(calibration.homography, xy, picture_px=camera.picture_px)
-    return np.where(np.isnan(fineness), 0.0, fineness)
-
-
-def _votes(chosen: NDArray[np.int64], n_cameras: int) -> NDArray[np.int64]:
-    """Return, per camera, how many cells of the `VOTE_CELLS` square around each cell chose it."""
-    from scipy.ndimage import convolve
-
-    square = np.ones((VOTE_CELLS, VOTE_CELLS), dtype=np.int64)
-    return np.stack([convolve((chosen == i).astype(np.int64), square, mode="constant") for i in range(n_cameras)])
 
 
 def _latest(camera: Camera) -> Calibration | None:

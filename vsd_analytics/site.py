@@ -178,6 +178,21 @@ class Broker:
 
 
 @dataclass(frozen=True, slots=True)
+class EngineError:
+    """How good the site's engine is, by the site's own account: from its data sheet or a check by hand.
+
+    Attributes:
+        precision: Share of its violation records that are true, above 0 to 1; None = not known.
+        recall: Share of the true violation records that it gives, above 0 to 1; None = not known.
+        distance_sd_m: Standard deviation of a distance it measures, near the legal one; None = not known.
+    """
+
+    precision: float | None = None
+    recall: float | None = None
+    distance_sd_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Site:
     """Everything `vsd.toml` and its neighbours say.
 
@@ -194,6 +209,7 @@ class Site:
         broker: `[mqtt]`; None = no live source.
         alarms: `[[alarm]]`, in the order of the file.
         alarm_delivery: `[alarms]`.
+        engine: `[engine]`; None = nothing is known of the engine's error.
         ingest_map: `[ingest.map]`, ours to theirs.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """
@@ -211,6 +227,7 @@ class Site:
     broker: Broker | None = None
     alarms: tuple[AlarmRule, ...] = ()
     alarm_delivery: AlarmDelivery = field(default_factory=AlarmDelivery)
+    engine: EngineError | None = None
     settings: Settings = field(default_factory=Settings)
     ingest_map: dict[str, str] = field(default_factory=dict)
     setting_sources: dict[str, str] = field(default_factory=dict)

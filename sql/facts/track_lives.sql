@@ -5,7 +5,7 @@
 -- columns:
 --   hour           UTC hour number
 --   camera_id
---   track_id
+--   track_id       pseudonym of the engine's track number, of one site day
 --   n_records      person records, also those another camera counts
 --   first_ms       first of them, milliseconds since 1970, UTC
 --   last_ms        last of them

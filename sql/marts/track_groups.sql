@@ -5,26 +5,34 @@
 -- columns:
 --   camera_id
 --   site_day   day in the site's zone that starts at day_starts; track ids end with it
---   track_id
+--   track_id   pseudonym of the engine's track number, of one site day
 --   group_id   the least track id of the group; null for who moves with nobody
 --   n_members  tracks of the group; 1 for who moves with nobody
 -- assumes: who moves together with the same person moves together
-with recursive edges as (
+with recursive found as materialized (
+    select
+        camera_id,
+        site_day,
+        track_a,
+        track_b
+    from pair_days
+    where moves_together
+),
+
+edges as materialized (
     select
         camera_id,
         site_day,
         track_a as track_id,
         track_b as other_id
-    from pair_days
-    where moves_together
+    from found
     union all
     select
         camera_id,
         site_day,
         track_b as track_id,
         track_a as other_id
-    from pair_days
-    where moves_together
+    from found
 ),
 
 -- every lesser id of the component reaches a track; on the way from the least one all ids are greater than it

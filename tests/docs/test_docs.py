@@ -61,7 +61,7 @@ def test_commands_on_a_page_exist_with_their_options(page: Path) -> None:
 def test_pages_are_searched_for_commands() -> None:
     assert sum(len(commands(page)) for page in PAGES) > 50
     with pytest.raises(click.UsageError):
-        parse(["vsd", "forecast"])
+        parse(["vsd", "prophesy"])
     with pytest.raises(click.UsageError):
         parse(["vsd", "hours", "--loud"])
 

@@ -87,10 +87,10 @@ def test_every_number_of_the_demos_page_is_in_its_twin(report: WeekReport) -> No
 
 def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site) -> None:
     """Saturday from 12:00 to 13:00, from the engine's own files, with plain numpy."""
-    from vsd_analytics import geometry
+    from vsd_analytics import ownership
     from vsd_analytics.warehouse.warehouse import open_warehouse
 
-    owners = {(c.cx, c.cy): c.camera_id for c in geometry.owner_cells(site.cameras, cell_m=0.5, floor=site.floors[0])}
+    owners = {(c.cx, c.cy): c.camera_id for c in ownership.owner_cells(site.cameras, cell_m=0.5, floor=site.floors[0])}
     start = datetime(2026, 11, 14, 11, tzinfo=UTC)
     by_hand = Counter({c.camera_id: 0 for c in site.cameras})
     for camera in site.cameras:

@@ -44,7 +44,7 @@ def _body(relation: Relation) -> str:
 
 
 def _ctes(body: str) -> set[str]:
-    return set(re.findall(r"(?:\bwith|\),)\s+(?:recursive\s+)?(\w+) as \(", body))
+    return set(re.findall(r"(?:\bwith|\),)\s+(?:recursive\s+)?(\w+) as (?:materialized )?\(", body))
 
 
 @by_name

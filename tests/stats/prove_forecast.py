@@ -51,12 +51,14 @@ class World:
     Attributes:
         name: In words.
         people: Mean number in view where the profile is 1.
+        violations: Mean number per hour there.
         day_sd, hour_sd: Standard deviation of the factors of a day and an hour.
         is_calm: No growth, season, wandering weeks or school holidays.
     """
 
     name: str
     people: float = 20.0
+    violations: float = 40.0
     day_sd: float = 0.15
     hour_sd: float = 0.10
     is_calm: bool = False
@@ -70,7 +72,7 @@ class World:
             mean = self.people * PROFILE * (1.0 if self.is_calm else self._drift((start + w) % 52, w / 52, level))
             mean = mean * self._factors(rng)
             people[w] = rng.poisson(4 * mean) / 4
-            violations[w] = rng.poisson(3 * (mean / 20) ** 1.4 * rng.gamma(25, 1 / 25, (7, 24)))
+            violations[w] = rng.poisson(self.violations * (mean / self.people) ** 1.4 * rng.gamma(25, 1 / 25, (7, 24)))
             missing = ~OPEN | (rng.random((7, 1)) < 9 / 365) | (rng.random((7, 24)) < 0.02)
             if rng.random() < 0.04:
                 day = int(rng.integers(5))
@@ -95,13 +97,22 @@ WORLDS = (
     World("shop"),
     World("shop, day sd .25", day_sd=0.25, hour_sd=0.20),
     World("shop without drift", is_calm=True),
-    World("quiet shop", people=6.0),
+    World("small shop", people=6.0, violations=6.0),
+    World("quiet shop", people=2.0, violations=0.5),
 )
 
 
 def counted(rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return counts and recorded hours of rates with NaN where nothing was recorded."""
     return np.nan_to_num(rates), (~np.isnan(rates)).astype(float)
+
+
+def nanmedian(values: np.ndarray) -> np.ndarray:
+    """Return the median of each column, NaN where nothing is known."""
+    known = ~np.isnan(values).all(axis=0)
+    found = np.full(values.shape[1], np.nan)
+    found[known] = np.nanmedian(values[:, known], axis=0)
+    return found
 
 
 def run_forecasts(seed: int, *, world: World, which: int) -> list[dict[str, float]]:
@@ -115,8 +126,7 @@ def run_forecasts(seed: int, *, world: World, which: int) -> list[dict[str, floa
         score = score_forecast(made, *now)
         if score.state != "ok" or score.mase is None or score.mase_naive is None:
             continue
-        with np.errstate(invalid="ignore"):
-            median = np.nanmedian(np.where(x_h > 0, n, np.nan)[-8:], axis=0)
+        median = nanmedian(np.where(x_h > 0, n, np.nan)[-8:])
         plain = score_forecast(replace(made, mean=np.where(np.isnan(made.mean), np.nan, median)), *now)
         happened = float(np.nansum(year[origin]))
         both = {"": score, "median ": plain}
@@ -129,10 +139,10 @@ def run_forecasts(seed: int, *, world: World, which: int) -> list[dict[str, floa
 
 
 def run_chances(seed: int, *, world: World) -> list[dict[str, float]]:
-    """Return log and Brier scores of P(at least one) of a rare event, beside a Poisson mean of 8 weeks and last week."""
+    """Return log and Brier scores of P(at least one) of a rare event, beside a mean of 8 weeks and last week."""
     rng = np.random.default_rng(seed)
     people, _ = world.draw(rng)
-    rare = np.where(np.isnan(people), np.nan, rng.poisson(0.25 * (np.nan_to_num(people) / 20) ** 2))
+    rare = np.where(np.isnan(people), np.nan, rng.poisson(0.25 * (np.nan_to_num(people) / world.people) ** 2))
     found = []
     for origin in range(8, WEEKS):
         n, x_h = counted(rare[origin - 8 : origin])
@@ -140,8 +150,8 @@ def run_chances(seed: int, *, world: World) -> list[dict[str, float]]:
         told = ~np.isnan(made.chance) & ~np.isnan(rare[origin])
         happened = rare[origin][told] > 0
         mean = 1 - np.exp(-n.sum(axis=0)[told] / np.maximum(x_h.sum(axis=0)[told], 1))
-        for name, p in (("EB", made.chance[told]), ("mean", mean), ("last", (n[-1][told] > 0).astype(float))):
-            p = np.clip(p, 0.01, 0.99)
+        for name, told_p in (("EB", made.chance[told]), ("mean", mean), ("last", (n[-1][told] > 0).astype(float))):
+            p = np.clip(told_p, 0.01, 0.99)
             log_score = -np.where(happened, np.log(p), np.log(1 - p)).mean()
             found.append({f"log {name}": log_score, f"Brier {name}": float(((p - happened) ** 2).mean())})
     return found
@@ -149,10 +159,11 @@ def run_chances(seed: int, *, world: World) -> list[dict[str, float]]:
 
 def z_flags(now: np.ndarray, before: np.ndarray) -> np.ndarray:
     """Return hours with |z| > 3 on the square root scale, z from mean and sd of the same hour's eight weeks."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        roots = np.sqrt(before)
-        z = (np.sqrt(now) - np.nanmean(roots, axis=0)) / np.nanstd(roots, axis=0, ddof=1)
-        return np.abs(z) > 3
+    roots, flags = np.sqrt(before), np.zeros(len(now), dtype=bool)
+    known = (~np.isnan(before)).sum(axis=0) >= 4
+    middle, sd = np.nanmean(roots[:, known], axis=0), np.nanstd(roots[:, known], axis=0, ddof=1)
+    flags[known] = np.abs(np.sqrt(now[known]) - middle) > 3 * sd
+    return flags
 
 
 def run_unusual(seed: int, *, world: World) -> list[dict[str, float]]:
@@ -166,12 +177,13 @@ def run_unusual(seed: int, *, world: World) -> list[dict[str, float]]:
         row: dict[str, float] = {}
         for planted in (False, True):
             now = year[origin].copy()
-            busy = np.flatnonzero(~np.isnan(now) & (np.nanmean(before, axis=0) >= 5) & (x_h.sum(axis=0) >= 4))
+            mean = n.sum(axis=0) / np.maximum(x_h.sum(axis=0), 1)
+            busy = np.flatnonzero(~np.isnan(now) & (mean >= 5) & (x_h.sum(axis=0) >= 4))
             if planted and not len(busy):
                 continue
             slot = int(rng.choice(busy)) if planted else -1
             if planted:  # three times as many events of the same hour: two more draws of its own mean
-                now[slot] += rng.poisson(2 * np.nanmean(before[:, slot]))
+                now[slot] += rng.poisson(2 * mean[slot])
             told = unusual_hours(*counted(now), before_n=n, before_x_h=x_h, max_shown=168)
             flags = z_flags(now, before)
             if planted:
@@ -187,7 +199,7 @@ def run_profiles(seed: int, *, world: World) -> list[dict[str, float]]:
     """Return how often the 95 % intervals of violations per hour hold the truth, beside Poisson's, four weeks each."""
     rng = np.random.default_rng(seed)
     calm = replace(world, is_calm=True)
-    truth = 3 * (world.people * PROFILE / 20).ravel() ** 1.4
+    truth = world.violations * PROFILE.ravel() ** 1.4
     truth *= np.mean([(calm._factors(rng) ** 1.4).mean() for _ in range(2000)])
     found = []
     for _ in range(10):
@@ -265,7 +277,7 @@ def main() -> None:
         _table("Unusual hours", [*columns, "tripled hour found", "the same, |z| > 3"], unusual())
 
         def profiles() -> Iterator[list[str]]:
-            for world in WORLDS[:2] + WORLDS[3:]:
+            for world in (*WORLDS[:2], *WORLDS[3:]):
                 found = rows(run_profiles, world=world)
                 held = [f"{_mean(found, k):.1%}" for k in ("held", "held naive")]
                 yield [world.name, *held, *(f"{_mean(found, k):.2f}" for k in ("error", "error raw"))]

@@ -143,6 +143,21 @@ def row(world: World, pool: ProcessPoolExecutor, n_floors: int) -> str:
     return f"| {' | '.join([*told, f'{np.mean(usual > 0):.0%}', f'{usual.mean():.0f}'])} |"
 
 
+def two_places(seed: int, gap_m: int) -> tuple[bool, bool]:
+    """Tell whether two planted places side by side are told as two within 1 m, and whether neighbours alone do."""
+    rng = np.random.default_rng([seed, gap_m])
+    world = World(28, 1200.0, 0.25, 2.5)
+    n, x_h, place = draw(world, rng)
+    other = place[0], place[1] + (gap_m if place[1] < COLUMNS / 2 else -gap_m)
+    is_other = (away(other) <= RADIUS_M) & (away(place) > RADIUS_M)
+    n = n + rng.poisson((world.ratio - 1) * world.episodes_per_day / 400 * x_h * is_other)
+    found = hotspots(n, x_h, sigma_cells=1.0)
+    near = [min((np.hypot(s.row - p[0], s.column - p[1]) for s in found.spots), default=np.inf) for p in (place, other)]
+    return len(found.spots) == 2 and max(near) <= 1, ndimage.label(found.cells.is_hot, structure=np.ones((3, 3)))[
+        1
+    ] == 2
+
+
 def shop(seed: int) -> str:
     """Return the row of one made-up shop: four weeks of people who walk, look, wait and queue."""
     from vsd_analytics.simulate import simulate_day, violations
@@ -184,6 +199,12 @@ def main() -> None:
             print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
             for world in WORLDS:
                 print(row(world, pool, arguments.floors), flush=True)
+            print(
+                "\n| metres between two places | told as two, each within 1 m | hot cells fall in two |\n|---|---|---|"
+            )
+            for gap_m in (4, 5, 6):
+                told = list(pool.map(partial(two_places, gap_m=gap_m), range(arguments.floors), chunksize=50))
+                print(f"| {gap_m} | {' | '.join(f'{share:.0%}' for share in np.mean(told, axis=0))} |", flush=True)
         if arguments.shops:
             columns = ["seed", "violations a day", "hotspots", "first is the checkout queue", "its ratio"]
             columns += ["Gi* on counts: cells no riskier than the site"]

@@ -100,7 +100,8 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert dict(result.reasons) == {"calibration changed": len(hours)}
     assert result.facts == facts
     assert facts.keys() == {
-        *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used")
+        *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
+        *("track_lives", "track_pairs"),
     }, "recorded time and running numbers do not depend on where people stood"
 
 
@@ -201,7 +202,7 @@ def test_changed_setting_recomputes_the_facts_that_use_it(root: Path, tmp_path: 
     result, hours, facts = changed(project(root, distance_m=1.5), tmp_path)
     assert hours == set(HOURS)
     assert dict(result.reasons) == {"settings changed": len(HOURS)}
-    assert set(facts) == {"floor_cells", "violation_time", "episode_segments"}
+    assert set(facts) == {"floor_cells", "violation_time", "episode_segments", "track_pairs"}
     assert result.facts == facts
 
 
@@ -231,13 +232,13 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
             "facts/pairs.sql",
             "having count(*) > 40",
             "having count(*) > 41",
-            {"pairs", "violation_time", "episode_segments", "floor_cells"},
+            {"pairs", "violation_time", "episode_segments", "floor_cells", "track_pairs"},
         ),
         (
             "staging/located.sql",
             "left join cameras on p.camera_id = cameras.camera_id",
             "left join cameras on cameras.camera_id = p.camera_id",
-            {"exposure", "pairs", "violation_time", "episode_segments", "floor_cells"},
+            {"exposure", "pairs", "violation_time", "episode_segments", "floor_cells", "track_lives", "track_pairs"},
         ),
     ],
     ids=["a fact nothing reads", "a fact others read", "staging"],

@@ -84,18 +84,22 @@ def has_other_owners(warehouse: Warehouse, floor: Floor, *, first_ms: int, end_m
 
 
 def has_other_rules(warehouse: Warehouse, *, first_ms: int, end_ms: int) -> bool:
-    """Tell whether hours of [first_ms, end_ms) were computed by different SQL or settings.
+    """Tell whether hours of [first_ms, end_ms) were computed by different SQL or settings."""
+    return len(rules_used(warehouse, first_ms=first_ms, end_ms=end_ms)) > 1
 
-    Only hours whose records were purged can differ: their facts stay as they are.
+
+def rules_used(warehouse: Warehouse, *, first_ms: int, end_ms: int) -> frozenset[tuple[str | None, str | None]]:
+    """Return the hashes of SQL and settings by which hours of [first_ms, end_ms) were computed.
+
+    Only hours whose records were purged can have others than today's: their facts stay as they are.
     """
     hours = [h for h in warehouse.built.fingerprints if first_ms <= h * HOUR_MS < end_ms]
     sealed = warehouse.built.sealed.hours
     today = hour_needs(warehouse.site)
-    rules = {
+    return frozenset(
         (sealed[h].causes.get("sql"), sealed[h].causes.get("settings")) if h in sealed else (today.sql, today.settings)
         for h in hours
-    }
-    return len(rules) > 1
+    )
 
 
 def other_intervals(

@@ -26,6 +26,8 @@ COMMANDS: dict[str, str] = {
     "hours": "figures:hours",
     "heatmap": "figures:heatmap",
     "hotspots": "spots:hotspots",
+    "groups": "together:groups",
+    "compare": "comparing:compare",
     "forecast": "outlook:forecast",
     "report": "reports:report",
     "export": "keeping:export",

@@ -91,6 +91,9 @@ def _file_options(command: F) -> F:
             metavar="METRES",
             help="smart-social-distancing: its distance limit.",
         ),
+        click.option(
+            "--per-camera", is_flag=True, help="wildtrack: each view's boxes as a camera of its own, C1 to C7."
+        ),
         click.option("--engine", metavar="NAME", help="Engine name and version, where the files do not say."),
     ]
     for option in reversed(options):
@@ -271,6 +274,8 @@ def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
             raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
     if given["first_frame"] is not None and not abs(given["first_frame"]) < 1e15:
         raise UsageError("--first-frame must be a number of a frame")
+    if given["per_camera"] and given["camera"] is not None:
+        raise UsageError("--per-camera names the cameras C1 to C7 itself", mend="leave out --camera")
     start = None
     if given["start"] is not None:
         start = round(instant(given["start"], zone=project.site.timezone, what="--start").timestamp() * 1000)
@@ -289,6 +294,7 @@ def _options(project: Project, given: dict[str, Any]) -> IngestOptions:
         resolution_px=(int(size[1]), int(size[2])),
         threshold_m=given["threshold_m"],
         engine=given["engine"],
+        per_camera=given["per_camera"],
     )
 
 

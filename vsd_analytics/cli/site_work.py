@@ -189,10 +189,11 @@ def log_add(project: Project, text: str, at: str | None, area: str | None, as_js
 @json_option
 @pass_project
 def log_list(project: Project, as_json: bool) -> None:
-    """List the entries by time.
+    """List the entries by time, with their numbers for vsd compare --change.
 
     \b
     Example:
+      vsd log list
       vsd log list --json
     """
     from vsd_analytics.changelog import entry_dict, read_log
@@ -202,8 +203,8 @@ def log_list(project: Project, as_json: bool) -> None:
     if as_json:
         emit_json({"log": [entry_dict(entry) for entry in entries]})
         return
-    for entry in entries:
-        text = " ".join(plain(entry.text).split())
-        click.echo(f"{entry.at.isoformat(timespec='minutes')}  {plain(entry.area_id or 'whole site')}  {text}")
+    for number, entry in enumerate(entries, start=1):
+        text, area = " ".join(plain(entry.text).split()), plain(entry.area_id or "whole site")
+        click.echo(f"{number:>3}  {entry.at.isoformat(timespec='minutes')}  {area}  {text}")
     if not entries:
         project.say('no entries yet; add one: vsd log add "what was moved" --at 2026-11-11T12:00')

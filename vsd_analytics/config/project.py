@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vsd_analytics.config.engine import read_engine
 from vsd_analytics.config.lines import TomlText, read_toml
 from vsd_analytics.config.live import read_alarms, read_broker, read_delivery
 from vsd_analytics.config.opening import Spans, parse_opening
@@ -119,6 +120,7 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     cameras = read_cameras(root, floors=floors, timezone=timezone)
     areas = read_areas(root, floors=floors)
     broker = read_broker(root)
+    engine = read_engine(root)
     alarms = read_alarms(root, areas=areas, cameras=cameras)
     root.close()
     if mistakes.all or site_id is None or name is None:
@@ -137,6 +139,7 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
         broker=broker,
         alarms=alarms,
         alarm_delivery=delivery,
+        engine=engine,
         settings=Settings().with_values(settings.values),
         ingest_map=ingest_map,
         setting_sources=settings.sources,

@@ -106,6 +106,7 @@ class IngestOptions:
         resolution_px: smart-social-distancing: width and height at which boxes were logged.
         threshold_m: smart-social-distancing: distance under which its pairs were counted.
         engine: Engine name and version to note when the file does not say.
+        per_camera: wildtrack: each view is a camera of its own, instead of the positions fused from all.
     """
 
     format: str | None = None
@@ -125,6 +126,7 @@ class IngestOptions:
     resolution_px: tuple[int, int] = (640, 480)
     threshold_m: float = 1.5
     engine: str | None = None
+    per_camera: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 Seven cameras were fused into one set of positions before they were written, so they enter as one virtual camera and
 nobody is counted twice. Cell n of the 480 x 1440 grid stands at x = -3 + 0.025 (n mod 480), y = -9 + 0.025 (n div 480)
-metres. The image boxes of the single views are not read.
+metres. Or each view is a camera of its own, C1 to C7, and sends the foot points of its boxes in pixels, as engines that
+know nothing of one another would.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ VIDEO_FPS = 10.0
 GRID = (480, 1440)
 GRID_ORIGIN_M = (-3.0, -9.0)
 GRID_STEP_M = 0.025
+VIEWS = tuple(f"C{number}" for number in range(1, 8))
+"""Cameras of the single views, by viewNum."""
+BOX_SIDES = ("xmin", "ymin", "xmax", "ymax")
 MAX_FILE_BYTES = 16 * 1024**2
 
 _FILES = re.compile(r"(?:^|annotations_positions/)(\d{1,9})\.json$")
@@ -33,24 +37,24 @@ _TAR_ENTRY = re.compile(rb"(?:^|/)annotations_positions/(?:\d{1,9}\.json)?\0")
 
 @dataclass(slots=True)
 class _Rows:
-    """Records read and not yet handed over."""
+    """Records read and not yet handed over; places are metres, or pixels of single views."""
 
-    frames: list[tuple[int | None, int, int]] = field(default_factory=list)
-    persons: list[tuple[int | None, int, str, float, float, int]] = field(default_factory=list)
+    is_pixels: bool = False
+    frames: list[tuple[str, int | None, int, int]] = field(default_factory=list)
+    persons: list[tuple[str, int | None, int, str, float, float, int]] = field(default_factory=list)
     rejected: list[Rejected] = field(default_factory=list)
 
-    def batch(self, camera: str) -> RawBatch:
-        ts, counts, lines = _transposed(self.frames, 3)
+    def batch(self) -> RawBatch:
+        camera, ts, counts, lines = _transposed(self.frames, 4)
         frames = raw_table("frames", camera=camera, ts_ms=ts, n_persons=counts, line=lines)
-        ts, person, track, x_m, y_m, lines = _transposed(self.persons, 6)
+        camera, ts, person, track, x, y, lines = _transposed(self.persons, 7)
         observations = raw_table(
             "observations",
             camera=camera,
             ts_ms=ts,
             person=person,
             track=track,
-            x_m=x_m,
-            y_m=y_m,
+            **({"u_px": x, "v_px": y} if self.is_pixels else {"x_m": x, "y_m": y}),
             quality="metric",
             line=lines,
         )
@@ -61,7 +65,10 @@ class Wildtrack:
     """Adapter of WILDTRACK annotation folders and archives."""
 
     name = "wildtrack"
-    coordinates = "floor metres from the grid of 2.5 cm cells; one virtual camera for all views"
+    coordinates = (
+        "floor metres from the grid of 2.5 cm cells, one virtual camera for all views; with --per-camera image pixels, "
+        "foot point = bottom centre of the box, cameras C1 to C7"
+    )
 
     def detects(self, source: Source) -> bool:
         """Tell whether this is a folder of numbered JSON files with positionID, or a tar of annotations_positions/."""
@@ -93,6 +100,10 @@ class Wildtrack:
         (default 10). Every readable file is a heartbeat, also one without people; an unreadable file is quarantined
         and makes no frame. The line of a record is the number of its file in reading order.
 
+        With `options.per_camera` a record is the middle of the lower edge of a box, in the pixels of its view (which it
+        may leave: the picture's edge cuts people off), and each file is a heartbeat of every view. Corners of -1 stand
+        for a view in which the person is not seen.
+
         Raises:
             InputError: E207 without `options.start` or with an impossible frame rate, E204 without annotations, E205
                 and E206 as `vsd_analytics.ingest.archive` says.
@@ -108,7 +119,8 @@ class Wildtrack:
                 why="WILDTRACK files are named by the number of the video frame and carry no times",
                 mend="give the start, for example --start 2026-01-05T09:00:00+01:00 (and --fps if it is not 10)",
             )
-        camera, rows, n_files, damage = options.camera or "wildtrack", _Rows(), 0, None
+        camera, n_files, damage = options.camera or "wildtrack", 0, None
+        rows = _Rows(options.per_camera)
         with members(source, wanted=_FILES) as found:
             try:
                 for n_files, member in enumerate(found, 1):
@@ -121,13 +133,17 @@ class Wildtrack:
                         damage = damage or error
                         continue
                     ts_ms = frame_ms(frame, first=options.first_frame or 0.0, fps=fps, start_ms=options.start)
-                    _take(text, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows)
+                    people = _people(text, file=member.name, line=n_files, rows=rows)
+                    if people is not None and options.per_camera:
+                        _take_views(people, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows)
+                    elif people is not None:
+                        _take_floor(people, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows, camera=camera)
                     if len(rows.persons) + len(rows.frames) + 10 * len(rows.rejected) >= BATCH_ROWS:
-                        yield rows.batch(camera)
-                        rows = _Rows()
+                        yield rows.batch()
+                        rows = _Rows(options.per_camera)
             except InputError as error:
                 damage = damage or error
-            yield rows.batch(camera)
+            yield rows.batch()
         if damage is not None:
             raise damage
         if not n_files:
@@ -139,34 +155,79 @@ class Wildtrack:
             )
 
 
-def _take(text: bytes, *, file: str, line: int, ts_ms: int | None, rows: _Rows) -> None:
-    """Add one file to the rows; a person that cannot be used still counts as seen in its frame."""
+def _people(text: bytes, *, file: str, line: int, rows: _Rows) -> list[Any] | None:
+    """Return the entries of one file; None when it cannot be used, which is then among the rejected."""
     import msgspec
 
     name = file.rpartition("/")[2]
     if len(text) > MAX_FILE_BYTES:
         detail = f"{name} is longer than {MAX_FILE_BYTES:,} bytes"
         rows.rejected.append(rejected(line, reason="file-too-long", detail=detail, record=text))
-        return
+        return None
     try:
         people: Any = msgspec.json.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         rows.rejected.append(rejected(line, reason="bad-json", detail=f"{name} is no JSON: {error}", record=text))
-        return
+        return None
     if not isinstance(people, list):
         detail = f"{name} is no list of people"
         rows.rejected.append(rejected(line, reason="bad-file", detail=detail, record=text))
-        return
-    rows.frames.append((ts_ms, len(people), line))
+        return None
+    return people
+
+
+def _take_floor(people: list[Any], *, file: str, line: int, ts_ms: int | None, rows: _Rows, camera: str) -> None:
+    """Add one file's floor positions; a person that cannot be used still counts as seen in its frame."""
+    rows.frames.append((camera, ts_ms, len(people), line))
     for index, entry in enumerate(people):
-        person, cell = (entry.get("personID"), entry.get("positionID")) if isinstance(entry, dict) else (None, None)
-        if type(person) is int and abs(person) < 1 << 63 and type(cell) is int and 0 <= cell < GRID[0] * GRID[1]:
+        person, cell = _person(entry), entry.get("positionID") if isinstance(entry, dict) else None
+        if person is not None and type(cell) is int and 0 <= cell < GRID[0] * GRID[1]:
             y, x = divmod(cell, GRID[0])
             x_m, y_m = GRID_ORIGIN_M[0] + GRID_STEP_M * x, GRID_ORIGIN_M[1] + GRID_STEP_M * y
-            rows.persons.append((ts_ms, index, str(person), x_m, y_m, line))
+            rows.persons.append((camera, ts_ms, index, person, x_m, y_m, line))
         else:
-            detail = f"person {index + 1} of {name} has no personID or no positionID of the {GRID[0]} x {GRID[1]} grid"
-            rows.rejected.append(rejected(line, reason="bad-position", detail=detail, record=repr(entry)[:500]))
+            wanted = f"no personID or no positionID of the {GRID[0]} x {GRID[1]} grid"
+            _reject(entry, wanted, reason="bad-position", file=file, line=line, index=index, rows=rows)
+
+
+def _take_views(people: list[Any], *, file: str, line: int, ts_ms: int | None, rows: _Rows) -> None:
+    """Add the foot points of one file's boxes, view by view; of a person with a bad one none is taken."""
+    n_seen = [0] * len(VIEWS)
+    for index, entry in enumerate(people):
+        person, boxes = _person(entry), _boxes(entry)
+        if person is None or boxes is None:
+            wanted = f"no personID, or not one box for each of the {len(VIEWS)} views"
+            _reject(entry, wanted, reason="bad-box", file=file, line=line, index=index, rows=rows)
+            continue
+        for view, (left, top, right, bottom) in boxes.items():
+            if (left, top, right, bottom) != (-1, -1, -1, -1):
+                u_px, v_px = (left + right) / 2, float(bottom)
+                rows.persons.append((VIEWS[view], ts_ms, n_seen[view], person, u_px, v_px, line))
+                n_seen[view] += 1
+    rows.frames.extend((camera, ts_ms, n, line) for camera, n in zip(VIEWS, n_seen, strict=True))
+
+
+def _person(entry: Any) -> str | None:
+    person = entry.get("personID") if isinstance(entry, dict) else None
+    return str(person) if type(person) is int and abs(person) < 1 << 63 else None
+
+
+def _boxes(entry: Any) -> dict[int, tuple[int, int, int, int]] | None:
+    """Return the corners of a person's box by view, or None when a view is missing, twice there or unreadable."""
+    views = entry.get("views") if isinstance(entry, dict) else None
+    if not isinstance(views, list) or not all(isinstance(view, dict) for view in views):
+        return None
+    if sorted(str(view.get("viewNum")) for view in views) != [str(number) for number in range(len(VIEWS))]:
+        return None
+    boxes = {int(view["viewNum"]): tuple(view.get(side) for side in BOX_SIDES) for view in views}
+    if not all(type(corner) is int and abs(corner) < 1 << 31 for box in boxes.values() for corner in box):
+        return None
+    return boxes
+
+
+def _reject(entry: Any, wanted: str, *, reason: str, file: str, line: int, index: int, rows: _Rows) -> None:
+    detail = f"person {index + 1} of {file.rpartition('/')[2]} has {wanted}"
+    rows.rejected.append(rejected(line, reason=reason, detail=detail, record=repr(entry)[:500]))
 
 
 def _is_annotation(head: bytes) -> bool:

@@ -141,18 +141,22 @@ def before_after(
     before: Period,
     after: Period,
     *,
+    history: Period | None = None,
     confidence: float = 0.95,
     min_days: int = MIN_DAYS,
     min_events: int = MIN_EVENTS,
+    min_exposure_h: float = 0.0,
 ) -> BeforeAfter:
     """Return the effect of a change on one area, relative to areas that were left alone (formulas: this module).
 
     Args:
         before: Whole weeks before the change; the caller leaves out the days around it.
         after: Whole weeks after it, with the same comparison areas in the same order.
+        history: Days before the change whose trend is told, with the same comparison areas; None = `before`.
         confidence: Confidence level.
         min_days: Days each period needs, on which the changed and a comparison area were recorded.
         min_events: Violations the changed area, and the comparison areas together, need in each period.
+        min_exposure_h: Person-hours the changed area needs in each period.
 
     Returns:
         The effect, or `theta` None with the reason.
@@ -160,20 +164,19 @@ def before_after(
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
-    b, a = _checked(before), _checked(after)
-    if b.comparison_n.shape[0] != a.comparison_n.shape[0]:
-        raise ValueError("both periods must have the same comparison areas")
+    b, a, h = _checked(before), _checked(after), _checked(before if history is None else history)
+    if not b.comparison_n.shape[0] == a.comparison_n.shape[0] == h.comparison_n.shape[0]:
+        raise ValueError("all periods must have the same comparison areas")
     both = (b.comparison_x_h.sum(axis=1) > 0) & (a.comparison_x_h.sum(axis=1) > 0)
-    b, a = _areas(b, both), _areas(a, both)
-    b, a = _recorded(b), _recorded(a)
-    reason = _refusal(b, a, min_days=min_days, min_events=min_events)
+    b, a, h = (_recorded(_areas(p, both)) for p in (b, a, h))
+    reason = _refusal(b, a, min_days=min_days, min_events=min_events, min_exposure_h=min_exposure_h)
     if reason is not None:
         return _result(b, a, reason=reason)
     pairs = _pairs(b.weekday, a.weekday)
     is_paired = pairs is not None
     if pairs is not None:
         b, a = _days(b, pairs[0]), _days(a, pairs[1])
-        reason = _refusal(b, a, min_days=min_days, min_events=min_events)
+        reason = _refusal(b, a, min_days=min_days, min_events=min_events, min_exposure_h=min_exposure_h)
         if reason is not None:
             return _result(b, a, reason=reason)
     log_theta, log_se, df = _effect(b, a, is_paired=is_paired)
@@ -194,7 +197,7 @@ def before_after(
         placebo=placebo,
         placebo_lo=None if placebo_half is None else math.exp(log_theta - placebo_half),
         placebo_hi=None if placebo_half is None else math.exp(log_theta + placebo_half),
-        trend=_trend(b, confidence=confidence),
+        trend=_trend(h, confidence=confidence),
         shrunken=_shrunken(b, a, confidence=confidence),
         verdict=verdict_of(lo, hi),
         state="ok",
@@ -241,12 +244,14 @@ def _recorded(period: Period) -> Period:
     return _days(period, (period.x_h > 0) & (period.comparison_x_h.sum(axis=0) > 0))
 
 
-def _refusal(b: Period, a: Period, *, min_days: int, min_events: int) -> str | None:
+def _refusal(b: Period, a: Period, *, min_days: int, min_events: int, min_exposure_h: float) -> str | None:
     if not b.comparison_n.shape[0]:
         return "there is no comparison area that was recorded before and after"
     for name, period in (("before", b), ("after", a)):
         if len(period.n) < min_days:
             return f"needs at least {min_days} recorded days {name}, has {len(period.n)}"
+        if period.x_h.sum() < min_exposure_h:
+            return f"needs at least {min_exposure_h:g} person-hours in the area {name}, has {period.x_h.sum():.1f}"
         if period.n.sum() < min_events:
             return f"needs at least {min_events} violations in the area {name}, has {period.n.sum():g}"
         if period.comparison_n.sum() < min_events:

@@ -7,9 +7,10 @@ Of the violations n and person-hours x of each day d and floor cell, both smooth
     V = a M + b M^2   (two-term variance function, fitted over cells: what a cell of this size usually varies)
     t = U / sqrt((d0 V + (D-1) s^2) / (d0 + D-1))   on d0 + D-1 degrees of freedom, one-sided.
 
-Cells pass at a false discovery rate (Benjamini & Hochberg 1995) and a least ratio; neighbours (8) that pass are one
-hotspot. Counts alone would find where people are; this finds where a person-hour is riskier. Moderation after Smyth
-(Statistical Applications in Genetics and Molecular Biology 3, 2004). False alarms and power: docs/statistics.md.
+Cells pass at a false discovery rate (Benjamini & Hochberg 1995) and a least ratio. Neighbours (8) that pass are one
+hotspot, unless their excess U falls to half of the lower of two peaks between them: then they are two. Counts alone
+would find where people are; this finds where a person-hour is riskier. Moderation after Smyth (Statistical
+Applications in Genetics and Molecular Biology 3, 2004). False alarms and power: docs/statistics.md.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy.typing as npt
 from scipy import ndimage
 from scipy.special import stdtr
 
+from vsd_analytics.stats.basins import hills
 from vsd_analytics.stats.quantiles import t_quantile
 
 Floats = npt.NDArray[np.float64]
@@ -33,7 +35,8 @@ PRIOR_DF: Final = 10.0
 """Weight of the variance function, in days (d0)."""
 TRUNCATE: Final = 3.0
 """The Gaussian is cut off at this many standard deviations."""
-_NEIGHBOURS: Final = np.ones((3, 3), dtype=np.int64)
+SADDLE_SHARE: Final = 0.5
+"""Two peaks of excess are two hotspots when it falls to this share of the lower one between them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,7 +192,7 @@ def hotspots(
     q[is_tested] = benjamini_hochberg(stdtr(PRIOR_DF + n_days[is_tested] - 1, -t[is_tested]))
     ratio = 1 + _divide(total, expected)
     is_hot = is_tested & (np.nan_to_num(q, nan=1.0) <= q_max) & (ratio >= min_ratio)
-    label = np.asarray(ndimage.label(is_hot, structure=_NEIGHBOURS)[0], dtype=np.int64)
+    label = hills(total, is_hot, saddle_share=SADDLE_SHARE)
     observed, expected, ratio, t = (
         np.where(is_tested, values, np.nan) for values in (total + expected, expected, ratio, t)
     )

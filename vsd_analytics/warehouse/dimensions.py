@@ -19,7 +19,7 @@ from vsd_analytics.site import Calibration, Camera, Floor, Site
 if TYPE_CHECKING:
     import duckdb
 
-    from vsd_analytics.geometry import OwnerCell
+    from vsd_analytics.ownership import OwnerCell
 
 QUARTER_MS = 900_000
 FOREVER_MS = 2**53
@@ -147,7 +147,7 @@ class OwnerSpan:
 def owner_spans(site: Site) -> list[OwnerSpan]:
     """Return the owner cells of each floor by time: a new span starts where a calibration of one of its cameras does.
 
-    In each span every camera stands in the calibration that is in force then (`geometry.owner_cells`).
+    In each span every camera stands in the calibration that is in force then (`ownership.owner_cells`).
     """
     spans = []
     for floor in site.floors:
@@ -162,9 +162,9 @@ def owner_spans(site: Site) -> list[OwnerSpan]:
 
 @lru_cache(maxsize=64)
 def _owner_cells(cameras: tuple[Camera, ...], cell_m: float, floor: Floor) -> tuple[OwnerCell, ...]:
-    from vsd_analytics import geometry
+    from vsd_analytics import ownership
 
-    return tuple(geometry.owner_cells(cameras, cell_m=cell_m, floor=floor))
+    return tuple(ownership.owner_cells(cameras, cell_m=cell_m, floor=floor))
 
 
 def owner_cells(site: Site) -> pa.Table:

@@ -1,0 +1,75 @@
+"""WILDTRACK's seven views as seven cameras: what several see is counted once, in the installed command."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.realdata
+
+FUSED = {"persons": 4_785, "violations": 4_093}
+"""Person records, and pairs nearer than 2 m, of the positions fused from all views."""
+
+NAIVE = {"persons": 19_824, "violations": 16_185}
+"""The same in each view's own pixels through its own calibration, added up."""
+
+FILE = "wildtrack/annotations_positions_0_995.tar.gz"
+DAY = "2026-01-05"
+
+
+def vsd(root: Path, *args: str) -> str:
+    command = [sys.executable, "-c", "from vsd_analytics.cli import main; main()", "-C", str(root), *args]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr + done.stdout
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def matrices(realdata: Callable[[str], Path]) -> dict[str, list[list[float]]]:
+    found: dict[str, list[list[float]]] = json.loads(realdata("wildtrack/H_image_to_ground_m.json").read_text())
+    return found
+
+
+def project(root: Path, matrices: dict[str, list[list[float]]], *, are_on_one_floor: bool) -> Path:
+    """Write a project of seven calibrated cameras: of one floor, or each of its own so that none yields to another."""
+    floors = ["square"] * 7 if are_on_one_floor else [f"floor-{number}" for number in range(7)]
+    lines = ['[site]\nid = "square"\nname = "Square"\ntimezone = "UTC"\n']
+    lines += [f'[[floor]]\nid = "{floor}"\nname = "{floor}"\n' for floor in dict.fromkeys(floors)]
+    root.mkdir()
+    for number, ((name, h), floor) in enumerate(zip(matrices.items(), floors, strict=True)):
+        (root / f"{name}.txt").write_text("\n".join(" ".join(map(repr, row)) for row in h))
+        lines.append(
+            f'[[camera]]\nid = "view-{number}"\nname = "View {number}"\nengine_ids = ["{name}"]\nfloor = "{floor}"\n'
+            f'picture_px = [1920, 1080]\nhomography = "{name}.txt"\n'
+        )
+    (root / "vsd.toml").write_text("\n".join(lines))
+    return root
+
+
+@pytest.fixture(scope="module")
+def counted(
+    realdata: Callable[[str], Path], matrices: dict[str, list[list[float]]], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, dict[str, int]]:
+    """Return person and violation records: merged, and added up over cameras that know nothing of one another."""
+    sums = "select sum(person_records)::int as persons, sum(violation_records)::int as violations from hours"
+    found = {}
+    for how in ("merged", "naive"):
+        root = project(tmp_path_factory.mktemp(how) / "p", matrices, are_on_one_floor=how == "merged")
+        vsd(root, "ingest", str(realdata(FILE)), "--per-camera", "--start", f"{DAY}T09:00:00Z")
+        (found[how],) = json.loads(vsd(root, "sql", sums, "--range", f"{DAY}..{DAY}", "--json"))["rows"]
+    return found
+
+
+def test_the_sum_of_the_cameras_counts_everybody_four_times(counted: dict[str, dict[str, int]]) -> None:
+    print("naive sum of cameras:", counted["naive"])
+    assert {name: pytest.approx(n, rel=0.001) for name, n in NAIVE.items()} == counted["naive"]
+
+
+def test_merged_cameras_give_the_fused_truth_within_five_percent(counted: dict[str, dict[str, int]]) -> None:
+    print("merged:", {name: (n, f"{n / FUSED[name] - 1:+.1%}") for name, n in counted["merged"].items()})
+    assert {name: pytest.approx(n, rel=0.05) for name, n in FUSED.items()} == counted["merged"]

@@ -1,0 +1,60 @@
+"""Weeks side by side: the same figures as a report of each week, gaps where too little was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.trend import weekly_trend
+
+OPEN = np.tile([13.0] * 6 + [8.0], 10)
+
+
+@pytest.fixture
+def world() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(21)
+    x_h = np.tile(OPEN, (2, 1))
+    return rng.poisson(5 * x_h).astype(float), x_h, x_h * rng.gamma(30, 0.1, x_h.shape)
+
+
+def test_each_week_is_what_its_own_report_says(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, exposure_h = world
+    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), n_weeks=4)
+    assert (made.state, len(made.weeks)) == ("ok", 4)
+    now, past = slice(63, 70), slice(28, 63)
+    weekday = np.arange(7)
+    history = {"weekday": weekday, "history_weekday": np.tile(weekday, 5)}
+    often = how_often(n[:, now], x_h[:, now], history_n=n[:, past], history_x_h=x_h[:, past], **history)
+    sums = [a.sum(axis=0) for a in (n, exposure_h)]
+    risky = how_risky(sums[0][now], sums[1][now], history_n=sums[0][past], history_exposure_h=sums[1][past], **history)
+    assert made.weeks[-1].often == often
+    assert made.weeks[-1].risky == risky
+
+
+def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, exposure_h = (a.copy() for a in world)
+    coverage = np.ones(10)
+    coverage[[6, 7, 8]] = 0.4, 0.0, np.nan
+    x_h[:, 49:56] = 0
+    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=coverage, n_weeks=5)
+    assert [w.state for w in made.weeks] == ["ok", *["not_enough_data"] * 3, "ok"]
+    assert [w.often is None for w in made.weeks] == [False, True, True, True, False]
+    assert [w.reason for w in made.weeks[1:4]] == [
+        "40% of the open hours were recorded, a rate needs 60%",
+        "nothing was recorded",
+        "closed all week",
+    ]
+    assert (made.state, made.reason) == ("not_enough_data", "a trend needs 3 recorded weeks, has 2")
+
+
+def test_without_positions_there_is_no_risk_but_how_often(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, _ = world
+    made = weekly_trend(n, x_h, None, OPEN, coverage=np.ones(10), n_weeks=3)
+    assert all(w.risky is None and w.often is not None for w in made.weeks)
+
+
+def test_days_must_make_weeks(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, _ = world
+    with pytest.raises(ValueError, match="whole weeks"):
+        weekly_trend(n[:, :-1], x_h[:, :-1], None, OPEN[:-1], coverage=np.ones(10), n_weeks=3)
