@@ -26,9 +26,13 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --shops 10
 	$(BIN)/python tests/benchmarks/bench_demo.py
+	$(BIN)/python tests/faults/prove_crashes.py
+	$(BIN)/python tests/faults/prove_power_cut.py
+	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
 	$(BIN)/python tests/retention/prove_purge_crashes.py
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
+	$(BIN)/python tests/realdata/prove_cameras.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python -m vsd_analytics.reference docs

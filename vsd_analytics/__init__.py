@@ -22,6 +22,7 @@ _PLACES = {
     "Warehouse": "vsd_analytics.warehouse.warehouse",
     "coverage": "vsd_analytics.warehouse.figures",
     "find_project": "vsd_analytics.config",
+    "forecast": "vsd_analytics.analysis.forecast",
     "groups": "vsd_analytics.analysis.groups",
     "heatmap": "vsd_analytics.warehouse.figures",
     "hotspots": "vsd_analytics.analysis.hotspots",
@@ -30,6 +31,10 @@ _PLACES = {
     "load_site": "vsd_analytics.config",
     "open_warehouse": "vsd_analytics.warehouse.warehouse",
     "render_html": "vsd_analytics.report.render",
+    "threshold_sensitivity": "vsd_analytics.analysis.sensitivity",
+    "trend": "vsd_analytics.analysis.trend",
+    "unusual": "vsd_analytics.analysis.unusual",
+    "week_profile": "vsd_analytics.analysis.hour_of_week",
     "week_report": "vsd_analytics.report.assemble",
 }
 
@@ -41,6 +46,7 @@ __all__ = [
     "__version__",
     "coverage",
     "find_project",
+    "forecast",
     "groups",
     "heatmap",
     "hotspots",
@@ -49,6 +55,10 @@ __all__ = [
     "load_site",
     "open_warehouse",
     "render_html",
+    "threshold_sensitivity",
+    "trend",
+    "unusual",
+    "week_profile",
     "week_report",
 ]
 

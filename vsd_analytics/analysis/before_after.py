@@ -131,7 +131,7 @@ def before_after(
             mend=f"vsd compare --change {number} --area ID",
         )
     area = known_area(site, area_id or str(entry.area_id))
-    windows, why = windows_of(site, entry, weeks=weeks)
+    windows, why = windows_of(warehouse, entry, weeks=weeks)
     if windows is None:
         return _refused(number, entry, area, "not_enough_data", why, None)
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))

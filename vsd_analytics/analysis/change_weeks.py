@@ -11,7 +11,7 @@ from vsd_analytics.analysis.panels import WEEK
 from vsd_analytics.changelog import read_log
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site import Area, LogEntry, Site
-from vsd_analytics.warehouse.warehouse import stored_extent
+from vsd_analytics.warehouse.warehouse import Warehouse, stored_extent
 
 WEEKS: Final = 4
 """Whole weeks looked at on either side."""
@@ -63,15 +63,12 @@ def log_entry(site: Site, number: int) -> LogEntry:
     return entries[number - 1]
 
 
-def windows_of(site: Site, entry: LogEntry, *, weeks: int) -> tuple[Windows | None, str | None]:
-    """Return whole weeks on both sides, as many as are stored and equally many, or why there are none."""
+def windows_of(warehouse: Warehouse, entry: LogEntry, *, weeks: int) -> tuple[Windows | None, str | None]:
+    """Return whole weeks on both sides, as many as are loaded and equally many, or why there are none."""
+    site, first, last = warehouse.site, warehouse.first, warehouse.last
     day, n_out = local_day(site, entry), int(site.settings.washout_days)
     first_out = day - (n_out - 1) // 2 * DAY if n_out else day
     end_before, start_after = first_out - DAY, first_out + n_out * DAY
-    stored = stored_extent(site)
-    if stored is None:
-        return None, "nothing is stored"
-    first, last = stored.first_day, stored.last_day
     n_before, n_after = ((end_before - first).days + 1) // 7, ((last - start_after).days + 1) // 7
     n = min(n_before, n_after, weeks)
     if n < 1:

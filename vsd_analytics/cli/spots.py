@@ -106,7 +106,7 @@ def _csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
     writer = csv.writer(made, lineterminator="\n")
     writer.writerow(columns)
     for row in rows:
-        writer.writerow(["" if v is None else v if isinstance(v, str) else v for v in row.values()])
+        writer.writerow(["" if v is None else safe_cell(plain(v)) if isinstance(v, str) else v for v in row.values()])
     return made.getvalue()
 
 

@@ -1,0 +1,27 @@
+-- name: marts/crowding_hours
+-- One row per camera and local hour in which it counted anybody with a floor position in opening hours.
+-- grain: camera_id, hour_start_ms
+-- reads: crowding, calendar, cameras
+-- columns:
+--   camera_id
+--   floor_id
+--   hour_start_ms     UTC instant the local hour starts
+--   local_date
+--   person_s          person-seconds in opening hours
+--   copresent_pair_s  pair-seconds of any two persons counted by this camera at the same instant
+--   close_pair_s      pair-seconds of two of them closer than distance_m
+-- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+select
+    crowding.camera_id,
+    cameras.floor_id,
+    calendar.hour_start_ms,
+    min(calendar.local_date) as local_date,
+    sum(crowding.person_ms) / 1000.0 as person_s,
+    sum(crowding.copresent_pair_ms) / 1000.0 as copresent_pair_s,
+    sum(crowding.close_pair_ms) / 1000.0 as close_pair_s
+from crowding
+inner join calendar on crowding.quarter = calendar.quarter
+inner join cameras on crowding.camera_id = cameras.camera_id
+where calendar.is_open
+group by crowding.camera_id, cameras.floor_id, calendar.hour_start_ms
+order by calendar.hour_start_ms, crowding.camera_id
