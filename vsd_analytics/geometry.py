@@ -5,7 +5,7 @@ The maps themselves are in `vsd_analytics.homography` and can be had from here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,6 +36,7 @@ __all__ = [
     "ground_sign",
     "plan_bounds",
     "seen_floor",
+    "seen_share",
     "to_floor",
     "to_image",
     "unseen",
@@ -47,6 +48,12 @@ Bounds = tuple[float, float, float, float]
 
 VIEW_REACH_M = 30.0
 """No camera is taken to see farther than this from the nearest floor it sees."""
+
+RANKED_SHARE = 0.8
+"""Least share of the disc of the legal distance around a place that must be seen to rank it by risk."""
+
+DISC_SEGMENTS = 16
+"""Segments of a quarter of such a disc."""
 
 NEAREST_TO_FARTHEST = 1000.0
 """Depth ratio at which the view is cut off before it reaches the horizon."""
@@ -143,6 +150,31 @@ def unseen(floor: Floor, *, cameras: Iterable[Camera], bounds: Bounds) -> list[P
         return None
     rest = shapely.box(*bounds).difference(shapely.union_all(known))
     return [part for part in shapely.get_parts(rest) if part.geom_type == "Polygon" and part.area > 0]
+
+
+def seen_share(xy: ArrayLike, *, views: Sequence[Polygon], radius_m: float, bounds: Bounds | None = None) -> Array:
+    """Return how much of the disc around each point lies in the union of the views.
+
+    At the border of what is seen, neighbours outside are missing, so too few pairs are found: a place of which less
+    than four fifths is seen takes no part in a ranking by risk (`analysis.hotspots.SEEN_SHARE`).
+
+    Args:
+        xy: Points in floor metres, shape (n, 2).
+        views: What the cameras see.
+        radius_m: Radius of the discs, such as the legal distance.
+        bounds: Only the disc's part within counts, such as `plan_bounds`.
+
+    Returns:
+        Share of the disc's area, 0 to 1, shape (n,); 0 where no part of a disc lies within `bounds`.
+    """
+    import shapely
+
+    points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
+    discs = shapely.buffer(shapely.points(points), radius_m, quad_segs=DISC_SEGMENTS)
+    if bounds is not None:
+        discs = shapely.intersection(discs, shapely.box(*bounds))
+    whole, seen = shapely.area(discs), shapely.area(shapely.intersection(discs, shapely.union_all(views)))
+    return np.asarray(np.divide(seen, whole, out=np.zeros(len(points)), where=whole > 0))
 
 
 def _latest(camera: Camera) -> Calibration | None:

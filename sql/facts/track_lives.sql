@@ -11,9 +11,9 @@
 --   last_ms        last of them
 --   exposure_ms    person-milliseconds: sum of their weights
 --   n_ends         1 where the track ends in this hour at a known place, else 0
---   n_goes_on      other tracks that begin within reach of its end and after it
---   n_came_before  other tracks that began within reach of its end and before it: so many do by chance
--- assumes: reach is 1.5 frame intervals, from 1 to 10 s, and 0.5 m plus 1 m for each second of it; a track seen again by then has not ended
+--   n_goes_on      other tracks that begin within reach after its end, where it would have been
+--   n_came_before  other tracks that began within reach before its end, where it was: so many do by chance
+-- assumes: reach is 1.5 frame intervals, 1 to 10 s; "where" is 0.5 m + 0.3 m/s around its mean velocity's way; seen again by then it has not ended
 with lives as (
     select
         cast(floor(ts_ms / 3600000) as bigint) as hour,
@@ -26,7 +26,8 @@ with lives as (
         min_by(x_mm, ts_ms) filter (where x_mm is not null) as first_x_mm,
         min_by(y_mm, ts_ms) filter (where x_mm is not null) as first_y_mm,
         max_by(x_mm, ts_ms) filter (where x_mm is not null) as last_x_mm,
-        max_by(y_mm, ts_ms) filter (where x_mm is not null) as last_y_mm
+        max_by(y_mm, ts_ms) filter (where x_mm is not null) as last_y_mm,
+        max(ts_ms) filter (where x_mm is not null) - min(ts_ms) filter (where x_mm is not null) as moved_ms
     from located
     where track_id is not null
     group by cast(floor(ts_ms / 3600000) as bigint), camera_id, track_id
@@ -43,6 +44,8 @@ reaching as (
         l.first_y_mm,
         l.last_x_mm,
         l.last_y_mm,
+        coalesce((l.last_x_mm - l.first_x_mm) / nullif(l.moved_ms, 0), 0) as x_mm_per_ms,
+        coalesce((l.last_y_mm - l.first_y_mm) / nullif(l.moved_ms, 0), 0) as y_mm_per_ms,
         l.first_ms - lag(l.last_ms) over (partition by l.camera_id, l.track_id order by l.hour) as since_ms,
         lead(l.first_ms) over (partition by l.camera_id, l.track_id order by l.hour) - l.last_ms as until_ms,
         greatest(1000, least(10000, cast(floor(3 * d.interval_ms / 2) as bigint))) as reach_ms
@@ -67,8 +70,9 @@ ends as (
         r.last_ms,
         r.last_x_mm,
         r.last_y_mm,
+        r.x_mm_per_ms,
+        r.y_mm_per_ms,
         r.reach_ms,
-        500 + r.reach_ms as reach_mm,
         cast(floor(r.last_ms / 10000) as bigint) + spans.beside as span
     from reaching as r
     cross join spans
@@ -87,13 +91,14 @@ starts as (
     where first_x_mm is not null and (since_ms is null or since_ms > reach_ms)
 ),
 
-ended as (
+beside as (
     select
         e.hour,
         e.camera_id,
         e.track_id,
-        count(*) filter (where s.first_ms > e.last_ms) as n_goes_on,
-        count(*) filter (where s.first_ms < e.last_ms) as n_came_before
+        s.first_ms - e.last_ms as after_ms,
+        s.first_x_mm - e.last_x_mm - e.x_mm_per_ms * (s.first_ms - e.last_ms) as x_off_mm,
+        s.first_y_mm - e.last_y_mm - e.y_mm_per_ms * (s.first_ms - e.last_ms) as y_off_mm
     from ends as e
     left join starts as s
         on
@@ -101,10 +106,27 @@ ended as (
             and e.span = s.span
             and e.track_id <> s.track_id
             and s.first_ms between e.last_ms - e.reach_ms and e.last_ms + e.reach_ms
-            and cast(s.first_x_mm - e.last_x_mm as bigint) * (s.first_x_mm - e.last_x_mm)
-            + cast(s.first_y_mm - e.last_y_mm as bigint) * (s.first_y_mm - e.last_y_mm)
-            <= e.reach_mm * e.reach_mm
-    group by e.hour, e.camera_id, e.track_id
+),
+
+judged as (
+    select
+        hour,
+        camera_id,
+        track_id,
+        after_ms,
+        x_off_mm * x_off_mm + y_off_mm * y_off_mm <= power(500 + 3 * abs(after_ms) / 10, 2) as is_there
+    from beside
+),
+
+ended as (
+    select
+        hour,
+        camera_id,
+        track_id,
+        count(*) filter (where is_there and after_ms > 0) as n_goes_on,
+        count(*) filter (where is_there and after_ms < 0) as n_came_before
+    from judged
+    group by hour, camera_id, track_id
 )
 
 select

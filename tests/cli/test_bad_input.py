@@ -214,6 +214,7 @@ def test_control_characters_of_data_never_reach_the_terminal(vsd: Vsd, tmp_path:
         (["ingest", "a.csv", "--camera", "cam-11"], "--camera cam-1"),
         (["ingest", "a.csv", "--start", "soon"], "--start"),
         (["ingest", "a.csv", "--resolution", "big"], "640x480"),
+        (["ingest", "a.tar", "--per-camera", "--camera", "cam-1"], "leave out --camera"),
         (["--now", "soon", "check", "a.csv"], "--now"),
     ],
 )

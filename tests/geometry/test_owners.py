@@ -180,7 +180,7 @@ def test_floors_are_listed_one_by_one_when_asked() -> None:
     assert owner_cells(cameras, cell_m=CELL_M, floor=Floor("upper", "U")) == []
 
 
-@pytest.mark.parametrize("cy", range(2, 6))
+@pytest.mark.parametrize("cy", range(8))
 def test_engines_of_metres_share_by_nearness(cy: int) -> None:
     found = owners(square("left", 0, 0, 7, 4), square("right", 3, 0, 10, 4))
     assert [found[cx, cy] for cx in range(6, 14)] == ["left"] * 4 + ["right"] * 4

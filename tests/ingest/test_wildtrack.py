@@ -223,3 +223,55 @@ def test_published_annotations_have_their_known_counts(realdata: Callable[[str],
     ]
     assert sum(square < 2000**2 for square in squares) == 4093
     assert not rejected(batches)
+
+
+# single views ---------------------------------------------------------------------------------------------------------
+
+UNSEEN = {"xmin": -1, "ymin": -1, "xmax": -1, "ymax": -1}
+
+
+def in_views(identity: object, **boxes: tuple[object, object, object, object]) -> dict[str, object]:
+    """Return a person seen in the views given, such as v0=(xmin, ymin, xmax, ymax)."""
+    views = [{"viewNum": n, **UNSEEN} for n in range(7)]
+    for name, box in boxes.items():
+        views[int(name[1:])].update(zip(("xmin", "ymin", "xmax", "ymax"), box, strict=True))
+    return {"personID": identity, "positionID": 7, "views": views}
+
+
+def per_camera(root: Path, *people: object) -> tuple[dict[str, pa.Table], list[RawBatch]]:
+    return read(
+        folder(root, {"00000005.json": json.dumps(people).encode()}), IngestOptions(start=START, per_camera=True)
+    )
+
+
+def test_single_views_send_foot_points_and_are_heartbeats_each(tmp_path: Path) -> None:
+    people = in_views(4, v0=(100, 50, 141, 200), v6=(-10, 900, 30, 1300)), in_views(5, v6=(0, 0, 10, 20)), in_views(6)
+    tables, batches = per_camera(tmp_path, *people)
+    assert not rejected(batches)
+    frames = [(f["camera"], f["ts_ms"] - START, f["n_persons"]) for f in tables["frames"].to_pylist()]
+    assert frames == [(f"C{n}", 500, {1: 1, 7: 2}.get(n, 0)) for n in range(1, 8)]
+    assert [
+        (p["camera"], p["person"], p["track"], p["u_px"], p["v_px"], p["x_m"])
+        for p in tables["observations"].to_pylist()
+    ] == [("C1", 0, "4", 120.5, 200.0, None), ("C7", 0, "4", 10.0, 1300.0, None), ("C7", 1, "5", 5.0, 20.0, None)]
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"personID": 4, "positionID": 7},
+        {"personID": 4, "views": in_views(4)["views"][:6]},  # type: ignore[index]
+        {"personID": 4, "views": [*in_views(4)["views"][:6], {"viewNum": 0, **UNSEEN}]},  # type: ignore[index]
+        {"personID": 4, "views": [1] * 7},
+        {"personID": 4, "views": [{"viewNum": "x" * 9}] * 7},
+        in_views("4", v0=(1, 1, 2, 2)),
+        in_views(4, v0=(1, 1, "2", 2)),
+        in_views(4, v0=(1, 1, 2, 10**12)),
+        "nobody",
+    ],
+)
+def test_person_with_a_bad_box_is_quarantined_and_the_others_stay(tmp_path: Path, bad: object) -> None:
+    tables, batches = per_camera(tmp_path, bad, in_views(5, v1=(0, 0, 10, 20)))
+    assert rejected(batches) == [(1, "bad-box")]
+    assert tables["observations"]["camera"].to_pylist() == ["C2"]
+    assert sum(tables["frames"]["n_persons"].to_pylist()) == 1

@@ -5,27 +5,45 @@ Run `python tests/stats/prove_intervals.py --weeks 2000`; the tables stand in do
 The world: a site with four cameras of unequal share, each with its own weekday profile, open 13 hours (8 on Sunday).
 A day moves all its violations by a common factor, gamma with mean 1 and sd `day_sd`; given that, each camera's daily
 count is Poisson, so counts are gamma-Poisson (negative binomial). People move with the same factor to the power 0.7
-times one of their own, so that a crowded day is also a riskier one. The profile is assumed, not measured; its
-highest day has 1.9 times the violations per hour of its lowest.
+times one of their own, so that a crowded day is also a riskier one. Of the weekday profiles (`PROFILES`) one is
+measured, the others are assumed in part or wholly.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from datetime import date, datetime, time, timedelta
 from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from scipy.special import gammaln, stdtrit
 
+from vsd_analytics.site import Site
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
 from vsd_analytics.stats.rates import how_often, how_risky
 
-WEEKDAYS = np.arange(7)
-OPEN_H = np.tile([13.0] * 6 + [8.0], (4, 1))
-PROFILE = np.array([0.80, 0.82, 0.88, 0.95, 1.15, 1.50, 0.90])
+HOUR = timedelta(hours=1)
+
+OFFICE = (0.224, 0.217, 0.197, 0.226, 0.137)
+PROFILES: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "office, closed at weekends": (OFFICE, (10.0,) * 5),
+    "office, weekends assumed": ((*OFFICE, 0.069, 0.069), (10.0,) * 7),
+    "shop, assumed": ((0.80, 0.82, 0.88, 0.95, 1.15, 1.50, 0.90), (13.0,) * 6 + (8.0,)),
+}
+"""Violations per open hour of each weekday, up to a factor, and open hours, from Monday on.
+
+OFFICE is measured: shares of 4,592 contacts of the SocioPatterns workplace 2013 by weekday (records of a pair in a row,
+20 s each, are one contact; two weeks of five days from 2013-06-24, 8 to 19 o'clock; no record at weekends). Where
+weekends are assumed, Saturday and Sunday have half of Friday each.
+"""
 TILT = np.array(
     [
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -56,24 +74,35 @@ class World:
     n_days_down: int = 0
     is_weekend_down: bool = False
     is_shock_shared: bool = True
+    profile: str = "shop, assumed"
+
+    @property
+    def open_h(self) -> np.ndarray:
+        """Return opening hours, shape (4, n_days)."""
+        return np.tile(PROFILES[self.profile][1], (4, 1))
+
+    @property
+    def n_days(self) -> int:
+        """Return the days a week on which it is open."""
+        return self.open_h.shape[1]
 
     @property
     def expected(self) -> np.ndarray:
-        """Return expected violations, shape (4, 7)."""
-        shape = PROFILE * (1 + TILT) * OPEN_H
+        """Return expected violations, shape (4, n_days)."""
+        shape = np.array(PROFILES[self.profile][0]) * (1 + TILT[:, : self.n_days]) * self.open_h
         return self.episodes * CAMERA_SHARE * shape / shape.sum(axis=1, keepdims=True)
 
     @property
     def expected_people(self) -> np.ndarray:
-        """Return expected person-hours, shape (4, 7): flatter over the week than violations."""
-        shape = PROFILE**0.7 * OPEN_H
+        """Return expected person-hours, shape (4, n_days): flatter over the week than violations."""
+        shape = np.array(PROFILES[self.profile][0]) ** 0.7 * self.open_h
         people = self.episodes / 1.5 * CAMERA_SHARE * shape / shape.sum()
         k = 1 / self.day_sd**2
         return people * np.exp(gammaln(k + 0.7) - gammaln(k) - 0.7 * np.log(k))
 
     def draw(self, rng: np.random.Generator, weeks: int, *, effect: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-        """Draw violations and person-hours of `weeks` weeks, each of shape (weeks, 4, 7), all cameras up."""
-        size = (weeks, 1 if self.is_shock_shared else 4, 7)
+        """Draw violations and person-hours of `weeks` weeks, each (weeks, 4, n_days), all cameras up."""
+        size = (weeks, 1 if self.is_shock_shared else 4, self.n_days)
         factor = rng.gamma(1 / self.day_sd**2, self.day_sd**2, size)
         own = rng.gamma(4 / self.day_sd**2, self.day_sd**2 / 4, size)
         k = 1 / self.day_sd**2
@@ -82,10 +111,10 @@ class World:
         return rng.poisson(effect * self.expected * factor).astype(float), people
 
     def hours(self, rng: np.random.Generator, weeks: int) -> np.ndarray:
-        """Draw recorded open hours, shape (weeks, 4, 7)."""
-        hours = np.tile(OPEN_H, (weeks, 1, 1))
+        """Draw recorded open hours, shape (weeks, 4, n_days)."""
+        hours = np.tile(self.open_h, (weeks, 1, 1))
         for week in hours if self.n_days_down else ():
-            week[rng.integers(4), rng.permutation(7)[: self.n_days_down]] = 0
+            week[rng.integers(4), rng.permutation(self.n_days)[: self.n_days_down]] = 0
         if self.is_weekend_down:
             hours[:, 0, 3:] = 0
         return hours
@@ -145,19 +174,21 @@ def per_camera_change(before: tuple[Any, Any], after: tuple[Any, Any]) -> _Naive
 def run_levels(world: World, *, weeks: int, seed: int) -> dict[str, Score]:
     """Return scores of levels. The truth of M0 is the week with all cameras up, and once that of recorded hours."""
     rng = np.random.default_rng(seed)
-    past_n, past_people = (a.reshape(weeks, HISTORY_WEEKS, 4, 7) for a in world.draw(rng, weeks * HISTORY_WEEKS))
+    past_n, past_people = (
+        a.reshape(weeks, HISTORY_WEEKS, 4, world.n_days) for a in world.draw(rng, weeks * HISTORY_WEEKS)
+    )
     n, people = world.draw(rng, weeks)
     x = world.hours(rng, weeks)
     n, people = n * (x > 0), people * (x > 0)
-    whole_week = float((world.expected.sum(axis=1) / OPEN_H.sum(axis=1)).sum())
+    whole_week = float((world.expected.sum(axis=1) / world.open_h.sum(axis=1)).sum())
     found: dict[str, list[tuple[Any, float]]] = {}
     for i in range(weeks):
         history = {
-            "weekday": WEEKDAYS,
-            "history_weekday": np.tile(WEEKDAYS, HISTORY_WEEKS),
+            "weekday": np.arange(world.n_days),
+            "history_weekday": np.tile(np.arange(world.n_days), HISTORY_WEEKS),
             "history_n": past_n[i].transpose(1, 0, 2).reshape(4, -1),
         }
-        past_x = np.tile(OPEN_H, HISTORY_WEEKS)
+        past_x = np.tile(world.open_h, HISTORY_WEEKS)
         plain, informed = how_often(n[i], x[i]), how_often(n[i], x[i], history_x_h=past_x, **history)
         recorded = float(((world.expected * (x[i] > 0)).sum(axis=1) / x[i].sum(axis=1)).sum())
         up = x[i] > 0
@@ -197,10 +228,11 @@ def run_changes(world: World, *, weeks: int, seed: int, effect: float = 1.0) -> 
 
 def worlds() -> Iterator[World]:
     """Yield the worlds of the tables."""
-    for episodes in (300, 3000):
-        for day_sd in (0.05, 0.10, 0.25):
-            yield World(episodes, day_sd)
-            yield World(episodes, day_sd, n_days_down=4)
+    for profile in PROFILES:
+        for episodes in (300, 3000):
+            for day_sd in (0.05, 0.10, 0.25):
+                yield World(episodes, day_sd, profile=profile)
+                yield World(episodes, day_sd, n_days_down=4, profile=profile)
 
 
 def weekend_worlds() -> Iterator[World]:
@@ -220,10 +252,10 @@ def hard_worlds() -> Iterator[World]:
 
 def _head(world: World) -> str:
     if world.is_weekend_down:
-        return f"| {world.episodes:,.0f} | {world.day_sd:.2f} | largest down Thursday to Sunday | "
+        return f"| {world.profile} | {world.episodes:,.0f} | {world.day_sd:.2f} | largest down Thursday to Sunday | "
     cameras = f"one of four down {world.n_days_down} days" if world.n_days_down else "all up"
     own = "" if world.is_shock_shared else ", each its own days"
-    return f"| {world.episodes:,.0f} | {world.day_sd:.2f} | {cameras}{own} | "
+    return f"| {world.profile} | {world.episodes:,.0f} | {world.day_sd:.2f} | {cameras}{own} | "
 
 
 def _table(
@@ -234,11 +266,79 @@ def _table(
     over: Iterator[World],
     shown: Callable[[Score], str],
 ) -> None:
-    print(f"\n{title}\n\n| violations a week | day sd | cameras | " + " | ".join(columns) + " |")
-    print("|---" * (3 + len(columns)) + "|")
-    for world in over:
-        scores = run(world)
+    print(f"\n{title}\n\n| weekdays | violations a week | day sd | cameras | " + " | ".join(columns) + " |")
+    print("|---" * (4 + len(columns)) + "|")
+    with ProcessPoolExecutor(2) as pool:
+        found = list(zip(each := list(over), pool.map(run, each), strict=True))
+    for world, scores in found:
         print(_head(world) + " | ".join(shown(scores[name]) for name in columns) + " |", flush=True)
+
+
+def make_people(folder: Path, monday: date, *, weeks: int, seed: int) -> Site:
+    """Simulate weeks of the demo shop, open from 17 to 18 h, and ingest what its four cameras send every 2 s."""
+    from vsd_analytics.config import load_site
+    from vsd_analytics.simulate.cameras import CAMERAS
+    from vsd_analytics.simulate.demo import ingest_demo
+    from vsd_analytics.simulate.messages import day_text
+    from vsd_analytics.simulate.people import simulate_day
+    from vsd_analytics.simulate.project import write_demo_project
+
+    write_demo_project(folder, weeks=1, seed=seed)
+    shutil.rmtree(folder / "engine")
+    (folder / "log.jsonl").unlink()
+    toml = (folder / "vsd.toml").read_text(encoding="utf-8")
+    opening = '{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'
+    assert opening in toml
+    (folder / "vsd.toml").write_text(toml.replace(opening, '{ mon-sun = "17:00-18:00" }'), encoding="utf-8")
+    site, files = load_site(folder), []
+    for k in range(7 * weeks):
+        opens = datetime.combine(monday + timedelta(days=k), time(17), site.zone)
+        day = simulate_day(opens, closes=opens + HOUR, seed=seed, interval_s=2.0, display_moved=False)
+        for camera in CAMERAS:
+            files.append(folder / f"{camera.camera_id}_{day.day.isoformat()}.jsonl")
+            files[-1].write_bytes(day_text(day, camera, seed=seed).text)
+    result = ingest_demo(site, files, seed=seed)
+    assert result.n_rejected == 0
+    return site
+
+
+def people_table(*, judged: int, weeks: int, seed: int) -> None:
+    """Print the last `judged` of `weeks` simulated weeks of people; the truth of levels is the mean of all weeks."""
+    from vsd_analytics.analysis.panels import FloorHours, Period, TwoPeriods
+    from vsd_analytics.analysis.rates import change_often, change_risky, level_often, level_risky
+    from vsd_analytics.warehouse.warehouse import Warehouse
+
+    first = date(2026, 1, 5)
+    mondays = [first + timedelta(weeks=k) for k in range(weeks)]
+    with TemporaryDirectory() as folder:
+        site = make_people(Path(folder) / "shop", first, weeks=weeks, seed=seed)
+        with Warehouse(site, first, mondays[-1] + timedelta(days=6)) as warehouse:
+            data = FloorHours(warehouse, floor=site.floors[0])
+            periods = [Period(data, monday, monday + timedelta(days=6)) for monday in mondays]
+            levels = [(level_often(p, p.whole), level_risky(p, p.whole)) for p in periods]
+            pairs = [TwoPeriods(a, b) for a, b in pairwise(periods)]
+            changes = [(change_often(p, p.now.whole), change_risky(p, p.now.whole)) for p in pairs]
+            rows = warehouse.rows("select local_date, sum(violation_records) as n from hours group by all")
+    records = np.zeros(weeks)
+    for row in rows:
+        records[(row["local_date"] - first).days // 7] += float(row["n"] or 0)
+    truth = [float(np.mean([pair[k].rate for pair in levels])) for k in (0, 1)]
+    columns = ["violations", "M0", "M7", "M0 on the week before", "M7 on the week before", "naive, M0"]
+    print(f"\nPeople: M0 {truth[0]:.1f}, M7 {truth[1]:.2f}, records {records.sum():,.0f}\n")
+    print("| week | " + " | ".join(columns) + " |\n" + "|---" * (1 + len(columns)) + "|")
+    held = np.zeros((judged, 5), dtype=np.bool_)
+    for row_no, k in enumerate(range(weeks - judged, weeks)):
+        rate, half = levels[k][0].rate, 1.96 / records[k] ** 0.5
+        naive = _Naive(rate * np.exp(-half), rate * np.exp(half))
+        cells = [(levels[k][0], truth[0]), (levels[k][1], truth[1]), *((c, 1.0) for c in changes[k - 1])]
+        cells.append((naive, truth[0]))
+        held[row_no] = [e.lo <= value <= e.hi for e, value in cells]
+        shown = [
+            f"{e.lo:.{d}f} to {e.hi:.{d}f}{'' if is_held else ' (missed)'}"
+            for (e, _), d, is_held in zip(cells, (0, 2, 2, 2, 0), held[row_no], strict=True)
+        ]
+        print(f"| {row_no + 1} | {levels[k][0].n_events:,.0f} | " + " | ".join(shown) + " |")
+    print("| hold the truth | | " + " | ".join(f"{n} of {judged}" for n in held.sum(axis=0)) + " |", flush=True)
 
 
 def main() -> None:
@@ -246,7 +346,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--weeks", type=int, default=2000, help="weeks drawn per cell")
     parser.add_argument("--seed", type=int, default=20261109)
+    parser.add_argument("--people", type=int, default=0, help="weeks of the people simulator that are judged")
     settings = vars(parser.parse_args())
+    if judged := settings.pop("people"):
+        people_table(judged=judged, weeks=judged + 14, seed=settings["seed"])
+        return
     held = lambda s: f"{100 * s.coverage:.1f} % (±{100 * s.width:.0f} %)"  # noqa: E731
     levels = ["M0, first weeks", "M0, four weeks of history", "M0, four weeks, truth of recorded hours"]
     levels += ["M7, first weeks", "M7, four weeks of history", "naive"]

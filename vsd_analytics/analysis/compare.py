@@ -13,10 +13,12 @@ from typing import Literal
 
 from vsd_analytics.analysis import rates
 from vsd_analytics.analysis.comparable import other_intervals, rules_used
+from vsd_analytics.analysis.mixing import mixing_change
 from vsd_analytics.analysis.panels import HISTORY_WEEKS, WEEK, FloorHours, Period, TwoPeriods
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
+from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeSplit, RateEstimate
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.warehouse import Warehouse, stored_extent
@@ -82,6 +84,8 @@ class Comparison:
         hours_compared: Recorded open camera-hours of B that are compared.
         cameras_left_out: Why a camera is not compared, by id.
         places: The whole floor first, then the areas asked for (all of the floor, and its rest, when none were).
+        mixing: Whether crowding, layout or behaviour moved the time that pairs spend close on the floor (M23); None
+            when the periods are not compared.
         notes: What a reader must know beside.
     """
 
@@ -96,6 +100,7 @@ class Comparison:
     hours_compared: float
     cameras_left_out: Mapping[str, str]
     places: tuple[PlaceChange, ...]
+    mixing: MixingChange | None
     notes: tuple[str, ...]
 
 
@@ -162,6 +167,7 @@ def compare(
         hours_compared=float(pair.compared(pair.now.whole)[1].x_h.sum()) if is_compared else 0.0,
         cameras_left_out=_left_out(pair) if is_compared else {},
         places=places,
+        mixing=mixing_change(pair) if is_compared else None,
         notes=_notes(pair, has_areas=bool(data.areas)),
     )
 

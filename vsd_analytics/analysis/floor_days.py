@@ -32,7 +32,6 @@ CELLS_MAX: Final = 250_000
 """Larger floors are not computed: a position far off would fill the memory."""
 OWNER_SHARE: Final = 0.1
 """A cell needs the cameras that count at least this share of its person-hours."""
-DISC_SEGMENTS: Final = 16
 
 NO_IDS: Final = "the engine sends no track ids, so records cannot be joined to violations"
 NO_POSITIONS: Final = "the engine sends no positions"
@@ -174,12 +173,10 @@ class FloorDays:
             return None
         rows, columns = np.nonzero(cells)
         x, y = self.grid.x_m(columns), self.grid.y_m(rows)
-        discs = shapely.buffer(shapely.points(x, y), radius_m, quad_segs=DISC_SEGMENTS)
-        if bounds is not None:
-            discs = shapely.intersection(discs, shapely.box(*bounds))
-        whole, seen = shapely.area(discs), shapely.area(shapely.intersection(discs, shapely.union_all(known)))
         share = np.full(self.grid.shape, np.nan)
-        share[rows, columns] = np.divide(seen, whole, out=np.zeros(len(whole)), where=whole > 0)
+        share[rows, columns] = geometry.seen_share(
+            np.column_stack((x, y)), views=known, radius_m=radius_m, bounds=bounds
+        )
         return share
 
     def _camera_days(self) -> tuple[Flags, Flags]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -368,6 +368,14 @@ class TwoPeriods:
         both = counted[:, now] & counted[:, then] & self.is_comparable[:, None]
         before_days, now_days = ([pair[k] for pair in self.pairs] for k in (0, 1))
         return self.data.sums(place, then, both, before_days), self.data.sums(place, now, both, now_days)
+
+    def used(self, which: Literal[0, 1]) -> Flags:
+        """Return the camera-hours of period A (0) or B (1) that are compared, shape (n_cameras, n_hours)."""
+        then, now = self._matched
+        counted = self.data.hours.is_counted
+        chosen = np.zeros_like(counted)
+        chosen[:, (then, now)[which]] = counted[:, now] & counted[:, then] & self.is_comparable[:, None]
+        return chosen
 
     @cached_property
     def _matched(self) -> tuple[Ints, Ints]:

@@ -20,7 +20,7 @@ from vsd_analytics.cli.shared import (
     plain,
     render_error,
 )
-from vsd_analytics.cli.telling_change import change, figure, level, percent, rounded, table
+from vsd_analytics.cli.telling_change import change, figure, level, percent, ratio, rounded, table
 from vsd_analytics.errors import UsageError, VsdError
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def _text(found: Comparison) -> str:
         word = "not enough data" if found.state == "not_enough_data" else "not measurable"
         return "\n".join([*lines, "", f"{word}: {found.reason}", *_notes(found)])
     lines.append(f"compared: {found.n_pairs} pairs of days, {found.hours_compared:,.1f} camera-hours recorded in both")
-    lines += ["", *_place(found.places[0])]
+    lines += ["", *_place(found.places[0]), "", *_mixing(found)]
     if found.places[1:]:
         lines += ["", *_areas(found.places[1:])]
     return "\n".join([*lines, *_notes(found)])
@@ -149,6 +149,26 @@ def _place(place: PlaceChange) -> list[str]:
             f"risk per person-hour {percent(split.risky.change)}. {_share(split.people_share)}",
         ]
     return lines
+
+
+def _mixing(found: Comparison) -> list[str]:
+    made = found.mixing
+    if made is None or made.state != "ok" or made.behaviour is None:
+        reason = "" if made is None else made.reason
+        return [f"crowding, layout, behaviour: {reason}"]
+    close, crowding, layout = ratio(made.close), ratio(made.crowding), ratio(made.layout)
+    told, verdict = change(made.behaviour)
+    rows = [
+        ("time that pairs spend close", close, "", ""),
+        ("  crowding: two people present at once", crowding, _part(made.crowding_share), ""),
+        ("  layout: they would meet by where they stand", layout, _part(made.layout_share), ""),
+        ("  behaviour: they stay together or keep apart", told, _part(made.behaviour_share), verdict),
+    ]
+    return table(rows)
+
+
+def _part(share: float | None) -> str:
+    return "" if share is None else f"{share:.0%} of it"
 
 
 def _share(people: float) -> str:

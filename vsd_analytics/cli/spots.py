@@ -146,5 +146,10 @@ def _gone(spot: ResolvedSpot) -> str:
 
 def _place(spot: FloorSpot | ResolvedSpot) -> str:
     place = spot.place
-    near = "" if place.nearest_name is None else f", {place.nearest_m:.0f} m from {place.nearest_name}"
-    return plain(f"{place.name}{near}").replace("\n", " ")
+    if place.nearest_name is None or place.nearest_m is None:
+        told = place.name
+    elif place.nearest_m < 0.5:
+        told = f"{place.name}, beside {place.nearest_name}"
+    else:
+        told = f"{place.name}, {place.nearest_m:.0f} m from {place.nearest_name}"
+    return plain(told).replace("\n", " ")

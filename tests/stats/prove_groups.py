@@ -1,0 +1,144 @@
+"""Measure the rule for groups on recordings and on simulated shops: python tests/stats/prove_groups.py --data FOLDER.
+
+Recordings (`eth_ucy` below FOLDER): three street scenes with true groups. Shops: days of the people simulator, whose
+parties are planted. Weeks: drawn shares, whether the interval of the between-groups share holds the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from datetime import datetime, timedelta
+from functools import partial
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pandas as pd
+from group_scenes import FPS, Scores, components, cut, noisy, read_groups, read_scene, recut, score, thinned, through
+
+from vsd_analytics.analysis.groups import Groups
+from vsd_analytics.simulate.cameras import CAMERAS
+from vsd_analytics.simulate.messages import track_ids
+from vsd_analytics.simulate.people import simulate_day
+from vsd_analytics.stats.groups import share_by_days
+
+HEAD = (
+    "| {} | | P | R | F1 | G-MITRE P/R | time P/R | within groups, true -> called | 20 s or more | ids cut | filter |\n"
+    "|---|---|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def variants(scene: pd.DataFrame, *, seed: int) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Return a recording as it is, and made worse."""
+    yield "as recorded", scene
+    yield "every 1.2 s", thinned(scene, 3)
+    yield "noise 0.1 m", noisy(scene, 0.1, seed=seed)
+    yield "every 1.2 s, noise 0.1 m", noisy(thinned(scene, 3), 0.1, seed=seed)
+    yield "every 1.2 s, noise 0.2 m", noisy(thinned(scene, 3), 0.2, seed=seed)
+    yield "new ids every 10 s", cut(scene, 10.0)
+    yield "new ids every 5 s", cut(scene, 5.0)
+
+
+def measure(name: str, *, data: Path, seed: int) -> list[str]:
+    """Return the rows of one recording."""
+    folder = data / "eth_ucy" / name
+    whole, truth = read_scene(folder), read_groups(folder)
+    rows = []
+    for label, scene in variants(whole, seed=seed):
+        true = recut(truth, scene) if "ids" in label else truth
+        with tempfile.TemporaryDirectory() as root:
+            found, pairs = through(scene, Path(root))
+        called = [frozenset(g.tracks) for g in found.groups]
+        rows.append(row(name, label, score(pairs, called, true, tracks=set(scene["track"])), found))
+    return rows
+
+
+def shop_day(seed: int, *, interval_s: float) -> list[str]:
+    """Return the rows of one simulated day, one a camera: people in view with 5 cm of noise, parties planted."""
+    zone = ZoneInfo("Europe/Rome")
+    opens = datetime(2026, 1, 1, 9, tzinfo=zone)
+    day = simulate_day(opens, closes=opens + timedelta(hours=9), seed=seed, interval_s=interval_s, display_moved=False)
+    noise = np.random.default_rng(seed)
+    made = []
+    for camera in CAMERAS:
+        seen = np.flatnonzero(camera.sees(day.x_m, day.y_m))
+        track = track_ids(day.person[seen], day.frame[seen])
+        scene = pd.DataFrame(
+            {
+                "t": (day.frame_ms[day.frame[seen]] - day.frame_ms[0]) / 1000,
+                "track": track.astype(str),
+                "x": day.x_m[seen] + noise.normal(0, 0.05, len(seen)),
+                "y": day.y_m[seen] + noise.normal(0, 0.05, len(seen)),
+            }
+        )
+        party = pd.Series(day.party[seen], index=scene["track"]).groupby(level=0).first()
+        with tempfile.TemporaryDirectory() as root:
+            found, pairs = through(scene, Path(root))
+        met = zip(pairs["track_a"], pairs["track_b"], strict=True)
+        truth = components((a, b) for a, b in met if party[a] == party[b])
+        called = [frozenset(g.tracks) for g in found.groups]
+        label = f"{1 / interval_s:g} frames/s, {len(party):,} tracks"
+        made.append(row(camera.camera_id, label, score(pairs, called, truth, tracks=set(party.index)), found))
+    return made
+
+
+def row(name: str, label: str, s: Scores, found: Groups) -> str:
+    """Return one row of the tables."""
+    lives = found.cameras[0].lives
+    share = f"{s.true_share:.2f} -> {s.called_share:.2f}"
+    state = "applies" if found.state == "ok" else "**not applicable**"
+    return (
+        f"| {name} | {label} | {s.precision:.2f} | {s.recall:.2f} | **{s.f1:.3f}** | {s.mitre_precision:.2f}/{s.mitre_recall:.2f} "
+        f"| {s.time_precision:.2f}/{s.time_recall:.2f} | {share} | {lives.long_share:.0%} | {lives.cut_share or 0:.0%} | {state} |"
+    )
+
+
+def covers(world: tuple[float, float, float], weeks: int, seed: int) -> str:
+    """Return one row of the table of intervals: true share, day sd of its logit, violations a week."""
+    share, sd, n_week = world
+    rng = np.random.default_rng([seed, round(share * 100), round(sd * 100), round(n_week)])
+    busy = np.array([0.9, 0.85, 0.9, 1.0, 1.2, 1.4, 0.75])
+    many = 1 / (1 + np.exp(-(np.log(share / (1 - share)) + rng.normal(0, sd, 400_000))))
+    held = [0, 0]
+    width = []
+    for _ in range(weeks):
+        of = rng.poisson(n_week / 7 * busy * rng.gamma(16, 1 / 16, 7))
+        n = rng.binomial(of, 1 / (1 + np.exp(-(np.log(share / (1 - share)) + rng.normal(0, sd, 7)))))
+        found = share_by_days(n, of)
+        assert None not in (found.lo, found.hi, found.value)
+        held[0] += found.lo <= many.mean() <= found.hi
+        half = 1.96 * np.sqrt(found.value * (1 - found.value) / found.of)
+        held[1] += abs(found.value - many.mean()) <= half
+        width.append((found.hi - found.lo) / 2)
+    return f"| {share:.0%} | {sd:.2f} | {n_week:,} | {held[0] / weeks:.1%} (±{np.median(width):.1%}) | {held[1] / weeks:.1%} |"
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--data", type=Path, help="folder of the recordings; without it only simulated rows")
+    parser.add_argument("--weeks", type=int, default=3000)
+    parser.add_argument("--days", type=int, default=1, help="simulated days of the shop")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    with ProcessPoolExecutor(2) as pool:
+        if asked.data is not None:
+            print(HEAD.format("scene"))
+            for rows in pool.map(partial(measure, data=asked.data, seed=asked.seed), FPS):
+                print("\n".join(rows), flush=True)
+            print()
+        print(HEAD.format("shop camera"))
+        for rows in pool.map(partial(shop_day, interval_s=1.0), range(asked.seed, asked.seed + asked.days)):
+            print("\n".join(rows), flush=True)
+        print("\n| true share | day sd (logit) | violations a week | holds (half width) | binomial, by violations |")
+        print("|---|---|---|---|---|")
+        worlds = [(p, sd, n) for p in (0.5, 0.85) for n in (300, 3000) for sd in (0.0, 0.1, 0.25)]
+        for line in pool.map(partial(covers, weeks=asked.weeks, seed=asked.seed), worlds):
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

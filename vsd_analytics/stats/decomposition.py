@@ -1,0 +1,270 @@
+r"""Why is it close: crowding, layout, behaviour (M23).
+
+Time that pairs spend closer than the legal distance is V = P L B:
+
+* P, **crowding**: pair-time of any two people present at the same instant, sum over frames of n (n - 1) / 2 dt.
+* L, **layout**: the share of P that would be close if everybody stood anywhere, independently, as often as the map of
+  occupancy p says: L = sum over cells of p_c p_c' K(c' - c), K the chance that two points, uniform in two cells, are
+  closer than the distance. High where people gather in few places, whatever they do to each other.
+* B = V / (P L), **behaviour**: above 1 people stay together or queue, below 1 they keep apart.
+
+Each camera is a room of its own, as nobody measures distances between people of two cameras: V and P are sums over
+cameras, L = sum_c P_c L_c / P. Doubling people makes P about four times as large and leaves L and B as they are. The
+interval of B is that of a ratio, V over P L, from how days differ; L itself is taken as known. One map stands for all
+hours of a period, so a crowd that stands elsewhere at noon than at night counts as behaviour.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsd_analytics.stats.changes import compare_exposure
+from vsd_analytics.stats.estimates import ChangeEstimate, State
+from vsd_analytics.stats.quantiles import t_quantile
+
+Floats = npt.NDArray[np.float64]
+
+MIN_PERSON_H: Final = 20.0
+MIN_DAYS: Final = 5
+NODES: Final = 24
+"""Gauss-Legendre nodes on each half of a cell's side, for `closeness`."""
+MIN_MOVE: Final = 1.05
+"""Shares of a change smaller than 5 % mean nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mixing:
+    """Crowding, layout and behaviour of a period (M23).
+
+    Attributes:
+        close_h: V, pair-hours closer than the distance.
+        copresent_h: P, pair-hours of any two people.
+        layout: L; None when no two people were ever present.
+        layout_uniform: L if all cells that anybody used were used alike.
+        behaviour: B; None when unknown.
+        lo, hi: Its interval.
+        n_days: Days with two people present.
+        state, reason: As for every figure; B is given without an interval where days are too few.
+    """
+
+    close_h: float
+    copresent_h: float
+    layout: float | None
+    layout_uniform: float | None
+    behaviour: float | None
+    lo: float | None
+    hi: float | None
+    n_days: int
+    state: State
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class MixingChange:
+    """What moved the time that pairs spend close, from period A to period B, over the same camera-hours.
+
+    ln V_B / V_A = ln P_B / P_A + ln L_B / L_A + ln B_B / B_A, exactly.
+
+    Attributes:
+        a, b: The periods.
+        close: V_B / V_A; None when one is 0 or unknown, as the following.
+        crowding: P_B / P_A.
+        layout: L_B / L_A.
+        behaviour: B_B / B_A with its interval, same weekdays paired.
+        crowding_share, layout_share, behaviour_share: Parts of ln(V_B / V_A), together 1; below 0 or above 1 where
+            they moved against each other. None unless V changed by 5 % or more: shares of nothing mean nothing.
+        state, reason: As for every figure.
+    """
+
+    a: Mixing
+    b: Mixing
+    close: float | None
+    crowding: float | None
+    layout: float | None
+    behaviour: ChangeEstimate | None
+    crowding_share: float | None
+    layout_share: float | None
+    behaviour_share: float | None
+    state: State
+    reason: str | None
+
+
+def closeness(*, cell_m: float, distance_m: float) -> Floats:
+    """Return the probability that two points in two square cells are closer than a distance, by the cells' offset.
+
+    K(i, j) = integral of T(u) T(v) [ (i + u)^2 + (j + v)^2 < (distance / cell)^2 ] du dv, T(u) = 1 - |u| on [-1, 1] the
+    density of the difference of two uniform numbers; the inner integral in closed form, the outer by Gauss-Legendre.
+
+    Args:
+        cell_m: Side of a cell.
+        distance_m: Strictly closer than this.
+
+    Returns:
+        Array of shape (2 k + 1, 2 k + 1), offset (0, 0) in the middle, k cells beyond which it is 0.
+    """
+    if cell_m <= 0 or distance_m <= 0:
+        raise ValueError("cell and distance must be positive")
+    radius = distance_m / cell_m
+    k = math.ceil(radius) + 1
+    offsets = np.arange(-k, k + 1, dtype=np.float64)
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    u = np.concatenate([(nodes - 1) / 2, (nodes + 1) / 2])
+    w = np.concatenate([weights, weights]) / 2 * (1 - np.abs(u))
+    reach = np.sqrt(np.maximum(radius**2 - (offsets[:, None] + u) ** 2, 0.0))
+    inside = _below(reach[None] - offsets[:, None, None]) - _below(-reach[None] - offsets[:, None, None])
+    found = (inside * w).sum(axis=2).clip(0.0, 1.0)
+    return np.asarray((found + found.T) / 2, dtype=np.float64)
+
+
+def concentration(exposure: npt.ArrayLike, *, cell_m: float, distance_m: float) -> float:
+    """Return L of one map: the chance that two people, placed independently by it, are closer than a distance.
+
+    Args:
+        exposure: Person-time per cell, shape (n_rows, n_columns); at least some.
+        cell_m: Side of a cell.
+        distance_m: Strictly closer than this.
+
+    Raises:
+        ValueError: Nobody was anywhere, or a number is negative or not finite.
+    """
+    from scipy.signal import fftconvolve
+
+    p = np.asarray(exposure, dtype=np.float64)
+    if p.ndim != 2 or not np.isfinite(p).all() or (p < 0).any() or p.sum() <= 0:
+        raise ValueError("exposure must be a map of finite numbers, none negative, some positive")
+    p = p / p.sum()
+    near = fftconvolve(p, closeness(cell_m=cell_m, distance_m=distance_m), mode="same")
+    return float(np.clip((p * near).sum(), 0.0, 1.0))
+
+
+def mixing(
+    close_h: npt.ArrayLike,
+    copresent_h: npt.ArrayLike,
+    exposure: Sequence[npt.ArrayLike],
+    *,
+    cell_m: float,
+    distance_m: float,
+    confidence: float = 0.95,
+    min_days: int = MIN_DAYS,
+    min_person_h: float = MIN_PERSON_H,
+) -> Mixing:
+    """Return crowding, layout and behaviour of a period (formulas: this module).
+
+    Args:
+        close_h: Pair-hours closer than the distance, shape (n_cameras, n_days).
+        copresent_h: Pair-hours of any two people, same shape.
+        exposure: A map of person-hours for each camera, of any shape; without anybody for a camera not used.
+        cell_m: Side of the maps' cells.
+        distance_m: The legal distance.
+        confidence: Confidence level.
+        min_days: Days an interval of B needs.
+        min_person_h: Person-hours all maps together need.
+
+    Raises:
+        ValueError: Shapes do not fit, or a number is negative or not finite.
+    """
+    kept = _Kept(cell_m, distance_m, confidence, min_days, min_person_h)
+    return _mixing(_Days.checked(close_h, copresent_h, exposure), kept)[0]
+
+
+def compare_mixing(
+    close_h: tuple[npt.ArrayLike, npt.ArrayLike],
+    copresent_h: tuple[npt.ArrayLike, npt.ArrayLike],
+    exposure: tuple[Sequence[npt.ArrayLike], Sequence[npt.ArrayLike]],
+    *,
+    cell_m: float,
+    distance_m: float,
+    confidence: float = 0.95,
+    min_days: int = MIN_DAYS,
+    min_person_h: float = MIN_PERSON_H,
+) -> MixingChange:
+    """Return what moved the time that pairs spend close from period A to period B.
+
+    Arguments are those of `mixing`, one for each period; column j of both periods is the same weekday, and both hold
+    the same camera-hours.
+    """
+    kept = _Kept(cell_m, distance_m, confidence, min_days, min_person_h)
+    days = [_Days.checked(v, p, maps) for v, p, maps in zip(close_h, copresent_h, exposure, strict=True)]
+    (a, expected_a), (b, expected_b) = (_mixing(d, kept) for d in days)
+    if not (a.layout and a.behaviour and b.layout and b.behaviour):
+        reason = next((m.reason for m in (a, b) if m.reason is not None), None)
+        return MixingChange(a, b, None, None, None, None, None, None, None, "not_enough_data", reason)
+    close_a, close_b = (d.close.sum(axis=0)[None] for d in days)
+    behaviour = compare_exposure(
+        close_a, expected_a[None], close_b, expected_b[None], confidence=confidence, min_days=min_days
+    )
+    close, crowding, layout = b.close_h / a.close_h, b.copresent_h / a.copresent_h, b.layout / a.layout
+    parts = [math.log(r) for r in (crowding, layout, b.behaviour / a.behaviour)]
+    shares: list[float | None] = [None, None, None]
+    if abs(math.log(close)) >= math.log(MIN_MOVE):
+        shares = [part / math.log(close) for part in parts]
+    return MixingChange(
+        a, b, close, crowding, layout, behaviour,
+        crowding_share=shares[0], layout_share=shares[1], behaviour_share=shares[2], state="ok", reason=None,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    cell_m: float
+    distance_m: float
+    confidence: float
+    min_days: int
+    min_person_h: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Days:
+    """Pair-hours by camera and day, and each camera's map."""
+
+    close: Floats
+    together: Floats
+    maps: Sequence[Floats]
+
+    @staticmethod
+    def checked(close_h: npt.ArrayLike, copresent_h: npt.ArrayLike, exposure: Sequence[npt.ArrayLike]) -> _Days:
+        close, together = (np.asarray(v, dtype=np.float64) for v in (close_h, copresent_h))
+        if close.ndim != 2 or close.shape != together.shape or len(exposure) != len(close):
+            raise ValueError("pair-hours need one shape (cameras, days), and a map for each camera")
+        if not np.isfinite([close, together]).all() or (close < 0).any() or (together < 0).any():
+            raise ValueError("pair-hours must be finite and not negative")
+        return _Days(close, together, [np.asarray(m, dtype=np.float64) for m in exposure])
+
+
+def _mixing(days: _Days, kept: _Kept) -> tuple[Mixing, Floats]:
+    """Return the decomposition, and P L by day: the pair-hours that would be close by chance."""
+    v, p, person_h = float(days.close.sum()), float(days.together.sum()), sum(float(m.sum()) for m in days.maps)
+    if person_h < kept.min_person_h or p == 0:
+        need = f"needs at least {kept.min_person_h:g} person-hours, has {person_h:.1f}"
+        why = need if person_h < kept.min_person_h else "no two people were ever present at once"
+        return Mixing(v, p, None, None, None, None, None, 0, "not_enough_data", why), days.together.sum(axis=0)
+    layouts, uniform = (
+        np.array([_layout(m, kept) for m in maps]) for maps in (days.maps, [(m > 0).astype(float) for m in days.maps])
+    )
+    expected = np.asarray(layouts @ days.together, dtype=np.float64)
+    total, n_days = float(expected.sum()), int((expected > 0).sum())
+    made = (v, p, total / p, float((uniform @ days.together).sum()) / p, v / total if total else None)
+    if v == 0 or total == 0 or n_days < kept.min_days:
+        why = f"an interval needs at least {kept.min_days} days, has {n_days}"
+        why = "no two people were ever close" if v == 0 else why
+        return Mixing(*made, None, None, n_days, "not_enough_data", why), expected
+    ratio = v / total
+    apart = (days.close.sum(axis=0) - ratio * expected) / v
+    half = t_quantile(n_days - 1, confidence=kept.confidence) * math.sqrt(n_days / (n_days - 1) * float(apart @ apart))
+    return Mixing(*made, ratio * math.exp(-half), ratio * math.exp(half), n_days, "ok", None), expected
+
+
+def _layout(exposure: Floats, kept: _Kept) -> float:
+    return concentration(exposure, cell_m=kept.cell_m, distance_m=kept.distance_m) if exposure.sum() > 0 else 0.0
+
+
+def _below(x: Floats) -> Floats:
+    """Return the chance that the difference of two uniform numbers is below x."""
+    y = np.clip(x, -1.0, 1.0)
+    return np.asarray(np.where(y < 0, (1 + y) ** 2 / 2, 1 - (1 - y) ** 2 / 2), dtype=np.float64)
