@@ -25,10 +25,13 @@ lint: $(VENV)/.installed-test
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --shops 10
+	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
+	$(BIN)/python tests/stats/prove_forecast.py --worlds 20
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
+	$(BIN)/python tests/live/prove_soak.py --hours 24 --seed 1 --rate 2000
 	$(BIN)/python tests/retention/prove_purge_crashes.py
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
