@@ -13,7 +13,7 @@
 --   n_ends         1 where the track ends in this hour at a known place, else 0
 --   n_goes_on      other tracks that begin within reach after its end, where it would have been
 --   n_came_before  other tracks that began within reach before its end, where it was: so many do by chance
--- assumes: reach is 1.5 frame intervals, 1 to 10 s; "where" is 0.5 m + 0.3 m/s around its mean velocity's way; seen again by then it has not ended
+-- assumes: reach is 1.5 frame intervals, 1 to 10 s; "where" is 0.5 m, plus 0.3 m a second, around the way of its mean velocity
 with lives as (
     select
         cast(floor(ts_ms / 3600000) as bigint) as hour,

@@ -109,6 +109,21 @@ def test_a_recalibration_in_the_weeks_is_refused(tmp_path: Path, day: int) -> No
     assert found(tmp_path, rate=changed(0.6), calibrations=same).state == "ok"
 
 
+def test_a_recalibration_of_the_areas_own_camera_is_refused_though_others_stand(tmp_path: Path) -> None:
+    anew = [("cam-2", d, "aaaaaaaa" if d < 40 else "bbbbbbbb") for d in range(N_DAYS)]
+    figure = found(
+        tmp_path,
+        site=site_of(tmp_path, cameras=("cam", "cam-2")),
+        calibrations=anew,
+        camera_of=lambda a: "cam-2" if a == "queue" else "cam",
+    )
+    assert (figure.state, figure.effect) == ("not_measurable", None)
+    assert figure.reason == (
+        f"calibrated anew between before and after: cam-2 on {FIRST + timedelta(days=40)}; "
+        "a recalibration is not a redesign"
+    )
+
+
 def test_only_areas_of_a_recalibrated_camera_are_no_comparison(tmp_path: Path) -> None:
     site = site_of(tmp_path, cameras=("cam", "cam-2"))
     anew = [("cam-2", d, "aaaaaaaa" if d < 40 else "bbbbbbbb") for d in range(N_DAYS)]

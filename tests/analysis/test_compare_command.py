@@ -16,6 +16,7 @@ from vsd_analytics.cli.shared import run
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.stats.decomposition import concentration
 
 FIRST = datetime(2026, 11, 2, 9, tzinfo=UTC)  # a Monday
 AREAS = ("queue", "door", "aisle", "fruit", "bakery", "back")
@@ -92,6 +93,16 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+def hand_map(n_queue: int) -> np.ndarray:
+    """Return person-seconds of a day by cell, with so many pairs in the queue."""
+    made = np.zeros((32, 4 * 20 * len(AREAS)))
+    for k, name in enumerate(AREAS):
+        made[26, 80 * k + 26] += 3600
+        for s in (0, 1):
+            made[8, 80 * k + 8 + 6 * s] += 20 * (n_queue if name == "queue" else 40)
+    return made
+
+
 def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
     capsys.readouterr()
     code = run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", *arguments])
@@ -139,6 +150,11 @@ def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[
     assert made["close"] == pytest.approx(n_now / n_before)
     product = made["crowding"] * made["layout"] * made["behaviour"]["theta"]
     assert product == pytest.approx(made["close"], rel=1e-4)
+    for period, n in (("a", 40), ("b", 20)):
+        told = made[period]
+        assert told["layout"] == pytest.approx(concentration(hand_map(n), cell_m=0.25, distance_m=2.0), rel=1e-5)
+        assert told["close_h"] == pytest.approx(7 * (5 * 40 + n) * 20 / 3600, rel=1e-5)
+    assert made["a"]["layout"] != made["b"]["layout"]
     code, out = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-W46", "--area", "queue")
     assert code == 0
     assert "compared: 7 pairs of days, 7.0 camera-hours recorded in both" in out

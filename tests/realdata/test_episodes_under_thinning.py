@@ -12,7 +12,7 @@ pytestmark = pytest.mark.realdata
 
 
 def test_a_third_of_the_frames_counts_the_same_violations(realdata: Callable[[str], Path]) -> None:
-    """At most 4 % per scene and phase, 1 % pooled; of shorter episodes many are lost, and that is why they do not count."""
+    """At most 4 % per scene and phase, 1 % pooled. Of shorter episodes many are lost: that is why they do not count."""
     n_whole, n_thinned = 0.0, 0.0
     for scene in FPS:
         whole, thinned = measure(realdata(f"eth_ucy/{scene}").parent, scene)

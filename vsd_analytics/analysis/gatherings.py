@@ -7,7 +7,7 @@ the camera that owns their centroid.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import date, datetime
 from typing import Any, Final
@@ -178,12 +178,18 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
             if period.first <= day <= period.last:
                 found.append(_told(warehouse, camera, one, day=day, is_open=is_open))
     found.sort(key=lambda g: (g.start, g.camera_id))
+    has_history = _is_whole(data, warehouse.first, period.first)
+    rate = level_often(
+        period,
+        Place(n, period.whole.exposure_h, period.whole.cameras),
+        since=None if has_history else period.span_ms[0],  # purged weeks have no gatherings and are no history
+    )
     is_known = period.why_no_violations is None
     counted = [g for g in found if g.is_open]
     return FloorGatherings(
         floor_id=floor.floor_id,
         sizes=stats.size_distribution(list(seconds), list(seconds.values())),
-        per_100_h=_per_100_h(level_often(period, Place(n, period.whole.exposure_h, period.whole.cameras))),
+        per_100_h=_per_100_h(rate),
         n=len(counted) if is_known else None,
         gatherings=tuple(found) if is_known else (),
         top=tuple(sorted(counted, key=lambda g: (-g.person_s, g.start))[:N_TOP]) if is_known else (),
@@ -194,7 +200,6 @@ def _gatherings(warehouse: Warehouse, camera: Camera, parts: list[_Found]) -> li
     """Return the gatherings of a camera that it counts, whenever they began."""
     import pandas as pd
 
-    settings = warehouse.site.settings
     big: list[_Found] = [_of_size(part, stats.MIN_PEOPLE) for part in parts]
     if not any(len(part.ts_ms) for part in big):
         return []
@@ -218,7 +223,6 @@ def _gatherings(warehouse: Warehouse, camera: Camera, parts: list[_Found]) -> li
         x_m=x_m,
         y_m=y_m,
         diameter_m=diameter_m,
-        min_last_s=max(stats.MIN_LAST_S, float(settings.episode_min_s)),
     )
     place = np.array([(g.x_m, g.y_m) for g in made], dtype=np.float64).reshape(-1, 2)
     start_ms = np.array([g.started_ms for g in made], dtype=np.int64)
@@ -232,7 +236,7 @@ def _clusters(warehouse: Warehouse, camera: Camera) -> Iterator[_Found]:
     ends = warehouse.rows("select min(quarter)::bigint as low, max(quarter)::bigint as high from calendar")[0]
     first_ms, after_ms = ends["low"] * 900_000 - _AROUND_MS, (ends["high"] + 1) * 900_000 + _AROUND_MS
     for day in range(first_ms // DAY_MS, (after_ms - 1) // DAY_MS + 1):
-        span = {"from": max(first_ms, day * DAY_MS), "to": min(after_ms, (day + 1) * DAY_MS)}
+        span = {"start_ms": max(first_ms, day * DAY_MS), "after_ms": min(after_ms, (day + 1) * DAY_MS)}
         rows = warehouse.table(_PAIRS, {"camera": camera.camera_id, "mm": limit_mm, **span})
         if rows.num_rows:
             yield _clusters_of(rows)
@@ -274,7 +278,12 @@ def _of_size(found: _Found, least: int) -> _Found:
     number = np.cumsum(chosen) - 1
     member = chosen[found.of]
     return _Found(
-        *(getattr(found, name)[chosen] for name in ("ts_ms", "size", "weight_s", "x_m", "y_m", "diameter_m")),
+        ts_ms=found.ts_ms[chosen],
+        size=found.size[chosen],
+        weight_s=found.weight_s[chosen],
+        x_m=found.x_m[chosen],
+        y_m=found.y_m[chosen],
+        diameter_m=found.diameter_m[chosen],
         of=number[found.of[member]],
         track=found.track[member],
     )
@@ -371,32 +380,39 @@ def _told(warehouse: Warehouse, camera: Camera, one: stats.Lasting, *, day: date
 
 def _per_100_h(rate: RateEstimate) -> RateEstimate:
     """Return a rate of gatherings an hour as one of gatherings in 100 hours."""
-    values = {k: None if (v := getattr(rate, k)) is None else HOURS * v for k in ("rate", "lo", "hi")}
+    values: dict[str, Any] = {k: None if (v := getattr(rate, k)) is None else HOURS * v for k in ("rate", "lo", "hi")}
     reason = None if rate.reason is None else rate.reason.replace("violation", "gathering")
     return replace(rate, **values, reason=reason if rate.state != "not_measurable" else rate.reason)
 
 
 def _why_unknown(period: Period) -> str | None:
     """Return why not even clusters can be known; None if they can."""
-    row: Mapping[str, Any] = period.data.warehouse.rows(
+    row = period.data.warehouse.rows(
         "select coalesce(bool_or(recorded_s > 0), false) as is_recorded, "
-        "coalesce(sum(violation_records), 0)::bigint as n, bool_or(violation_records is not null) as is_known, "
-        "(select count(*) from pairs as p inner join calendar as c on floor(p.ts_ms / 900000) = c.quarter "
-        "inner join cameras as k on p.camera_id = k.camera_id where k.floor_id = $floor and p.is_owned "
-        "and p.distance_mm < $mm and c.local_date between $first and $last)::bigint as n_present "
-        "from camera_hours where floor_id = $floor and local_date between $first and $last",
-        {
-            "floor": period.data.floor.floor_id,
-            "mm": round(period.data.site.settings.distance_m * 1000),
-            "first": period.first,
-            "last": period.last,
-        },
+        "bool_or(violation_records is not null) as is_known from camera_hours "
+        "where floor_id = $floor and local_date between $first and $last",
+        {"floor": period.data.floor.floor_id, "first": period.first, "last": period.last},
     )[0]
     if not row["is_recorded"]:
         return NOTHING
     if not row["is_known"]:
         return NO_FLOOR
-    return None if row["n"] == row["n_present"] else PURGED
+    return None if _is_whole(period.data, period.first, period.last) else PURGED
+
+
+def _is_whole(data: FloorHours, first: date, last: date) -> bool:
+    """Return whether the pairs of some days are all there: as many as violation records were counted."""
+    limit_mm = round(data.site.settings.distance_m * 1000)
+    values = {"floor": data.floor.floor_id, "mm": limit_mm, "first": first, "last": last}
+    row = data.warehouse.rows(
+        "select (select coalesce(sum(violation_records), 0) from camera_hours where floor_id = $floor "
+        "and local_date between $first and $last)::bigint as n, "
+        "(select count(*) from pairs as p inner join calendar as c on floor(p.ts_ms / 900000) = c.quarter "
+        "inner join cameras as k on p.camera_id = k.camera_id where k.floor_id = $floor and p.is_owned "
+        "and p.distance_mm < $mm and c.local_date between $first and $last)::bigint as n_present",
+        values,
+    )[0]
+    return bool(row["n"] == row["n_present"])
 
 
 _PAIRS: Final = """
@@ -412,6 +428,6 @@ select
     y_b_mm / 1000.0::double as y_m_b,
     weight_ms / 1000.0::double as weight_s
 from pairs
-where camera_id = $camera and distance_mm < $mm and ts_ms >= $from and ts_ms < $to
+where camera_id = $camera and distance_mm < $mm and ts_ms >= $start_ms and ts_ms < $after_ms
 order by ts_ms, member_a, member_b
 """

@@ -10,7 +10,6 @@ linkage: six people in a row are one cluster nine metres long, so its diameter s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -115,7 +114,8 @@ def clusters(frame: npt.ArrayLike, a: npt.ArrayLike, b: npt.ArrayLike) -> Cluste
 
     Args:
         frame: Frame of each pair, whole numbers from 0 in rising order, shape (n_pairs,).
-        a, b: The two people of each, whole numbers that tell people of one frame apart, same shape.
+        a: One of the two people of each, whole numbers that tell people of one frame apart, same shape.
+        b: The other, likewise.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -196,7 +196,8 @@ def diameters(of: npt.ArrayLike, x: npt.ArrayLike, y: npt.ArrayLike, *, n_cluste
 
     Args:
         of: Cluster of each person, in rising order, shape (n_people,).
-        x, y: Their places, same shape; NaN when unknown.
+        x: Their places, same shape; NaN when unknown.
+        y: Likewise.
         n_clusters: Number of clusters.
     """
     group, at_x, at_y = np.asarray(of, dtype=np.int64), np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -228,7 +229,8 @@ def lasting(
         interval_ms: Frame interval then.
         size: People in it.
         weight_s: Time its frame stands for.
-        x_m, y_m: Its centroid; NaN when unknown.
+        x_m: Its centroid; NaN when unknown.
+        y_m: Likewise.
         diameter_m: Its diameter; NaN when unknown.
         min_last_s: Shorter ones are left out.
     """
@@ -286,11 +288,6 @@ def size_distribution(
         own_s = float((n[inside] * weight[inside]).sum())
         shares.append(SizeShare(least, most, own_s, own_s / person_s if reason is None else None))
     return SizeDistribution(tuple(shares), person_s, cluster_s, state, reason)
-
-
-def largest(found: Sequence[Lasting], *, n: int = 5) -> tuple[Lasting, ...]:
-    """Return the gatherings with most person-seconds."""
-    return tuple(sorted(found, key=lambda g: (-g.person_s, g.started_ms))[:n])
 
 
 def _mean(values: Floats, weights: Floats) -> float | None:
