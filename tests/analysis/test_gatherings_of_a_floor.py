@@ -30,7 +30,9 @@ def site_of(root: Path, *, n_cameras: int = 1) -> Site:
     return Site("shop", "Shop", "UTC", root, floors=(Floor("ground", "Ground"),), cameras=cameras, settings=settings)
 
 
-def stand(camera: str, places_m: list[tuple[float, float]], *, start_ms: int, n_s: int, ids: str | None = "p") -> list[Row]:
+def stand(
+    camera: str, places_m: list[tuple[float, float]], *, start_ms: int, n_s: int, ids: str | None = "p"
+) -> list[Row]:
     """Return rows of people who stand still, one a second."""
     return [
         (camera, start_ms + 1000 * s, i, None if ids is None else f"{ids}{i}", round(1000 * x), round(1000 * y))
@@ -63,7 +65,8 @@ TRIANGLE = [(2.0, 2.0), (3.5, 2.0), (5.0, 2.0)]
 
 def test_three_people_for_a_minute_are_one_gathering(tmp_path: Path) -> None:
     site = site_of(tmp_path)
-    put(site, [*stand("cam-0", TRIANGLE, start_ms=START, n_s=60), *stand("cam-0", TRIANGLE, start_ms=START + 120_000, n_s=9)])
+    rows = stand("cam-0", TRIANGLE, start_ms=START, n_s=60)
+    put(site, [*rows, *stand("cam-0", TRIANGLE, start_ms=START + 120_000, n_s=9)])
     with Warehouse(site, DAY, DAY) as warehouse:
         found = vsd_analytics.gatherings(warehouse)
     (floor,) = found.floors
@@ -99,7 +102,8 @@ def test_a_gathering_over_midnight_is_whole_and_of_the_day_it_began_on(tmp_path:
 def test_of_two_cameras_that_see_a_gathering_one_counts(tmp_path: Path) -> None:
     site = site_of(tmp_path, n_cameras=2)
     places = [(9.2, 5.0), (10.2, 5.0), (11.2, 5.0)]
-    put(site, [r for c, ids in (("cam-0", "a"), ("cam-1", "b")) for r in stand(c, places, start_ms=START, n_s=30, ids=ids)])
+    seen = [stand(f"cam-{k}", places, start_ms=START, n_s=30, ids="ab"[k]) for k in range(2)]
+    put(site, [*seen[0], *seen[1]])
     with Warehouse(site, DAY, DAY) as warehouse:
         (floor,) = vsd_analytics.gatherings(warehouse).floors
     assert floor.n == 1
@@ -169,9 +173,9 @@ def test_pairs_that_are_gone_are_not_taken_for_no_gatherings(tmp_path: Path) -> 
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))
     with Warehouse(site, DAY, DAY) as warehouse:
-        warehouse.con.execute("create or replace temp view pairs as select * from pairs_of_before where false".replace(
-            "select * from pairs_of_before", "select * from (" + warehouse.con.sql("select sql from duckdb_views() where view_name = 'pairs'").fetchall()[0][0].split(" AS ", 1)[1].rstrip(";") + ")"
-        ))
+        warehouse.con.execute("create temp table gone as select * from pairs where false")
+        warehouse.con.execute("drop view pairs")
+        warehouse.con.execute("alter table gone rename to pairs")
         assert vsd_analytics.gatherings(warehouse).floors[0].per_100_h.reason == PURGED
 
 

@@ -1,17 +1,18 @@
-"""Who moves together, against networkx and a plain recount of the records; what must not change it; what cannot tell."""
+"""Who moves together, against networkx and a plain recount; what must not change it; what cannot tell."""
 
 from __future__ import annotations
 
 import json
 import random
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import date
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from group_scenes import components
 from warehouse_projects import DAY, HOUR, T0, Frame, Pair, Person, beats, make_site, open_days, put
@@ -26,6 +27,7 @@ from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 Call = tuple[date, str, frozenset[str]]
+TWO = [Camera("cam", "Cam", "ground", hz=1.0), Camera("side", "Side", "ground", hz=1.0)]
 
 
 def walkers(seed: int, *, n_parties: int = 14, start: int = T0, hours: float = 1.0) -> list[Person]:
@@ -46,13 +48,13 @@ def walkers(seed: int, *, n_parties: int = 14, start: int = T0, hours: float = 1
 
 
 def recount(rows: Sequence[Person], *, weight_ms: int = 1000) -> tuple[dict, set[frozenset[str]]]:
-    """Return every pair ever closer than 2 m with what the rule asks of it, and the groups: written from the rule alone."""
+    """Return every pair ever closer than 2 m with what the rule asks of it, and the groups; from the rule in words."""
     frames, lives = defaultdict(list), defaultdict(int)
     for r in rows:
         frames[r.ts].append(r)
         lives[r.track] += 1
     close = defaultdict(list)
-    for ts, seen in sorted(frames.items()):
+    for _, seen in sorted(frames.items()):
         for a, b in combinations(sorted(seen, key=lambda r: str(r.track)), 2):
             d = int(np.hypot(a.x - b.x, a.y - b.y))
             if d < 2000:
@@ -63,9 +65,8 @@ def recount(rows: Sequence[Person], *, weight_ms: int = 1000) -> tuple[dict, set
         walked = np.hypot(x[-1] - x[0], y[-1] - y[0])
         share = len(d) / (lives[a] + lives[b] - len(d))
         nearer_half = np.sort(d)[(len(d) - 1) // 2]  # the median, of an even number the lower one
-        together = (
-            len(d) * weight_ms >= 2000 and len(d) >= 3 and nearer_half <= 1250 and share >= 0.6 and walked >= 2000
-        )
+        is_long = len(d) * weight_ms >= 2000 and len(d) >= 3
+        together = is_long and nearer_half <= 1250 and share >= 0.6 and walked >= 2000
         pairs[a, b] = (len(d), round(share, 9), round(walked / 1000, 6), bool(together))
     return pairs, set(components(pair for pair, told in pairs.items() if told[3]))
 
@@ -99,6 +100,16 @@ def test_pairs_and_groups_equal_a_plain_recount(tmp_path: Path, seed: int) -> No
         assert {tracks for _, _, tracks in called(warehouse)} == expected
 
 
+def labelled(tracks: Iterable[tuple[str, str]], edges: Iterable[tuple[str, str, str]]) -> list[tuple]:
+    """Return the rows of the mart `track_groups` of graphs: camera (the graph's name) and track, camera and pair."""
+    con = connect(threads=1)
+    con.register("tracks", pd.DataFrame(tracks, columns=["camera_id", "track_id"]))
+    con.register("edges", pd.DataFrame(edges, columns=["camera_id", "track_a", "track_b"]))
+    con.execute("create table track_days as select camera_id, track_id, 0 as site_day from tracks")
+    con.execute("create table pair_days as select *, 0 as site_day, true as moves_together from edges")
+    return con.execute(relations("marts")["track_groups"].sql).fetchall()
+
+
 def test_groups_are_the_connected_components_of_a_thousand_random_graphs() -> None:
     random.seed(0)
     edges, expected = [], {}
@@ -108,14 +119,7 @@ def test_groups_are_the_connected_components_of_a_thousand_random_graphs() -> No
         mine = [tuple(sorted(random.sample(names, 2))) for _ in range(random.randint(0, 2 * n))]
         expected[str(graph)] = (set(names), set(components(mine)))
         edges += [(str(graph), a, b) for a, b in dict.fromkeys(mine)]
-    con = connect(threads=1)
-    con.execute(
-        "create table pair_days (camera_id text, track_a text, track_b text, site_day int, moves_together bool)"
-    )
-    con.execute("create table track_days (camera_id text, track_id text, site_day int)")
-    con.executemany("insert into pair_days values (?, ?, ?, 0, true)", edges)
-    con.executemany("insert into track_days values (?, ?, 0)", [(g, t) for g, (ts, _) in expected.items() for t in ts])
-    found = con.execute(relations("marts")["track_groups"].sql).fetchall()
+    found = labelled([(g, t) for g, (tracks, _) in expected.items() for t in tracks], edges)
     assert len(found) == sum(len(tracks) for tracks, _ in expected.values())
     made = defaultdict(lambda: defaultdict(set))
     for graph, _, track, group, n_members in found:
@@ -129,18 +133,8 @@ def test_groups_are_the_connected_components_of_a_thousand_random_graphs() -> No
 
 def test_a_chain_of_a_thousand_is_one_group() -> None:
     names = [f"{k * 7919 % 1000:04d}" for k in range(1000)]
-    con = connect(threads=1)
-    con.execute("create table track_days (camera_id text, track_id text, site_day int)")
-    con.executemany("insert into track_days values ('cam', ?, 0)", [(n,) for n in names])
-    con.execute(
-        "create table pair_days (camera_id text, track_a text, track_b text, site_day int, moves_together bool)"
-    )
-    steps = [tuple(sorted(pair)) for pair in zip(names, names[1:], strict=False)]
-    con.executemany("insert into pair_days values ('cam', ?, ?, 0, true)", steps)
-    found = con.execute(
-        f"select distinct group_id, n_members from ({relations('marts')['track_groups'].sql})"
-    ).fetchall()
-    assert found == [("0000", 1000)]
+    found = labelled([("cam", n) for n in names], [("cam", *sorted(pair)) for pair in pairwise(names)])
+    assert {(group, n) for *_, group, n in found} == {("0000", 1000)}
 
 
 # --- what must not change it ---
@@ -206,6 +200,18 @@ def test_a_longer_range_holds_the_groups_of_its_days(tmp_path: Path) -> None:
     assert {day for day, _, _ in week} == {date(2026, 11, 9), date(2026, 11, 10)}
 
 
+def test_a_violation_after_midnight_is_judged_by_its_whole_site_day(tmp_path: Path) -> None:
+    """Two who walked together in the early morning stand close 20 hours later, in the same site day."""
+    morning, night = T0 - 3 * HOUR, T0 + 16 * HOUR + 1_800_000
+    site = make_site(tmp_path)
+    rows = [Person(morning + s * 1000, t, s * 500, y) for s in range(60) for t, y in (("a", 0), ("b", 900))]
+    put(site, [*rows, *(Person(night + s * 1000, t, 0, y) for s in range(9) for t, y in (("a", 0), ("b", 900)))])
+    for days in (("2026-11-09", "2026-11-10"), ("2026-11-10", "2026-11-10")):
+        with open_days(site, *days) as warehouse:
+            told = warehouse.rows("select is_together from violations where local_date = date '2026-11-10'")
+        assert told == [{"is_together": True}]
+
+
 def test_ids_used_again_on_the_next_site_day_are_other_people(tmp_path: Path) -> None:
     site = make_site(tmp_path, pseudonyms=False)
     first = [Person(T0 + s * 1000, t, s * 500, y) for s in range(30) for t, y in (("1", 0), ("2", 900))]
@@ -215,17 +221,9 @@ def test_ids_used_again_on_the_next_site_day_are_other_people(tmp_path: Path) ->
 
 
 def test_cameras_do_not_mix(tmp_path: Path) -> None:
-    site = make_site(
-        tmp_path, cameras=[Camera("cam", "Cam", "ground", hz=1.0), Camera("side", "Side", "ground", hz=1.0)]
-    )
-    put(
-        site,
-        [
-            Person(T0 + s * 1000, t, s * 500, 900 * k, c)
-            for s in range(30)
-            for k, (t, c) in enumerate((("a", "cam"), ("b", "side")))
-        ],
-    )
+    site = make_site(tmp_path, cameras=TWO)
+    beside = [(s, k, *who) for s in range(30) for k, who in enumerate((("a", "cam"), ("b", "side")))]
+    put(site, [Person(T0 + s * 1000, track, s * 500, 900 * k, camera) for s, k, track, camera in beside])
     assert answer(site) == set()
 
 
@@ -265,12 +263,11 @@ def test_both_readings_stand_and_add_up(tmp_path: Path) -> None:
 
 def test_ids_that_are_cut_are_not_applicable(tmp_path: Path) -> None:
     rows = [
-        Person(T0 + s * 1000, f"{k}.{s // 10}", s * 1000 + k * 90_000, y)
-        for k in range(15)
+        Person(T0 + s * 1000, f"{party} {k} {s // 10}", s * 1000, party * 5000 + k * 800)
+        for party in range(15)
+        for k in (0, 1)
         for s in range(40)
-        for k, y in ((2 * k, 0), (2 * k + 1, 800))
     ]
-    rows = [replace(r, y=r.y + 5000 * (int(str(r.track).split(".")[0]) // 2)) for r in rows]
     site = make_site(tmp_path)
     put(site, rows)
     with open_days(site) as warehouse:
@@ -318,13 +315,9 @@ def test_what_cannot_tell_says_why(tmp_path: Path, records: list, state: str, wo
 
 
 def test_a_camera_that_cannot_tell_is_left_out_and_named(tmp_path: Path) -> None:
-    site = make_site(
-        tmp_path, cameras=[Camera("cam", "Cam", "ground", hz=1.0), Camera("side", "Side", "ground", hz=1.0)]
-    )
-    put(
-        site,
-        [*two_groups_that_meet(), *(Person(T0 + s * 1000, None, 500 * k, 0, "side") for s in range(9) for k in (0, 1))],
-    )
+    site = make_site(tmp_path, cameras=TWO)
+    bare = [Person(T0 + s * 1000, None, 500 * k, 0, "side") for s in range(9) for k in (0, 1)]
+    put(site, [*two_groups_that_meet(), *bare])
     with open_days(site) as warehouse:
         found = groups(warehouse)
         one = groups(warehouse, camera_id="side")

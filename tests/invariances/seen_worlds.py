@@ -45,7 +45,9 @@ def shoppers(seed: int, *, start: int, seconds: int, step_ms: int, n_people: int
         t_ms, x_mm, y_mm = np.array([*knots, (at_ms, *xy)]).T
         instants = np.arange(0, seconds * 1000, step_ms)
         x, y = (np.rint(np.interp(instants, t_ms, v)).astype(int) for v in (x_mm, y_mm))
-        found += [Person(start + int(t), f"{drawn}t{i}", int(a), int(b)) for t, a, b in zip(instants, x, y, strict=True)]
+        found += [
+            Person(start + int(t), f"{drawn}t{i}", int(a), int(b)) for t, a, b in zip(instants, x, y, strict=True)
+        ]
     return found
 
 

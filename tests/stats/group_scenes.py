@@ -1,4 +1,4 @@
-"""Recordings with true groups, and simulated shops with planted ones, through ingest and marts; and how well they agree."""
+"""Recordings with true groups through ingest and marts, and how well what is called agrees with what is true."""
 
 from __future__ import annotations
 

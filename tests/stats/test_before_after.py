@@ -170,3 +170,26 @@ def test_what_cannot_be_a_count_is_refused() -> None:
         before_after(replace(b, n=-b.n - 1), a)
     with pytest.raises(ValueError, match="same comparison areas"):
         before_after(b, period(rng, n_areas=2))
+
+
+def test_the_trend_may_be_told_over_more_weeks_than_are_compared() -> None:
+    rng = np.random.default_rng(11)
+    history = period(rng, weeks=8)
+    last = np.arange(56) >= 42
+    b = Period(*(v[..., last] for v in (history.n, history.x_h, history.comparison_n, history.comparison_x_h)),
+               history.weekday[last], history.week[last])  # fmt: skip
+    a = period(rng, first=8)
+    assert before_after(b, a).trend is None, "two weeks have no trend"
+    found = before_after(b, a, history=history)
+    assert found.trend is not None
+    assert found.trend.n_weeks == 8
+    assert replace(found, trend=None) == before_after(b, a)
+
+
+def test_too_few_person_hours_are_refused_with_the_rule() -> None:
+    rng = np.random.default_rng(12)
+    b, a = period(rng), period(rng, first=2)
+    found = before_after(b, a, min_exposure_h=5000)
+    assert (found.theta, found.state) == (None, "not_enough_data")
+    assert found.reason is not None
+    assert found.reason.startswith("needs at least 5000 person-hours in the area before, has ")

@@ -142,14 +142,14 @@ def _durations(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any],
 
 def _distances(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any], n_violations: int | None) -> Distances:
     distance_m = float(warehouse.site.settings.distance_m)
-    if (why := _why(told, needs_ids=False)) is None:
-        rows = warehouse.table(_DISTANCES, span)
-        mm, n_pairs = rows["distance_mm"].to_numpy(), rows["n_pairs"].to_numpy()
-        if int(n_pairs[mm < round(distance_m * 1000)].sum()) == told["violation_records"]:
-            return distance_shares(mm, rows["nearest_s"].to_numpy(), distance_m=distance_m, n_violations=n_violations)
-        why = "not_measurable", PURGED
     none = distance_shares([], [], distance_m=distance_m, n_violations=0)
-    return replace(none, state=why[0], reason=why[1])
+    if (why := _why(told, needs_ids=False)) is not None:
+        return replace(none, state=why[0], reason=why[1])
+    rows = warehouse.table(_DISTANCES, span)
+    mm, n_pairs = rows["distance_mm"].to_numpy(), rows["n_pairs"].to_numpy()
+    if int(n_pairs[mm < round(distance_m * 1000)].sum()) != told["violation_records"]:
+        return replace(none, state="not_measurable", reason=PURGED)
+    return distance_shares(mm, rows["nearest_s"].to_numpy(), distance_m=distance_m, n_violations=n_violations)
 
 
 def _contacts(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) -> CloseContacts:

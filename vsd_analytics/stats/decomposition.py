@@ -133,13 +133,14 @@ def concentration(exposure: npt.ArrayLike, *, cell_m: float, distance_m: float) 
     Raises:
         ValueError: Nobody was anywhere, or a number is negative or not finite.
     """
-    from scipy.signal import fftconvolve
-
     p = np.asarray(exposure, dtype=np.float64)
     if p.ndim != 2 or not np.isfinite(p).all() or (p < 0).any() or p.sum() <= 0:
         raise ValueError("exposure must be a map of finite numbers, none negative, some positive")
     p = p / p.sum()
-    near = fftconvolve(p, closeness(cell_m=cell_m, distance_m=distance_m), mode="same")
+    kernel = closeness(cell_m=cell_m, distance_m=distance_m)
+    k, shape = len(kernel) // 2, [n + len(kernel) - 1 for n in p.shape]
+    both = np.fft.irfft2(np.fft.rfft2(p, shape) * np.fft.rfft2(kernel, shape), shape)
+    near = both[k : k + p.shape[0], k : k + p.shape[1]]
     return float(np.clip((p * near).sum(), 0.0, 1.0))
 
 

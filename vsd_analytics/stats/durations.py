@@ -163,7 +163,9 @@ def durations(
     if n < MIN_VIOLATIONS:
         reason = f"needs at least {MIN_VIOLATIONS} violations, has {n}"
         unknown = ShareEstimate(None, None, None, 0, n, with_any, "not_enough_data", reason)
-        return Durations(*_without_interval(None, None), unknown, n, with_any, cut_share, at_least, "not_enough_data", reason)
+        return Durations(
+            *_without_interval(None, None), unknown, n, with_any, cut_share, at_least, "not_enough_data", reason
+        )
     per_day = np.bincount(code, minlength=with_any)
     long_per_day = np.bincount(code, weights=seconds >= LONG_S, minlength=with_any)
     share = share_by_days(long_per_day, per_day, confidence=confidence, min_days=min_days)
