@@ -169,6 +169,8 @@ def _store(site: Site) -> Finding:
         {path.parent.name.removeprefix("date=") for path in (site.root / "store").glob("*/site=*/date=*/*.parquet")}
     )
     if not days:
+        if (site.root / "sealed").is_dir():
+            return Finding("store", "note", "no records, only the sealed figures of purged days")
         return Finding("store", "needs you", "nothing is stored yet", "vsd ingest FILES...")
     from vsd_analytics.store import Store
     from vsd_analytics.store.verify import all_parts, check_parts, newest_parts

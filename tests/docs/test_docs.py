@@ -114,6 +114,8 @@ def test_help_and_messages_use_the_words_of_the_product() -> None:
 def test_windows_is_refused_with_a_reason(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
+    import zoneinfo  # noqa: F401  (looks at the platform when first imported, which must be the true one)
+
     from vsd_analytics.cli import shared
 
     monkeypatch.chdir(tmp_path)

@@ -21,7 +21,7 @@ Record = Person | Pair | Frame
 SIDE_MM = 20_000
 
 
-def shoppers(seed: int, *, start: int, seconds: int, step_ms: int, n_people: int, drawn: str = "") -> list[Person]:
+def shoppers(seed: int, *, start: int, seconds: int, step_ms: int, n_people: int) -> list[Person]:
     """Return people who each walk alone between places and stay at each for 10 to 60 s.
 
     Args:
@@ -30,7 +30,6 @@ def shoppers(seed: int, *, start: int, seconds: int, step_ms: int, n_people: int
         seconds: How long.
         step_ms: Milliseconds from frame to frame.
         n_people: How many, all the time; those of fewer people are among those of more.
-        drawn: Put before track ids.
     """
     found = []
     for i in range(n_people):
@@ -45,9 +44,7 @@ def shoppers(seed: int, *, start: int, seconds: int, step_ms: int, n_people: int
         t_ms, x_mm, y_mm = np.array([*knots, (at_ms, *xy)]).T
         instants = np.arange(0, seconds * 1000, step_ms)
         x, y = (np.rint(np.interp(instants, t_ms, v)).astype(int) for v in (x_mm, y_mm))
-        found += [
-            Person(start + int(t), f"{drawn}t{i}", int(a), int(b)) for t, a, b in zip(instants, x, y, strict=True)
-        ]
+        found += [Person(start + int(t), f"t{i}", int(a), int(b)) for t, a, b in zip(instants, x, y, strict=True)]
     return found
 
 

@@ -9,7 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -70,7 +70,7 @@ def test_files_split_at_any_time_change_nothing(seed: int, cuts: list[int], star
     edges = [-math.inf, *sorted(cuts), math.inf]
     with TemporaryDirectory() as folder:
         site = small_site(Path(folder))
-        for low, high in zip(edges, edges[1:], strict=False):
+        for low, high in pairwise(edges):
             put(site, [p for p in people if low <= p.ts - first < high])
             seen = marts(site, MONDAY, "2026-11-10")
     assert seen == whole
@@ -158,7 +158,7 @@ def overlapping() -> list[Camera]:
 @given(seed=SEEDS)
 @settings(max_examples=3, deadline=None)
 def test_two_cameras_that_see_the_same_floor_in_part_count_what_one_counts(seed: int) -> None:
-    """Every record and second once; a violation that walks from one owner's cells into the other's may count in both."""
+    """Every record and second once; a violation that walks from one owner's cells into another's may count in both."""
     people = shoppers(seed, start=T0, seconds=600, step_ms=1000, n_people=20)
     seen = [replace(p, camera=c) for p in people for c, (x0, x1) in SPANS.items() if x0 < p.x < x1]  # type: ignore[operator]
     assert len(seen) > 1.1 * len(people)

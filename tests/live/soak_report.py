@@ -115,7 +115,7 @@ def rows(outcome: Outcome) -> list[tuple[str, str]]:
             f"lost {n_lost:,} messages it had acknowledged ({n_ranges} gaps)",
         ),
         (
-            "of these found in the stored `seq`",
+            "of these told by `vsd coverage`",
             f"{n_of(outcome.gaps):,}: {'the same' if outcome.is_told else '**OTHERS**'}",
         ),
     ]

@@ -11,6 +11,9 @@ import numpy as np
 import pyarrow as pa
 from producer import Load
 
+from vsd_analytics.config import load_site
+from vsd_analytics.warehouse.warehouse import open_warehouse, stored_extent
+
 HASHES = {
     "frames": "hash(camera_id, epoch_ms(ts), seq, n_persons)",
     "observations": "hash(camera_id, epoch_ms(ts), person, x_mm, y_mm)",
@@ -94,16 +97,15 @@ def tracks_stored(project: Path) -> int:
 
 
 def gaps(project: Path) -> Ranges:
-    """Return the missing numbers of each camera as ranges, from the store alone."""
-    numbers = f"select distinct camera_id, seq from {stored(project, 'frames')}"
-    following = f"select camera_id, seq, lead(seq) over (partition by camera_id order by seq) as next from ({numbers})"
+    """Return the missing numbers of each camera as ranges, as `vsd coverage` tells them: by the mart `message_gaps`."""
+    site = load_site(project)
+    extent = stored_extent(site)
+    assert extent is not None
     found: Ranges = {}
-    for camera_id, first, last in (
-        connect()
-        .execute(f"select camera_id, seq + 1, next - 1 from ({following}) where next > seq + 1 order by 1, 2")
-        .fetchall()
-    ):
-        found.setdefault(camera_id, []).append((first, last))
+    query = "select camera_id, first_missing, last_missing from message_gaps where not is_restart order by 1, 2"
+    with open_warehouse(site, extent.first_day, extent.last_day) as warehouse:
+        for row in warehouse.rows(query):
+            found.setdefault(row["camera_id"], []).append((row["first_missing"], row["last_missing"]))
     return found
 
 
