@@ -28,6 +28,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_decomposition.py
 	$(BIN)/python tests/stats/prove_forecast.py --worlds 20
+	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
@@ -37,6 +38,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 	$(BIN)/python tests/realdata/prove_cameras.py
+	$(BIN)/python tests/realdata/prove_thinning.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python -m vsd_analytics.reference docs

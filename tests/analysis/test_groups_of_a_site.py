@@ -205,7 +205,7 @@ def test_a_violation_after_midnight_is_judged_by_its_whole_site_day(tmp_path: Pa
     morning, night = T0 - 3 * HOUR, T0 + 16 * HOUR + 1_800_000
     site = make_site(tmp_path)
     rows = [Person(morning + s * 1000, t, s * 500, y) for s in range(60) for t, y in (("a", 0), ("b", 900))]
-    put(site, [*rows, *(Person(night + s * 1000, t, 0, y) for s in range(9) for t, y in (("a", 0), ("b", 900)))])
+    put(site, [*rows, *(Person(night + s * 1000, t, 29_500, y) for s in range(9) for t, y in (("a", 0), ("b", 900)))])
     for days in (("2026-11-09", "2026-11-10"), ("2026-11-10", "2026-11-10")):
         with open_days(site, *days) as warehouse:
             told = warehouse.rows("select is_together from violations where local_date = date '2026-11-10'")

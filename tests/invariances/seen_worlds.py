@@ -73,8 +73,8 @@ def headline(site: Site, first: str, last: str) -> tuple[RateEstimate, RateEstim
 
 
 def small_site(root: Path, **more: Any) -> Site:
-    """Return a site whose headline numbers speak from a tenth of a person-hour on."""
-    return make_site(root, **{"min_exposure_h": 0.1, **more})
+    """Return a site whose headline numbers speak from a tenth of a person-hour on, in hours recorded for minutes."""
+    return make_site(root, **{"min_exposure_h": 0.1, "partial_hour_share": 0.01, **more})
 
 
 def close_pairs(people: Sequence[Person], *, within_mm: int = 2_500) -> list[Pair]:

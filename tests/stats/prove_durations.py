@@ -59,9 +59,8 @@ def main() -> None:
     parser.add_argument("--weeks", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
-    print(
-        "| days | violations a day | day sd | median | 90 % quantile | share of 30 s | median, percentiles | 90 %, percentiles |"
-    )
+    titles = ("days", "violations a day", "day sd", "median", "90 % quantile", "share of 30 s", "median, percentiles")
+    print(f"| {' | '.join(titles)} | 90 %, percentiles |")
     print("|---|---|---|---|---|---|---|---|")
     with ProcessPoolExecutor(2) as pool:
         jobs = [pool.submit(row, *world, asked.weeks, asked.seed) for world in WORLDS]

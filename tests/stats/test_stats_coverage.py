@@ -12,6 +12,10 @@ pytestmark = pytest.mark.simulation
 WEEKS = 1000
 
 WORLDS = [World(episodes, sd) for episodes in (300, 3000) for sd in (0.05, 0.10, 0.25)]
+WORLDS += [
+    World(300, 0.10, profile="office, closed at weekends"),
+    World(3000, 0.05, profile="office, weekends assumed"),
+]
 DOWN = [World(300, 0.10, n_days_down=4), World(3000, 0.05, n_days_down=4), World(3000, 0.25, n_days_down=4)]
 
 
