@@ -24,10 +24,12 @@ lint: $(VENV)/.installed-test
 
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
+	$(BIN)/python tests/stats/prove_intervals.py --people 10
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --shops 10
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_decomposition.py
 	$(BIN)/python tests/stats/prove_forecast.py --worlds 20
+	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2
 	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/faults/prove_crashes.py

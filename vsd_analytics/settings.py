@@ -64,7 +64,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("hotspot_min_ratio", "analysis", 1.25, "", 1.0, 100.0, "A hotspot has at least this many times the floor's violations per person-hour; smoothing makes high ratios lower."),
     Setting("hotspot_false_share", "analysis", 0.05, "", 1e-6, 0.5, "Of the cells called hot, at most this share is expected to be so by chance (false discovery rate)."),
     Setting("together_life_s", "analysis", 20.0, "seconds", 0.0, 86400.0, "Who moves together is told where half of person-time is in track ids that live at least so long, or where ids are not cut."),
-    Setting("together_cut_share", "analysis", 0.1, "", 0.0, 1.0, "Track ids that live shorter are taken as short visits if at most this share of them end where another one begins right then."),
+    Setting("together_cut_share", "analysis", 0.12, "", 0.0, 1.0, "Track ids that live shorter are taken as short visits if at most this share of them end where another one begins right then."),
     Setting("washout_days", "analysis", 3, "days", 0, 28, "Days left out around a change of the log before before and after are compared: while it is built, and while people get used to it."),
     Setting("earliest_year", "ingest", 1990, "year", 1970, 2100, "Records before this year are quarantined."),
     Setting("future_max_s", "ingest", 86400.0, "seconds", 0.0, 366 * 86400.0, "Records of files later than the clock by more than this are quarantined."),

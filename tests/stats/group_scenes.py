@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
 
-import networkx as nx
 import numpy as np
 import pandas as pd
+import pytest
 
 from vsd_analytics.analysis.groups import Groups, groups
 from vsd_analytics.ingest.adapter import IngestOptions
@@ -42,6 +42,7 @@ def read_groups(folder: Path) -> Partition:
 
 def components(edges: Iterable[tuple[Hashable, Hashable]]) -> list[frozenset]:
     """Return the connected components of a graph, by networkx."""
+    nx = pytest.importorskip("networkx")
     return [frozenset(c) for c in nx.connected_components(nx.Graph(list(edges))) if len(c) > 1]
 
 

@@ -38,8 +38,9 @@ def variants(scene: pd.DataFrame, *, seed: int) -> Iterator[tuple[str, pd.DataFr
     yield "noise 0.1 m", noisy(scene, 0.1, seed=seed)
     yield "every 1.2 s, noise 0.1 m", noisy(thinned(scene, 3), 0.1, seed=seed)
     yield "every 1.2 s, noise 0.2 m", noisy(thinned(scene, 3), 0.2, seed=seed)
-    yield "new ids every 10 s", cut(scene, 10.0)
-    yield "new ids every 5 s", cut(scene, 5.0)
+    for after_s in (10.0, 5.0):
+        yield f"new ids every {after_s:g} s", cut(scene, after_s)
+    yield "every 1.2 s, new ids every 10 s", cut(thinned(scene, 3), 10.0)
 
 
 def measure(name: str, *, data: Path, seed: int) -> list[str]:
@@ -52,6 +53,9 @@ def measure(name: str, *, data: Path, seed: int) -> list[str]:
         with tempfile.TemporaryDirectory() as root:
             found, pairs = through(scene, Path(root))
         called = [frozenset(g.tracks) for g in found.groups]
+        if "ids" in label:
+            ids = scene["track"].drop_duplicates()
+            label += f" ({1 - ids.str.extract('^p(.+)n')[0].nunique() / len(ids):.0%} cut)"
         rows.append(row(name, label, score(pairs, called, true, tracks=set(scene["track"])), found))
     return rows
 

@@ -91,13 +91,13 @@ def test_long_ids_tell_whatever_begins_beside_them() -> None:
 
 
 def test_short_ids_that_are_not_cut_are_short_visits() -> None:
-    assert lives(8.0, 100, n_goes_on=14, n_came_before=4).state == "ok"
+    assert lives(8.0, 100, n_goes_on=16, n_came_before=4).state == "ok"
 
 
 def test_short_ids_that_go_on_as_others_are_cut_and_the_filter_says_so_with_the_numbers() -> None:
-    found = lives(8.0, 100, n_goes_on=15, n_came_before=4)
-    assert (found.state, found.cut_share) == ("not_measurable", 0.11)
-    for said in ("group filter not applicable", "median of 8.0 s", "0% of person-time", "11%"):
+    found = lives(8.0, 100, n_goes_on=17, n_came_before=4)
+    assert (found.state, found.cut_share) == ("not_measurable", 0.13)
+    for said in ("group filter not applicable", "median of 8.0 s", "0% of person-time", "13%"):
         assert said in str(found.reason)
 
 

@@ -163,7 +163,7 @@ def _accuracy(found: Groups) -> str:
     return (
         f"known accuracy: on {a.scenes}, F1 of pairs {a.f1[0]:.2f} to {a.f1[1]:.2f}; of the violation time called "
         f"within groups {a.time_precision[0]:.0%} to {a.time_precision[1]:.0%} is, and {a.time_recall[0]:.0%} to "
-        f"{a.time_recall[1]:.0%} of what is is found (docs/statistics.md)"
+        f"{a.time_recall[1]:.0%} of what is, is found; {a.weakness} (docs/statistics.md)"
     )
 
 
