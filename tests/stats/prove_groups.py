@@ -53,10 +53,12 @@ def measure(name: str, *, data: Path, seed: int) -> list[str]:
         with tempfile.TemporaryDirectory() as root:
             found, pairs = through(scene, Path(root))
         called = [frozenset(g.tracks) for g in found.groups]
+        shown = label
         if "ids" in label:
             ids = scene["track"].drop_duplicates()
-            label += f" ({1 - ids.str.extract('^p(.+)n')[0].nunique() / len(ids):.0%} cut)"
-        rows.append(row(name, label, score(pairs, called, true, tracks=set(scene["track"])), found))
+            cut_share = 1 - ids.str.extract("^p(.+)n")[0].nunique() / len(ids)
+            shown = f"{label} ({cut_share:.0%} cut)"
+        rows.append(row(name, shown, score(pairs, called, true, tracks=set(scene["track"])), found))
     return rows
 
 

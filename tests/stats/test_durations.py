@@ -18,7 +18,7 @@ def days_of(seed: int, *, n_days: int = 7, per_day: int = 60, sd: float = 0.15) 
 
 
 def test_intervals_of_a_week_hold_the_truth() -> None:
-    """The median of such durations is 8 s; percentiles of the draws hold it in 86 to 88 % of weeks (docs/statistics.md)."""
+    """The median of such durations is 8 s; percentiles of the draws hold it in 86 to 88 % of weeks only."""
     held = 0
     for seed in range(150):
         found = durations(*days_of(seed), None, seed=seed, n_boot=99)

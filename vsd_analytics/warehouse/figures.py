@@ -142,7 +142,9 @@ def coverage(warehouse: Warehouse) -> dict[str, Any]:
 
 def _between(warehouse: Warehouse, row: dict[str, Any]) -> dict[str, Any]:
     """Return the camera of a row of `message_gaps` and the messages on either side, as local ISO instants."""
-    start, end = (local_instant(warehouse, row[k]).isoformat(timespec="milliseconds") for k in ("started_ms", "ended_ms"))
+    start, end = (
+        local_instant(warehouse, row[k]).isoformat(timespec="milliseconds") for k in ("started_ms", "ended_ms")
+    )
     return {"camera_id": row["camera_id"], "start": start, "end": end}
 
 

@@ -62,8 +62,8 @@ class Warehouse:
     """Facts and marts of a range of local days.
 
     Use it as a context manager: no record is removed while it is open. Every relation of `sql/facts` and `sql/marts`,
-    and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations`, `params`, can be queried
-    by name.
+    and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations`, `params`, can be
+    queried by name.
 
     Args:
         site: The project.
