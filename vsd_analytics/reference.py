@@ -191,7 +191,7 @@ quarter-hour that starts at `day_starts`, for the days that touch the range.""",
         (
             "facts",
             "Facts",
-            "Derived from the store hour by hour and kept in `facts/`; made again at any time while records are stored.",
+            "Derived from the store hour by hour and kept in `facts/`; made again any time while records are stored.",
         ),
         ("staging", "Staging", "Steps between the store and the facts; they exist while facts are computed only."),
     ):

@@ -7,7 +7,7 @@ import random
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from datetime import date
+from datetime import UTC, date, datetime
 from itertools import combinations, pairwise
 from pathlib import Path
 
@@ -17,7 +17,8 @@ import pytest
 from group_scenes import components
 from warehouse_projects import DAY, HOUR, T0, Frame, Pair, Person, beats, make_site, open_days, put
 
-from vsd_analytics.analysis.groups import between_groups, groups
+from vsd_analytics import retention
+from vsd_analytics.analysis.groups import PURGED, between_groups, groups
 from vsd_analytics.analysis.panels import FloorHours, Period
 from vsd_analytics.cli import main
 from vsd_analytics.duck import connect
@@ -312,6 +313,20 @@ def test_what_cannot_tell_says_why(tmp_path: Path, records: list, state: str, wo
         found = groups(warehouse)
     assert (found.state, found.between.value, found.people_share, found.groups) == (state, None, None, ())
     assert words in str(found.reason)
+
+
+def test_hours_purged_before_tracks_were_counted_are_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their sealed facts know violations, but not who moved together: neither reading of them is told."""
+    site = make_site(tmp_path)
+    put(site, two_groups_that_meet())
+    monkeypatch.setattr(retention, "NOT_KEPT", ("pairs", "track_lives", "track_pairs"))
+    terms = retention.Terms(now=datetime(2026, 12, 1, tzinfo=UTC), is_forced=True)
+    assert retention.purge_older(site, before=date(2026, 11, 11), terms=terms).n_sealed
+    with open_days(site) as warehouse:
+        told = warehouse.rows("select is_together from violations")
+        found = groups(warehouse)
+    assert told == [{"is_together": None}] * 3
+    assert (found.state, found.reason, found.between.value) == ("not_measurable", PURGED, None)
 
 
 def test_a_camera_that_cannot_tell_is_left_out_and_named(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert result.facts == facts
     assert facts.keys() == {
         *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
-        *("track_lives", "track_pairs"),
+        *("track_lives", "track_pairs", "crowding"),
     }, "recorded time and running numbers do not depend on where people stood"
 
 
@@ -202,8 +202,14 @@ def test_changed_setting_recomputes_the_facts_that_use_it(root: Path, tmp_path: 
     result, hours, facts = changed(project(root, distance_m=1.5), tmp_path)
     assert hours == set(HOURS)
     assert dict(result.reasons) == {"settings changed": len(HOURS)}
-    assert set(facts) == {"floor_cells", "violation_time", "episode_segments", "track_pairs"}
+    assert set(facts) == {"floor_cells", "violation_time", "episode_segments", "track_pairs", "crowding"}
     assert result.facts == facts
+
+
+def test_the_rule_for_moving_together_concerns_no_other_fact(root: Path, tmp_path: Path) -> None:
+    result, _, facts = changed(project(root, together_m=0.5), tmp_path)
+    assert set(result.facts) == {"track_pairs"}
+    assert set(facts) <= {"track_pairs"}
 
 
 @pytest.fixture
@@ -232,13 +238,22 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
             "facts/pairs.sql",
             "having count(*) > 40",
             "having count(*) > 41",
-            {"pairs", "violation_time", "episode_segments", "floor_cells", "track_pairs"},
+            {"pairs", "violation_time", "episode_segments", "floor_cells", "track_pairs", "crowding"},
         ),
         (
             "staging/located.sql",
             "left join cameras on p.camera_id = cameras.camera_id",
             "left join cameras on cameras.camera_id = p.camera_id",
-            {"exposure", "pairs", "violation_time", "episode_segments", "floor_cells", "track_lives", "track_pairs"},
+            {
+                "exposure",
+                "pairs",
+                "violation_time",
+                "episode_segments",
+                "floor_cells",
+                "track_lives",
+                "track_pairs",
+                "crowding",
+            },
         ),
     ],
     ids=["a fact nothing reads", "a fact others read", "staging"],

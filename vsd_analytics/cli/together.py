@@ -131,16 +131,19 @@ def _reading_lines(found: Groups) -> list[str]:
         + (f"; {share.reason}" if share.reason else "")
     ]
     for r in found.readings:
-        where = f", floor {r.floor_id}" if len(found.readings) > 1 else ""
-        for name, unit, kind in _RATES:
+        lines += ["", f"{f'floor {r.floor_id}' if len(found.readings) > 1 else '':<28}  {'all':<22}  between groups"]
+        for _, unit, kind in _RATES:
             both = getattr(r, kind), getattr(r, f"{kind}_between")
-            lines.append(f"{unit + where:<34} {_number(both[0]):<24} between groups {_number(both[1])}  {name}")
+            told = (
+                f"{_number(both[0]):<22}  {_number(both[1])}" if both[0].rate is not None else f"– ({both[0].reason})"
+            )
+            lines.append(f"{unit:<28}  {told}")
     return lines
 
 
 def _number(rate: RateEstimate) -> str:
     if rate.rate is None:
-        return f"– ({rate.reason})"
+        return "–"
     if rate.lo is None or rate.hi is None:
         return f"{rate.rate:.3g}"
     return f"{rate.rate:.3g} ({rate.lo:.3g} to {rate.hi:.3g})"
