@@ -184,7 +184,7 @@ so, local. A count is null where nothing was recorded, never 0.""",
 Settings reach SQL as the one-row relation `params`. The site stands in `cameras`, `areas`, `calibrations`, `area_cells`
 (which floor cells lie in an area), `owner_cells` (which camera counts where several see the same floor) and `calendar`
 (UTC quarter-hours with their local date, hour, weekday and whether the site was open); `site_days` has the day of each
-quarter-hour that starts at `day_starts`, for the days that touch the range.""",
+quarter-hour that starts at the day_starts of vsd.toml, for the days that touch the range.""",
     ]
     for layer, title, said in (
         ("marts", "Marts", "One relation for each figure, over the range that was asked for."),
