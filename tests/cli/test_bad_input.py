@@ -76,7 +76,7 @@ def _message(**changes: Any) -> str:
 REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
     "no such file": ("a.csv", None, "E201", "there is no file", "spelling"),
     "empty file": ("a.csv", "", "E202", "a.csv is empty", "export it again"),
-    "empty gzip": ("a.jsonl.gz", gzip.compress(b""), "E202", "a.jsonl.gz is empty", "export it again"),
+    "empty gzip": ("a.jsonl.gz", gzip.compress(b"", mtime=0), "E202", "a.jsonl.gz is empty", "export it again"),
     "missing column": ("a.csv", HEADER.replace("x_m", "px") + GOOD, "E203", "no column 'x_m'", "--map x_m="),
     "pair without distance": ("a.csv", "ts,track_a,track_b\n1,2,3\n", "E203", "'distance_m'", "distance_m=THEIR_NAME"),
     "bytes with a quote": ("a.zip", b'PK\x03\x04"\r"\x00\xff\n', "E204", "not recognised", "--format"),
@@ -89,7 +89,7 @@ REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
         "not a whole Parquet",
         "again",
     ),
-    "gzip damaged at once": ("a.csv.gz", gzip.compress(HEADER.encode())[:14], "E205", "damaged", "again"),
+    "gzip damaged at once": ("a.csv.gz", gzip.compress(HEADER.encode(), mtime=0)[:14], "E205", "damaged", "again"),
     "frame numbers only": ("a.csv", "frame,x_m,y_m\n1,2,3\n", "E207", "frame numbers but no times", "--fps 25 --start"),
     "no camera": ("a.csv", "ts,x_m,y_m\n1794214800,2,3\n", "E203", "no column 'camera_id'", "--camera"),
     "a list for numbers": ("a.parquet", _parquet(ts=[1], camera_id=["a"], x_m=[[1]], y_m=[1]), "E203", "type", "--map"),
@@ -162,7 +162,7 @@ def test_a_bad_record_is_quarantined_counted_and_explained(vsd: Vsd, tmp_path: P
 
 def test_records_before_the_damage_in_a_gzip_are_kept_and_the_damage_is_told(vsd: Vsd, tmp_path: Path) -> None:
     rows = "".join(GOOD.replace("00Z,cam-1,a", f"00.{k % 1000:03}Z,cam-1,{k}") for k in range(5000))
-    whole = gzip.compress((HEADER + rows).encode())
+    whole = gzip.compress((HEADER + rows).encode(), mtime=0)
     (tmp_path / "a.csv.gz").write_bytes(whole[: len(whole) // 2])
     code, out, err = vsd("ingest", tmp_path / "a.csv.gz")
     assert code == 2

@@ -239,7 +239,7 @@ def worlds() -> list[World]:
         World("motchallenge: zip", "a.zip", files=sequences, pack=zipped, options=clock),
         World("wildtrack: folder", "annotations", files=annotations(),
               options={"camera": "cam-1", "format": "wildtrack", **clock}),
-        World("wildtrack: tar.gz", "a.tar.gz", files=annotations(), pack=lambda f: gzip.compress(tarred(f)),
+        World("wildtrack: tar.gz", "a.tar.gz", files=annotations(), pack=lambda f: gzip.compress(tarred(f), mtime=0),
               options={"camera": "cam-1", **clock}),
         World("vsd.toml", "", _lines(CONFIG.encode())),
     ]  # fmt: skip

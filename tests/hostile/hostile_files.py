@@ -131,7 +131,9 @@ ARCHIVES: Mapping[str, Callable[[Lab], str]] = {
     "tar, a link to /etc/passwd": _archive(
         "a.tar", lambda: _tar((_FILE, _PERSON, ""), (_FILE.replace("0.", "1."), b"", "/etc/passwd"))
     ),
-    "tar.gz, 80 MiB of zeros": _archive("a.tar.gz", lambda: gzip.compress(_tar((_FILE, b"\0" * (80 << 20), "")))),
+    "tar.gz, 80 MiB of zeros": _archive(
+        "a.tar.gz", lambda: gzip.compress(_tar((_FILE, b"\0" * (80 << 20), "")), mtime=0)
+    ),
     "csv.bz2, 80 MiB of blanks": _archive("a.csv.bz2", _bz2),
     "jsonl.zst, 200 MiB of blanks": _archive("a.jsonl.zst", _zst),
 }

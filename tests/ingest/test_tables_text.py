@@ -53,7 +53,7 @@ EXPECTED = [("cam-1", 0, "7", 1.5, 2.5, 2), ("cam-2", 1000, "8", -3.0, 0.25, 3)]
         CSV.replace("camera_id", " Camera_ID ").replace("x_m", "X_M"),
         CSV.replace("cam-1", '"cam-1"').replace("track_id", '"track_id"'),
         CSV.replace(",", ', "', 1).replace(",track_id", '",track_id'),
-        gzip.compress(CSV.encode()),
+        gzip.compress(CSV.encode(), mtime=0),
         bz2.compress(CSV.encode()),
         _zst(CSV),
     ],
@@ -274,7 +274,7 @@ def _limited(n_bytes: int) -> IngestOptions:
 
 def test_rows_before_damage_in_a_gzip_are_kept(tmp_path: Path) -> None:
     text = "ts,x_m,y_m\n" + "".join(f"{1794214800 + k},{k / 7:.5f},2\n" for k in range(20_000))
-    whole = gzip.compress(text.encode())
+    whole = gzip.compress(text.encode(), mtime=0)
     path = tmp_path / "a.csv.gz"
     path.write_bytes(whole[: len(whole) * 2 // 3])
     found = read(Tables(), path, IngestOptions(camera="cam-1"))
@@ -288,13 +288,13 @@ def test_rows_before_damage_in_a_gzip_are_kept(tmp_path: Path) -> None:
 
 def test_a_gzip_damaged_in_its_first_line_is_called_damaged_not_empty(tmp_path: Path) -> None:
     path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(CSV.encode())[:15])
+    path.write_bytes(gzip.compress(CSV.encode(), mtime=0)[:15])
     found = read(Tables(), path)
     assert found.error is not None
     assert found.error.code == "E205"
 
 
-@pytest.mark.parametrize("content", ["", "\n\n", "\ufeff\n", gzip.compress(b"")])
+@pytest.mark.parametrize("content", ["", "\n\n", "\ufeff\n", gzip.compress(b"", mtime=0)])
 def test_a_file_without_content_is_called_empty(tmp_path: Path, content: str | bytes) -> None:
     found = read_table(tmp_path / "a.csv", content)
     assert found.error is not None
