@@ -264,7 +264,8 @@ def test_an_internal_error_is_told_without_a_traceback_unless_asked(
 _ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
 
 _SLOW = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 from vsd_analytics.cli import main
 from vsd_analytics.store import Store
 def fold(self, **more):
