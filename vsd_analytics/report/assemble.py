@@ -6,10 +6,11 @@ import hashlib
 from collections.abc import Callable
 from datetime import date, datetime, timedelta
 
-from vsd_analytics.analysis.panels import HISTORY_WEEKS, WEEK
+from vsd_analytics.analysis.panels import WEEK
 from vsd_analytics.report import areas as report_areas
-from vsd_analytics.report import changes, estimates, headline, hours, recorded
+from vsd_analytics.report import changes, estimates, findings, headline, hours, recorded
 from vsd_analytics.report.figures import figures
+from vsd_analytics.report.findings import Findings
 from vsd_analytics.report.mapping import floor_maps
 from vsd_analytics.report.model import (
     Coverage,
@@ -62,24 +63,28 @@ def week_report(
     floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
     if floor is None:
         raise KeyError(floor_id)
-    first = _first_day(site, monday)
-    with open_warehouse(site, first, monday + timedelta(days=6), on_plan=on_plan, on_hours=on_hours) as warehouse:
+    first, last = _first_day(site, monday), monday + timedelta(days=6)
+    with (
+        open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse,
+        open_warehouse(site, monday, last) as week,
+    ):
         warehouse.keep("episodes", "violations", "camera_hours", "area_hours")
         data = WeekData(warehouse, floor=floor, monday=monday)
-        return headline.finish(_report(data, floor, warehouse, now))
+        found = Findings(data, week=week)
+        return headline.finish(_report(data, floor, found, now))
 
 
 def _first_day(site: Site, monday: date) -> date:
     """Return the first day to load: the history that exists, and the week before in any case."""
     extent = stored_extent(site)
-    earliest = monday - HISTORY_WEEKS * WEEK
+    earliest = findings.first_day(site, monday)
     if extent is None:
         return earliest
     stored = extent.first_day - timedelta(days=extent.first_day.weekday())
     return max(earliest, min(stored, monday - WEEK))
 
 
-def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | None) -> WeekReport:
+def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None) -> WeekReport:
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
     coverage = recorded.coverage(data)
@@ -111,9 +116,9 @@ def _report(data: WeekData, floor: Floor, warehouse: Warehouse, now: datetime | 
             engines=sent,
             settings_id=settings.settings_id(),
             settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
-            inputs_digest=_inputs(warehouse),
+            inputs_digest=_inputs(data.warehouse),
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
-            notes=tuple(run.told(site) for run in warehouse.other_rules()),
+            notes=tuple(run.told(site) for run in data.warehouse.other_rules()),
         ),
         rules=Rules(**{f: settings.values[f] for f in Rules.__dataclass_fields__}),
         state=state,

@@ -1,0 +1,90 @@
+"""Every question the week's report asks of the analysis room, each asked once, and only when somebody wants it."""
+
+from __future__ import annotations
+
+from datetime import date, timedelta
+from functools import cached_property
+
+from vsd_analytics.analysis import before_after, episodes, forecast, gatherings, groups, hotspots, sensitivity, trend
+from vsd_analytics.analysis import hour_of_week as week_hours
+from vsd_analytics.analysis import unusual as unusual_hours
+from vsd_analytics.analysis.panels import WEEK
+from vsd_analytics.changelog import read_log
+from vsd_analytics.report.weekdata import WeekData
+from vsd_analytics.site import Site
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+
+def first_day(site: Site, monday: date) -> date:
+    """Return the first day the longest question looks at: twelve weeks of trend, or the hotspots' earlier windows."""
+    return min(trend.first_day(monday), forecast.first_day(monday), hotspots.days_needed(site, monday + WEEK)[0])
+
+
+class Findings:
+    """The answers of the analysis room for one floor and week.
+
+    Args:
+        data: The week; its warehouse reaches back to `first_day` or to the first stored week.
+        week: A warehouse over the week alone, for questions that take the whole of a warehouse.
+    """
+
+    def __init__(self, data: WeekData, *, week: Warehouse) -> None:
+        self._data, self._long, self._week = data, data.warehouse, week
+        self._floor_id = data.floor.floor_id
+        self._days = (data.monday, data.monday + timedelta(days=6))
+
+    @cached_property
+    def trend(self) -> trend.Trend:
+        """How the last twelve weeks went (M28)."""
+        return trend.trend(self._long, self._data.monday, floor_id=self._floor_id)
+
+    @cached_property
+    def hotspots(self) -> hotspots.FloorHotspots:
+        """Where a person-hour is riskier than elsewhere (M20)."""
+        return hotspots.hotspots(self._long, floor_id=self._floor_id, until=self._days[1])
+
+    @cached_property
+    def groups(self) -> groups.Groups:
+        """Who came together, and violations in two readings (M9)."""
+        return groups.groups(self._week)
+
+    @cached_property
+    def unusual(self) -> unusual_hours.UnusualWeek:
+        """Hours far from usual (M24)."""
+        return unusual_hours.unusual(self._long, self._data.monday, floor_id=self._floor_id)
+
+    @cached_property
+    def outlook(self) -> forecast.Outlook:
+        """The week to come, and how good the last forecast was (M25)."""
+        return forecast.forecast(self._long, self._data.monday, floor_id=self._floor_id)
+
+    @cached_property
+    def profile(self) -> week_hours.WeekProfile:
+        """Hours of the week over four weeks, and the highest (M13, M14)."""
+        return week_hours.week_profile(self._long, self._data.monday, floor_id=self._floor_id)
+
+    @cached_property
+    def episodes(self) -> episodes.EpisodeFigures:
+        """How long and close violations were, close contacts, tracks (M10 to M12, M4, M29)."""
+        return episodes.episode_figures(self._week, floor_id=self._floor_id)
+
+    @cached_property
+    def sensitivity(self) -> sensitivity.ThresholdSensitivity:
+        """What another distance, and the engine's stated error, would change (M26)."""
+        return sensitivity.threshold_sensitivity(self._week, floor_id=self._floor_id)
+
+    @cached_property
+    def gatherings(self) -> gatherings.Gatherings:
+        """Clusters and gatherings (M21, M22)."""
+        return gatherings.gatherings(self._week, floor_id=self._floor_id)
+
+    @cached_property
+    def redesigns(self) -> tuple[before_after.BeforeAfterFigure, ...]:
+        """Each change of the log that names an area of this floor, from the first week stored to this one (M27)."""
+        area_ids = {a.area_id for a in self._data.areas}
+        zone, first, last = self._data.site.zone, self._long.first, self._days[1]
+        return tuple(
+            before_after.before_after(self._long, number)
+            for number, entry in enumerate(read_log(self._data.site), 1)
+            if entry.area_id in area_ids and first <= entry.at.astimezone(zone).date() <= last
+        )
