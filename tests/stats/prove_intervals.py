@@ -15,7 +15,7 @@ import argparse
 import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime, time, timedelta
 from functools import partial
 from itertools import pairwise
@@ -67,6 +67,7 @@ class World:
         n_days_down: Days one camera is down, both drawn anew each week.
         is_weekend_down: The camera with the largest share is down from Thursday to Sunday, every week.
         is_shock_shared: One factor per day for all cameras; else one for each camera.
+        restless: How many times the weeks before's sd the stated sd is.
     """
 
     episodes: float
@@ -75,6 +76,7 @@ class World:
     is_weekend_down: bool = False
     is_shock_shared: bool = True
     profile: str = "shop, assumed"
+    restless: float = 1.0
 
     @property
     def open_h(self) -> np.ndarray:
@@ -214,15 +216,25 @@ def run_changes(world: World, *, weeks: int, seed: int, effect: float = 1.0) -> 
     n_a, people_a = world.draw(rng, weeks)
     n_b, people_b = world.draw(rng, weeks, effect=effect)
     x = world.hours(rng, weeks)
+    past = replace(world, day_sd=world.day_sd / world.restless).draw(rng, weeks * HISTORY_WEEKS)
+    past_n, past_people = (array.reshape(weeks, HISTORY_WEEKS, 4, world.n_days) for array in past)
+    past_x = np.tile(world.open_h, (HISTORY_WEEKS, 1, 1))
     n_a, people_a, n_b, people_b = (array * (x > 0) for array in (n_a, people_a, n_b, people_b))
-    found: dict[str, list[tuple[Any, float]]] = {"M0": [], "M7": [], "people": [], "D/(D-1)": [], "naive": []}
+    found: dict[str, list[tuple[Any, float]]] = {}
     for i in range(weeks):
         sums = [array[i].sum(axis=0) for array in (n_a, people_a, n_b, people_b)]
-        found["M0"].append((compare_how_often(n_a[i], x[i], n_b[i], x[i]), effect))
-        found["M7"].append((compare_how_risky(*sums), effect))
-        found["people"].append((compare_exposure(people_a[i], x[i], people_b[i], x[i]), 1.0))
-        found["D/(D-1)"].append((per_camera_change((n_a[i], x[i]), (n_b[i], x[i])), effect))
-        found["naive"].append((naive_change(rng, (n_a[i], x[i]), (n_b[i], x[i])), effect))
+        often, people = (n_a[i], x[i], n_b[i], x[i]), (people_a[i], x[i], people_b[i], x[i])
+        risky_past = {"history_n": past_n[i].sum(axis=1), "history_exposure_h": past_people[i].sum(axis=1)}
+        for name, estimate, truth in (
+            ("M0, first weeks", compare_how_often(*often), effect),
+            ("M0, four weeks", compare_how_often(*often, history_n=past_n[i], history_x_h=past_x), effect),
+            ("M7, first weeks", compare_how_risky(*sums), effect),
+            ("M7, four weeks", compare_how_risky(*sums, **risky_past), effect),
+            ("people, four weeks", compare_exposure(*people, history_h=past_people[i], history_x_h=past_x), 1.0),
+            ("D/(D-1)", per_camera_change(often[:2], often[2:]), effect),
+            ("naive", naive_change(rng, often[:2], often[2:]), effect),
+        ):
+            found.setdefault(name, []).append((estimate, truth))
     return {name: score(estimates) for name, estimates in found.items()}
 
 
@@ -250,7 +262,18 @@ def hard_worlds() -> Iterator[World]:
                 yield World(episodes, 0.10, n_days_down=n_days_down, is_shock_shared=is_shared)
 
 
+def restless_worlds() -> Iterator[World]:
+    """Yield worlds whose days differ more in the weeks compared than in the weeks before."""
+    for profile in PROFILES:
+        for episodes in (300, 3000):
+            for restless in (1.5, 2.0, 4.0):
+                yield World(episodes, 0.20, profile=profile, restless=restless)
+
+
 def _head(world: World) -> str:
+    if world.restless > 1:
+        sds = f"{world.day_sd / world.restless:.2f}, then {world.day_sd:.2f}"
+        return f"| {world.profile} | {world.episodes:,.0f} | {sds} | all up | "
     if world.is_weekend_down:
         return f"| {world.profile} | {world.episodes:,.0f} | {world.day_sd:.2f} | largest down Thursday to Sunday | "
     cameras = f"one of four down {world.n_days_down} days" if world.n_days_down else "all up"
@@ -357,11 +380,13 @@ def main() -> None:
     changes = partial(run_changes, **settings)
     _table("Levels", partial(run_levels, **settings), levels, over=worlds(), shown=held)
     _table("Levels, busy days missed", partial(run_levels, **settings), levels, over=weekend_worlds(), shown=held)
-    _table("Week over week", changes, ["M0", "M7", "people", "naive"], over=worlds(), shown=held)
-    _table("Week over week, hard", changes, ["M0", "D/(D-1)"], over=hard_worlds(), shown=held)
+    columns = ["M0, first weeks", "M0, four weeks", "M7, first weeks", "M7, four weeks"]
+    _table("Week over week", changes, [*columns, "people, four weeks", "naive"], over=worlds(), shown=held)
+    _table("Week over week, hard", changes, ["M0, first weeks", "D/(D-1)"], over=hard_worlds(), shown=held)
+    _table("Week over week, less steady than before", changes, columns, over=restless_worlds(), shown=held)
     power = lambda s: f"{100 * s.clear:.0f} %"  # noqa: E731
     fall = partial(run_changes, effect=0.86, **settings)
-    _table("Power for a true fall of 14 %", fall, ["M0", "M7"], over=worlds(), shown=power)
+    _table("Power for a true fall of 14 %", fall, columns, over=worlds(), shown=power)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from datetime import date
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.analysis.panels import Panel, Period, Place, TwoPeriods
+from vsd_analytics.analysis.panels import HISTORY_WEEKS, WEEK, Panel, Period, Place, TwoPeriods
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
@@ -63,21 +63,30 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
 def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`."""
     before, now = pair.compared(place, since=since)
-    settings = pair.data.site.settings
+    settings, past = pair.data.site.settings, _past(pair, place, since)
     return compare_how_often(
-        before.n, before.x_h, now.n, now.x_h, confidence=settings.confidence, min_days=settings.min_days
+        before.n,
+        before.x_h,
+        now.n,
+        now.x_h,
+        history_n=[week.n for week in past],
+        history_x_h=[week.x_h for week in past],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
     )
 
 
 def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how risky (M7) over the camera-hours compared."""
     before, now = pair.compared(place, since=since)
-    settings = pair.data.site.settings
+    settings, past = pair.data.site.settings, _past(pair, place, since)
     return compare_how_risky(
         before.n.sum(axis=0),
         before.exposure_h.sum(axis=0),
         now.n.sum(axis=0),
         now.exposure_h.sum(axis=0),
+        history_n=[week.n.sum(axis=0) for week in past],
+        history_exposure_h=[week.exposure_h.sum(axis=0) for week in past],
         confidence=settings.confidence,
         min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
@@ -87,12 +96,14 @@ def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
 def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of the mean number of people in a place over the camera-hours compared."""
     before, now = pair.compared(place)
-    settings = pair.data.site.settings
+    settings, past = pair.data.site.settings, _past(pair, place, None)
     return compare_exposure(
         before.exposure_h,
         before.x_h,
         now.exposure_h,
         now.x_h,
+        history_h=[week.exposure_h for week in past],
+        history_x_h=[week.x_h for week in past],
         confidence=settings.confidence,
         min_days=settings.min_days,
     )
@@ -115,6 +126,18 @@ def _panels(period: Period, place: Place, since: int | None, until: int | None) 
     is_part = since is not None or until is not None
     panel = period.data.panel(place, period.days, since=since, until=until)
     return panel, period.data.panel(place, [] if is_part else period.history_days)
+
+
+def _past(pair: TwoPeriods, place: Place, since: int | None) -> list[Panel]:
+    """Return the weeks before the periods, on the weekdays compared; none for a part of a week or more than one."""
+    days = [before for before, _ in pair.pairs]
+    is_one_week = len({day.weekday() for day in days}) == len(days)
+    if since is not None or not days or not is_one_week:
+        return []
+    earliest = min(days)
+    later = {day for _, day in pair.pairs}
+    weeks = [[day - k * WEEK for day in days] for k in range(1, HISTORY_WEEKS + 1)]
+    return [pair.data.panel(place, week) for week in weeks if max(week) < earliest and not later & set(week)]
 
 
 def _weekdays(days: Sequence[date]) -> NDArray[np.int64]:

@@ -1,7 +1,8 @@
 """Changes between two periods, same weekdays paired: how often, how risky, how many people, and how they split.
 
 ln theta = ln r_B - ln r_A; var = k sum_d (i_dB - i_dA)^2 with i_d, k and df of `vsd_analytics.stats.influence`
-(k = D/(D-1), df = D-1 when all cameras recorded all D pairs of days). A weekday that is always busier moves both
+(k = D/(D-1), df = D-1 when all cameras recorded all D pairs of days); from four weeks of history on, the usual variance
+of such weeks is pooled in (`vsd_analytics.stats.steadiness`). A weekday that is always busier moves both
 periods alike and cancels, so what is left is chance. Callers pass camera-hours recorded in both periods. Coverage and
 power by simulation: docs/statistics.md.
 """
@@ -16,9 +17,10 @@ import numpy.typing as npt
 
 from vsd_analytics.settings import Settings
 from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, State, Verdict, verdict_of
-from vsd_analytics.stats.influence import Counts, as_counts, equal_weights, influence, small_sample
+from vsd_analytics.stats.influence import Counts, Floats, as_counts, equal_weights, influence, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile
 from vsd_analytics.stats.rates import MIN_EVENTS, SMALL_COUNT, level
+from vsd_analytics.stats.steadiness import pooled, usual_variance
 
 DEFAULTS: Final = Settings()
 
@@ -31,6 +33,8 @@ def compare_how_often(
     n_b: npt.ArrayLike,
     x_b_h: npt.ArrayLike,
     *,
+    history_n: npt.ArrayLike | None = None,
+    history_x_h: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
 ) -> ChangeEstimate:
@@ -43,6 +47,9 @@ def compare_how_often(
             both periods have hours.
         n_b: Violations of B, same shape.
         x_b_h: Recorded open hours of B that were compared, same shape.
+        history_n: Violations of the weeks before A on the same weekdays, shape (n_weeks, n_cameras, n_pairs): how
+            steady the site is (`vsd_analytics.stats.steadiness`). Used where all cameras recorded all pairs of days.
+        history_x_h: Recorded open hours of these weeks, same shape.
         confidence: Confidence level.
         min_days: Pairs of days an interval needs.
 
@@ -62,7 +69,10 @@ def compare_how_often(
         >>> print(f"{change.change:+.0%} ({change.change_lo:+.0%} to {change.change_hi:+.0%}): {change.verdict}")
         -46% (-49% to -43%): clear fall
     """
-    return _compare(n_a, x_a_h, n_b, x_b_h, kind="violations", confidence=confidence, min_days=min_days)
+    return _compare(
+        n_a, x_a_h, n_b, x_b_h,
+        kind="violations", history=_history(history_n, history_x_h), confidence=confidence, min_days=min_days,
+    )  # fmt: skip
 
 
 def compare_how_risky(
@@ -71,6 +81,8 @@ def compare_how_risky(
     n_b: npt.ArrayLike,
     exposure_b_h: npt.ArrayLike | None,
     *,
+    history_n: npt.ArrayLike | None = None,
+    history_exposure_h: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
     min_exposure_h: float = DEFAULTS.min_exposure_h,
@@ -82,6 +94,8 @@ def compare_how_risky(
         exposure_a_h: Person-hours of A, same shape; None = the engine sends no positions.
         n_b: Violations of B, same shape.
         exposure_b_h: Person-hours of B, same shape; None = the engine sends no positions.
+        history_n: Violations of the weeks before A, shape (n_weeks, n_pairs); as for `compare_how_often`.
+        history_exposure_h: Person-hours of these weeks, same shape.
         confidence: Confidence level.
         min_days: Pairs of days an interval needs.
         min_exposure_h: Person-hours each period needs.
@@ -98,9 +112,11 @@ def compare_how_risky(
             exposure_b_h=0.0, n_days=0, df=None, log_se=None, verdict="too little data", state="not_measurable",
             reason="the engine sends no positions", is_conservative=False,
         )  # fmt: skip
+    history = _history(history_n, history_exposure_h)
     return _compare(
-        n_a, exposure_a_h, n_b, exposure_b_h,
-        kind="violations", confidence=confidence, min_days=min_days, min_exposure_h=min_exposure_h,
+        n_a, exposure_a_h, n_b, exposure_b_h, kind="violations",
+        history=None if history is None else (history[0][:, None], history[1][:, None]),
+        confidence=confidence, min_days=min_days, min_exposure_h=min_exposure_h,
     )  # fmt: skip
 
 
@@ -110,6 +126,8 @@ def compare_exposure(
     exposure_b_h: npt.ArrayLike,
     x_b_h: npt.ArrayLike,
     *,
+    history_h: npt.ArrayLike | None = None,
+    history_x_h: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
 ) -> ChangeEstimate:
@@ -122,6 +140,8 @@ def compare_exposure(
         x_a_h: Recorded open hours of A that were compared, same shape.
         exposure_b_h: Person-hours of B, same shape.
         x_b_h: Recorded open hours of B that were compared, same shape.
+        history_h: Person-hours of the weeks before A, shape (n_weeks, n_cameras, n_pairs); see `compare_how_often`.
+        history_x_h: Recorded open hours of these weeks, same shape.
         confidence: Confidence level.
         min_days: Pairs of days an interval needs.
 
@@ -132,8 +152,9 @@ def compare_exposure(
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     return _compare(
-        exposure_a_h, x_a_h, exposure_b_h, x_b_h, kind="person-hours", confidence=confidence, min_days=min_days
-    )
+        exposure_a_h, x_a_h, exposure_b_h, x_b_h,
+        kind="person-hours", history=_history(history_h, history_x_h), confidence=confidence, min_days=min_days,
+    )  # fmt: skip
 
 
 def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: ChangeEstimate) -> ChangeSplit:
@@ -164,6 +185,7 @@ def _compare(
     x_b: npt.ArrayLike,
     *,
     kind: Kind,
+    history: tuple[Floats, Floats] | None,
     confidence: float,
     min_days: int,
     min_exposure_h: float = 0.0,
@@ -195,13 +217,25 @@ def _compare(
     if not math.isfinite(factor):
         return _too_little(a, b, "a change needs a camera with violations that recorded two days in both periods")
     by_day = after.by_day - before.by_day
-    log_se = math.sqrt(factor * float(by_day @ by_day))
+    variance = factor * float(by_day @ by_day)
+    usual = None if history is None or not (a.x > 0).all() else usual_variance(*history, of=a)
+    if usual is not None:
+        variance, df = pooled(variance, df, usual=usual)
+    log_se = math.sqrt(variance)
     half = t_quantile(df, confidence=confidence) * log_se
     if kind == "violations" and min(events_a, events_b) < SMALL_COUNT:
         half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(noise.sum())))
     theta = after.rate / before.rate
     lo, hi = theta * math.exp(-half), theta * math.exp(half)
     return _change(a, b, lo=lo, hi=hi, verdict=verdict_of(lo, hi), state="ok", df=df, log_se=log_se)
+
+
+def _history(n: npt.ArrayLike | None, x_h: npt.ArrayLike | None) -> tuple[Floats, Floats] | None:
+    """Return both as arrays, weeks first; None without a week."""
+    if n is None or x_h is None:
+        return None
+    counts, hours = np.asarray(n, dtype=np.float64), np.asarray(x_h, dtype=np.float64)
+    return (counts, hours) if len(counts) else None
 
 
 def _one_small_side(a: Counts, b: Counts, *, confidence: float, min_days: int) -> ChangeEstimate:
