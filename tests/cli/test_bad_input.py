@@ -16,27 +16,14 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from site_text import site_text
 
 import vsd_analytics
 from vsd_analytics.cli import COMMANDS, cli
 from vsd_analytics.cli.shared import run
 from vsd_analytics.explanations import EXPLANATIONS
 
-CONFIG = """
-[site]
-id = "shop"
-name = "Shop"
-timezone = "Europe/Rome"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-[[camera]]
-id = "cam-2"
-name = "Exit"
-"""
+CONFIG = site_text("cam-1", "cam-2")
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
 GOOD = "2026-11-09T09:00:00Z,cam-1,a,1,2\n"
 PAIR = "2026-11-09T09:00:00Z,cam-1,a,b,1.5\n"

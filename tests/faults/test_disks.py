@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.shared import run
@@ -21,21 +22,7 @@ from vsd_analytics.config import load_site
 from vsd_analytics.store import FoldResult, Store
 from vsd_analytics.warehouse.verify import verify
 
-CONFIG = """
-[site]
-id = "shop"
-name = "Shop"
-timezone = "UTC"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-hz = 1
-[ingest]
-ballast_mb = {ballast_mb}
-"""
+CONFIG = site_text(timezone="UTC", more="hz = 1\n[ingest]\nballast_mb = {ballast_mb}\n")
 MB = 1_000_000
 HOURS = ("hours", "--range", "2026-11-09")
 

@@ -13,6 +13,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 from raw_reading import NOW, small_site
+from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.shared import run
@@ -305,18 +306,7 @@ def test_killed_anywhere_and_run_again_is_the_same_store_and_quarantine(
     assert n_points > 20
 
 
-CONFIG = """
-[site]
-id = "shop"
-name = "Shop"
-timezone = "Europe/Rome"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-"""
+CONFIG = site_text()
 
 
 def test_list_and_replay_tell_people_and_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

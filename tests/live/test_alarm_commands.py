@@ -11,31 +11,18 @@ from pathlib import Path
 import pytest
 from alarm_worlds import frame, quiet, row, stand
 from broker import MOSQUITTO, WHY_NOT, Mosquitto, publish
+from site_text import site_text
 from test_alarm_delivery import receiver
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.shared import run
 from vsd_analytics.simulate.small import merge
 
-SITE = """\
-[site]
-id = "shop"
-name = "Riverside Store"
-timezone = "Europe/Rome"
-opening = { mon-sat = "08:00-21:00" }
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-[[area]]
-id = "queue"
-name = "Queue"
-polygon = [[0, 0], [9, 0], [9, 9], [0, 9]]
-[privacy]
-pseudonyms = false
-"""
+SITE = site_text(
+    site='opening = { mon-sat = "08:00-21:00" }\n',
+    more='[[area]]\nid = "queue"\nname = "Queue"\npolygon = [[0, 0], [9, 0], [9, 9], [0, 9]]\n'
+    "[privacy]\npseudonyms = false\n",
+)
 RULES = """
 [[alarm]]
 id = "crowd"

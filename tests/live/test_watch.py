@@ -17,6 +17,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from site_text import site_text
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import InputError, LiveError, UsageError
@@ -30,18 +31,7 @@ from vsd_analytics.site import Site
 from vsd_analytics.store import Store
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
-CONFIG = """
-[site]
-id = "shop"
-name = "Shop"
-timezone = "Europe/Rome"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-"""
+CONFIG = site_text()
 MESSAGE = '{"v":1,"camera":"cam-1","ts":"2026-11-09T%02d:%02d:%02dZ","persons":[{"id":1,"x_m":1,"y_m":2}]}\n'
 
 

@@ -13,27 +13,14 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from site_text import site_text
 
 from vsd_analytics.simulate import make_week
 from vsd_analytics.version import VERSION
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SHIPPED = ("sql", "reports")
-SITE = """\
-[site]
-id = "shop"
-name = "Riverside Store"
-timezone = "Europe/Rome"
-opening = { mon-sun = "09:00-12:00" }
-
-[[floor]]
-id = "ground"
-name = "Ground floor"
-
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-"""
+SITE = site_text(site='opening = { mon-sun = "09:00-12:00" }\n')
 
 
 @pytest.fixture(scope="module")

@@ -5,28 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from site_text import site_text
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.first_config import Answers, write_first_config
 from vsd_analytics.site import AlarmDelivery, AlarmRule, Site
 
-SITE = """\
-[site]
-id = "shop"
-name = "Riverside Store"
-timezone = "Europe/Rome"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-[[area]]
-id = "queue"
-name = "Queue"
-polygon = [[0, 0], [4, 0], [4, 4]]
-"""
+SITE = site_text(more='[[area]]\nid = "queue"\nname = "Queue"\npolygon = [[0, 0], [4, 0], [4, 4]]\n')
 
 
 def load(folder: Path, text: str) -> Site:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from site_text import site_text
 
 from vsd_analytics.config import load_site
 from vsd_analytics.config.live import is_topic_filter
@@ -14,18 +15,7 @@ from vsd_analytics.errors import ConfigError, LiveError, VsdError
 from vsd_analytics.live.mqtt import password_of
 from vsd_analytics.site import Broker
 
-SITE = """\
-[site]
-id = "shop"
-name = "Riverside Store"
-timezone = "Europe/Rome"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-"""
+SITE = site_text()
 
 
 def broker(folder: Path, mqtt: str) -> Broker | None:

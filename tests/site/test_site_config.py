@@ -10,24 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from site_text import site_text
 
 from vsd_analytics.config import find_project, load_site
 from vsd_analytics.errors import ConfigError, UsageError, VsdError
 from vsd_analytics.settings import SETTINGS
 from vsd_analytics.site import Site
 
-SMALLEST = """\
-[site]
-id = "shop"
-name = "Riverside Store"
-timezone = "Europe/Rome"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-"""
+SMALLEST = site_text()
 MATRIX = "0.01 0.001 -2\n0.0005 -0.012 9\n0.00001 0.002 1\n"
 
 

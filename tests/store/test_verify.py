@@ -13,6 +13,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from site_text import site_text
 from stored_rows import HOUR, NINE, frame, pair, person, table
 
 from vsd_analytics.cli import cli
@@ -28,19 +29,7 @@ from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.verify import Verification, verify
 
-CONFIG = """
-[site]
-id = "shop"
-name = "Shop"
-timezone = "UTC"
-[[floor]]
-id = "ground"
-name = "Ground floor"
-[[camera]]
-id = "cam-1"
-name = "Entrance"
-hz = 1
-"""
+CONFIG = site_text(timezone="UTC", more="hz = 1\n")
 DEAD = 4_194_999  # beyond the greatest process number of Linux
 
 
