@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,17 @@ def connect(*, memory_limit: str | None = None, threads: int | None = None) -> d
         connection.execute("set enable_progress_bar = false")  # a notebook without ipywidgets cannot even set it off
     connection.execute("create macro unix_millis(t) as epoch_ms(t)")
     return connection
+
+
+@contextlib.contextmanager
+def one_thread(connection: duckdb.DuckDBPyConnection) -> Iterator[None]:
+    """Let a connection work with one thread meanwhile."""
+    before = connection.execute("select current_setting('threads')").fetchall()[0][0]
+    connection.execute("set threads = 1")
+    try:
+        yield
+    finally:
+        connection.execute(f"set threads = {int(before):d}")
 
 
 def literal_list(paths: Iterable[Path]) -> str:

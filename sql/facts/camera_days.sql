@@ -11,6 +11,14 @@
 --   has_persons    people were reported, not only their pairs, so that a count of 0 is one
 --   has_tracks     most of its records carry track ids, so that records can be joined to violations; true where nobody was seen
 --   sends_pairs    the engine measures pairs itself
+-- figure: M29 Data quality
+--   definition   share of records without ids, seen twice, or without a place; lives of ids; lost messages; inferred time;
+--                recalibrations; other rules; frame intervals
+--   unit         list
+--   denominator  person records
+--   needs        always shown
+--   uncertainty  none
+--   by           vsd_analytics.report.figures.recorded.figures
 -- assumes: a whole UTC day of stored records is loaded; an interval beyond 20 minutes is taken as 20, so that neighbouring hours tell all
 with seen as (
     select

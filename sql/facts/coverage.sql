@@ -9,6 +9,13 @@
 --   n_frames     processed frames in it
 --   recorded_ms  milliseconds recorded, 0 to 900000
 --   is_inferred  true when the engine sends no heartbeat, so that recorded_ms is concluded from silences
+-- figure: M1 Data recorded
+--   definition   recorded / scheduled open camera-hours
+--   unit         share
+--   denominator  scheduled open camera-hours
+--   needs        always shown
+--   uncertainty  none: a full count
+--   by           vsd_analytics.report.recorded.coverage
 -- assumes: what a last frame covers of the next hour does not count there, so that an hour without a frame is an hour without data
 with spans as (
     select

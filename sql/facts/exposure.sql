@@ -10,6 +10,20 @@
 --   n_doubled        person records left to another camera that sees the place better
 --   n_unlocated      person records without a floor position
 --   exposure_ms      person-milliseconds in view: sum of the weights of person_records
+-- figure: M3 People exposure
+--   definition   person-seconds in camera-hours that enter rates / 3600
+--   unit         person-hours
+--   denominator  recorded open camera-hours
+--   needs        persons sent, not pairs only
+--   uncertainty  that of M5 over the same hours: what weeks like this one have
+--   by           vsd_analytics.analysis.person_time.person_time
+-- figure: M5 Mean and peak people in view
+--   definition   sum over cameras of person-hours / recorded open hours of that camera; and the fullest quarter-hour
+--   unit         people
+--   denominator  recorded open camera-hours
+--   needs        persons sent; 5 recorded days for an interval
+--   uncertainty  day-clustered 95 % interval of the mean; none of the peak
+--   by           vsd_analytics.analysis.person_time.person_time
 -- assumes: a record without a floor position is counted by its own camera
 with records as (
     select

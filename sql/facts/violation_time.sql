@@ -9,6 +9,13 @@
 --   quarter            UTC quarter-hours since 1970
 --   violation_records  pair records closer than distance_m counted by this camera (it owns their midpoint)
 --   violation_ms       person-milliseconds with at least one neighbour closer than distance_m (it owns their own position)
+-- figure: M6 Violation time share
+--   definition   person-seconds with somebody closer than distance_m / person-seconds; of all people, and of people of different groups
+--   unit         share of person-time
+--   denominator  person-hours
+--   needs        5 recorded days and 20 person-hours for an interval
+--   uncertainty  day-clustered 95 % interval, as M7
+--   by           vsd_analytics.analysis.person_time.person_time
 -- assumes: of two persons of a pair a camera may count one, or the pair and none of them, where views overlap
 with counted as (
     select

@@ -12,6 +12,20 @@
 --   exposure_open_s    person-seconds of this camera in the area in opening hours
 --   violation_open_s   person-seconds in violation
 --   n_violations_open  violations in the area that started in opening hours
+-- figure: M15 Areas
+--   definition   M0 and M7 of each area, over the cameras that count there, highest M0 first; areas at the border of the view say so
+--   unit         per open hour; per person-hour
+--   denominator  recorded open hours; person-hours
+--   needs        as M0 and M7; ranked in a week recorded to 60 %
+--   uncertainty  as M0 and M7
+--   by           vsd_analytics.report.areas.areas
+-- figure: M27 Before and after
+--   definition   ratio of M7 after / before a logged change in its area, over the same ratio of areas left alone
+--   unit         ratio
+--   denominator  person-hours, and those of the comparison areas
+--   needs        a whole week and 30 violations on either side; no recalibration between
+--   uncertainty  day-clustered 95 % interval, spread of placebo areas, estimate shrunken for regression to the mean
+--   by           vsd_analytics.analysis.before_after.before_after
 -- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
 with stood as (
     select

@@ -23,6 +23,50 @@
 --   violation_s          person-seconds in violation; likewise
 --   n_violations         violations that started in it; null also where the engine sends no track ids
 --   n_violations_open    those that started in opening hours
+-- figure: M0 How often (headline 1)
+--   definition   sum over cameras of violations / recorded open hours of that camera
+--   unit         violations per open hour
+--   denominator  recorded open camera-hours
+--   needs        5 recorded days and 5 violations for an interval
+--   uncertainty  day-clustered 95 % interval; four verdicts on the change
+--   by           vsd_analytics.analysis.rates.level_often
+-- figure: M13 Hour-of-week profile
+--   definition   M7, M0 and people in view by local hour and weekday over the last 4 weeks; rates pulled towards the mean hour as far
+--                as chance may have made them
+--   unit         per person-hour; per open hour; people
+--   denominator  person-hours; recorded open hours
+--   needs        an hour recorded in 3 of 4 weeks
+--   uncertainty  95 % interval of the pulled rate
+--   by           vsd_analytics.analysis.hour_of_week.week_profile
+-- figure: M14 Peak hours
+--   definition   the three highest hours of M13, per open hour and per person-hour, and all that cannot be told apart from the first
+--   unit         as M13
+--   denominator  as M13
+--   needs        as M13, in a week recorded to 60 %
+--   uncertainty  all hours whose interval reaches that of the first are named
+--   by           vsd_analytics.analysis.hour_of_week.week_profile
+-- figure: M24 Unusual hours
+--   definition   hours 50 % and 5 violations away from the median of the same hour of up to 8 earlier weeks, at most five
+--   unit         violations of the hour beside the usual range
+--   denominator  hours that were recorded and have a usual count
+--   needs        4 recorded weeks before, in a week recorded to 60 %
+--   uncertainty  negative binomial tails, false discovery rate 5 % over the hours of the week
+--   by           vsd_analytics.analysis.unusual.unusual
+-- figure: M25 Forecast of next week
+--   definition   median of the last 8 recorded weeks by hour of the week, times the late weeks' level: people, violations; chance of a
+--                gathering where they are counted
+--   unit         people in view; violations per open hour; probability
+--   denominator  open hours
+--   needs        4 recorded weeks
+--   uncertainty  80 % range; last week's forecast is scored beside the seasonal naive one
+--   by           vsd_analytics.analysis.forecast.forecast
+-- figure: M28 Trend
+--   definition   M0 and M7 of each of the last 12 weeks; weeks recorded too little are gaps
+--   unit         per open hour; per person-hour
+--   denominator  recorded open hours; person-hours
+--   needs        3 recorded weeks
+--   uncertainty  each week's 95 % interval
+--   by           vsd_analytics.analysis.trend.trend
 -- assumes: where nothing was recorded, or a count cannot be known, it is null, never 0
 with spine as (
     select

@@ -12,6 +12,14 @@
 --   exposure_s    person-seconds spent here
 --   violation_s   person-seconds in violation, where each person stands
 --   n_violations  violations whose mean midpoint lies here
+-- figure: M20 Hotspots
+--   definition   places of 28 days where violations per person-hour are clearly above the floor's, ranked by what could be saved; new,
+--                persisting, resolved
+--   unit         list
+--   denominator  person-hours by day and cell
+--   needs        14 recorded days of 28, 300 violations, in a week recorded to 60 %
+--   uncertainty  moderated day-clustered t, false discovery rate 5 %; 95 % interval of the ratio
+--   by           vsd_analytics.analysis.hotspots.hotspots
 -- assumes: a cell without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
 with stood as (
     select

@@ -10,6 +10,22 @@
 --   person_s          person-seconds in opening hours
 --   copresent_pair_s  pair-seconds of any two persons counted by this camera at the same instant
 --   close_pair_s      pair-seconds of two of them closer than distance_m
+-- figure: M19 Map of excess
+--   definition   person-seconds in violation over those that random mixing would make of the same crowd and map, both smoothed by a
+--                Gaussian of 1 m
+--   unit         ratio
+--   denominator  expected person-seconds in violation
+--   needs        10 expected person-seconds
+--   uncertainty  cells clearly above the floor's own ratio, by the test of M20, from 14 recorded days on
+--   by           vsd_analytics.analysis.maps.excess_map
+-- figure: M23 Crowding, layout, behaviour
+--   definition   V = P L B: pair-time too close = pair-time in view × chance to be close by the map × rest, and what moved since the
+--                week before
+--   unit         pair-hours; probability; ratio
+--   denominator  pair-hours in view
+--   needs        20 person-hours; 5 days for an interval
+--   uncertainty  day-clustered 95 % interval of behaviour
+--   by           vsd_analytics.analysis.mixing.mixing_of
 -- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
 select
     crowding.camera_id,

@@ -1,89 +1,100 @@
 -- name: marts/episodes
--- One row per episode: violation records of one pair with no gap longer than gap_ms, stitched over hours, files and midnight.
+-- One row per episode: one pair closer than distance_m with no gap longer than gap_ms, over hours, midnight and cameras.
 -- grain: camera_id, track_a, track_b, started_ms
--- reads: episode_segments, calendar, cameras, owner_cells, site_days, track_groups
--- params: episode_min_ms, owner_cell_mm, cell_mm
+-- reads: camera_episodes, shared_episodes, calendar, site_days, track_groups
+-- params: episode_min_ms, cell_mm
 -- columns:
---   camera_id
---   track_a          the lesser track id
+--   camera_id        the camera that counts it: of those that saw it, the one with most records that count
+--   track_a          the lesser track id that this camera gave
 --   track_b          the greater track id
---   started_ms       first violation record, milliseconds since 1970, UTC
---   ended_ms         last violation record
---   duration_s       (last - first) + one frame interval
---   n_records        violation records
+--   started_ms       first violation record that counts, of any camera, milliseconds since 1970, UTC
+--   ended_ms         last violation record that counts
+--   duration_s       from coming closer than distance_m to parting; where frames do not tell, half a frame interval before and after
+--   is_cut           it was seen in part: the frames beside do not tell when they came closer, or when they parted; null if not known
+--   n_records        violation records that count, each with the camera that owns its midpoint
 --   x_m              mean midpoint, floor metres; null without positions
 --   y_m              mean midpoint, floor metres
 --   cx               floor(x / cell_m)
 --   cy               floor(y / cell_m)
 --   min_distance_m   closest approach
---   mean_distance_m  mean over records
+--   mean_distance_m  mean over records of the cameras that count any
 --   is_violation     it lasted at least episode_min_s: what reports call a violation
---   is_owned         false where another camera that sees the mean midpoint better counts it
+--   is_owned         false where no record counts: another camera sees the place better
 --   hour_start_ms    UTC instant of the local hour it started in; it belongs to that hour and day
 --   local_date
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
 --   is_together      the two move in one group, by all that was seen of them that site day; null where that cannot be known
+-- figure: M8 Violations counted
+--   definition   violations in camera-hours that enter rates, and beside them episodes of any length
+--   unit         violations
+--   denominator  recorded open camera-hours, with the share recorded beside
+--   needs        0, or at least mask_below
+--   uncertainty  none: a raw count
+--   by           vsd_analytics.analysis.panels.FloorHours
+-- figure: M12 Close contacts
+--   definition   pairs whose episodes sum to 15 minutes within 24 hours
+--   unit         pairs
+--   denominator  pairs with any violation record
+--   needs        half of violation time in ids that can be followed for 15 minutes
+--   uncertainty  a lower bound
+--   by           vsd_analytics.analysis.episodes.episode_figures
 -- assumes: segments of the hours around the calendar are loaded, so that an episode is whole; one that began before it is left out
-with marked as (
+with members as (
     select
-        camera_id,
-        track_a,
-        track_b,
-        started_ms,
-        ended_ms,
-        interval_ms,
-        n_records,
-        n_located,
-        sum_x2_mm,
-        sum_y2_mm,
-        min_distance_mm,
-        sum_distance_mm,
-        case when started_ms - max(ended_ms) over earlier <= gap_ms then 0 else 1 end as is_start
-    from episode_segments
-    window
-        earlier as (
-            partition by camera_id, track_a, track_b order by started_ms
-            rows between unbounded preceding and 1 preceding
-        )
+        e.camera_id,
+        e.track_a,
+        e.track_b,
+        e.from_ms,
+        e.to_ms,
+        e.before_ms,
+        e.after_ms,
+        e.knows_start,
+        e.knows_end,
+        e.n_records,
+        e.n_located,
+        e.x2_mm,
+        e.y2_mm,
+        e.n_measured,
+        e.min_distance_mm,
+        e.sum_distance_mm,
+        e.is_owned,
+        coalesce(shared_episodes.first, e.number) as episode,
+        row_number() over (
+            partition by coalesce(shared_episodes.first, e.number) order by e.is_owned desc, e.n_records desc, e.number asc
+        ) as rank,
+        row_number() over (
+            partition by coalesce(shared_episodes.first, e.number), e.is_owned order by e.from_ms - e.before_ms asc, e.number asc
+        ) as first_rank,
+        row_number() over (
+            partition by coalesce(shared_episodes.first, e.number), e.is_owned order by e.to_ms + e.after_ms desc, e.number asc
+        ) as last_rank,
+        bool_or(e.is_owned) over (partition by coalesce(shared_episodes.first, e.number)) as any_owned
+    from camera_episodes as e
+    left join shared_episodes on e.number = shared_episodes.number
 ),
 
-numbered as (
+whole as (
     select
-        camera_id,
-        track_a,
-        track_b,
-        started_ms,
-        ended_ms,
-        interval_ms,
-        n_records,
-        n_located,
-        sum_x2_mm,
-        sum_y2_mm,
-        min_distance_mm,
-        sum_distance_mm,
-        sum(is_start) over (
-            partition by camera_id, track_a, track_b order by started_ms
-            rows between unbounded preceding and current row
-        ) as episode_no
-    from marked
-),
-
-stitched as (
-    select
-        camera_id,
-        track_a,
-        track_b,
-        min(started_ms) as started_ms,
-        max(ended_ms) as ended_ms,
-        max(ended_ms) - min(started_ms) + max(interval_ms) as duration_ms,
+        max(camera_id) filter (where rank = 1) as camera_id,
+        max(track_a) filter (where rank = 1) as track_a,
+        max(track_b) filter (where rank = 1) as track_b,
+        min(from_ms) as started_ms,
+        max(to_ms) as ended_ms,
+        max(to_ms + after_ms) - min(from_ms - before_ms) as duration_ms,
+        case
+            when count(knows_start) = count(*)
+                then bool_or((first_rank = 1 and not knows_start) or (last_rank = 1 and not knows_end))
+        end as is_cut,
         sum(n_records)::bigint as n_records,
-        sum(sum_x2_mm) / nullif(2 * sum(n_located), 0) as x_mm,
-        sum(sum_y2_mm) / nullif(2 * sum(n_located), 0) as y_mm,
+        sum(x2_mm) / nullif(2 * sum(n_located), 0) as x_mm,
+        sum(y2_mm) / nullif(2 * sum(n_located), 0) as y_mm,
         min(min_distance_mm) as min_distance_mm,
-        sum(sum_distance_mm) / sum(n_records) as mean_distance_mm
-    from numbered
-    group by camera_id, track_a, track_b, episode_no
+        sum(sum_distance_mm) / sum(n_measured) as mean_distance_mm,
+        bool_or(is_owned) as is_owned
+    from members
+    where is_owned = any_owned
+    group by episode
 )
 
 select
@@ -93,6 +104,7 @@ select
     s.started_ms,
     s.ended_ms,
     s.duration_ms / 1000 as duration_s,
+    s.is_cut,
     s.n_records,
     s.x_mm / 1000 as x_m,
     s.y_mm / 1000 as y_m,
@@ -101,7 +113,7 @@ select
     s.min_distance_mm / 1000 as min_distance_m,
     s.mean_distance_mm / 1000 as mean_distance_m,
     s.duration_ms >= params.episode_min_ms as is_violation,
-    coalesce(owner_cells.camera_id = s.camera_id, true) as is_owned,
+    s.is_owned,
     calendar.hour_start_ms,
     calendar.local_date,
     calendar.local_hour,
@@ -109,20 +121,12 @@ select
     case
         when s.x_mm is not null and a.track_id is not null and b.track_id is not null then coalesce(a.group_id = b.group_id, false)
     end as is_together
-from stitched as s
+from whole as s
 cross join params
 inner join calendar on floor(s.started_ms / 900000) = calendar.quarter
-inner join cameras on s.camera_id = cameras.camera_id
 left join site_days on floor(s.started_ms / 900000) = site_days.quarter
 left join track_groups as a
     on s.camera_id = a.camera_id and site_days.site_day = a.site_day and s.track_a = a.track_id
 left join track_groups as b
     on s.camera_id = b.camera_id and site_days.site_day = b.site_day and s.track_b = b.track_id
-left join owner_cells
-    on
-        cameras.floor_id = owner_cells.floor_id
-        and s.started_ms >= owner_cells.from_ms
-        and s.started_ms < owner_cells.to_ms
-        and floor(s.x_mm / params.owner_cell_mm) = owner_cells.cx
-        and floor(s.y_mm / params.owner_cell_mm) = owner_cells.cy
 order by s.started_ms, s.camera_id, s.track_a, s.track_b

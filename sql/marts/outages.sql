@@ -10,6 +10,13 @@
 --   ended_ms     start of the next recorded time, or end of opening
 --   open_s       opening time lost
 --   is_inferred  concluded from silence, as the engine sends no heartbeat before or after it
+-- figure: M2 Outages
+--   definition   runs of at least 10 minutes of opening time without data, per camera
+--   unit         list
+--   denominator  –
+--   needs        always shown
+--   uncertainty  inferred without a heartbeat
+--   by           vsd_analytics.report.recorded.coverage
 -- assumes: time the calendar does not hold, and time the site is closed, is not missed
 with bounds as (
     select

@@ -14,6 +14,13 @@
 --   n_ends         how often it ends at a known place: once, but for gaps on the hour
 --   n_goes_on      other tracks that begin right there and then
 --   n_came_before  other tracks that began there just before: so many do by chance
+-- figure: M4 Tracks seen
+--   definition   track ids, one of a camera and site day each: tracks, not visitors
+--   unit         tracks
+--   denominator  person records
+--   needs        ids sent
+--   uncertainty  none; ids that are cut count twice
+--   by           vsd_analytics.analysis.episodes.episode_figures
 -- assumes: an hour's row belongs to the site day of its first record
 select
     track_lives.camera_id,

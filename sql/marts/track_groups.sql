@@ -8,6 +8,13 @@
 --   track_id   pseudonym of the engine's track number, of one site day
 --   group_id   the least track id of the group; null for who moves with nobody
 --   n_members  tracks of the group; 1 for who moves with nobody
+-- figure: M9 Between-groups share
+--   definition   violations of people who do not move together / violations; M0 and M7 in both readings
+--   unit         share of violations
+--   denominator  violations
+--   needs        ids that last (half of person-time in ids of 20 s, or ids that are not cut)
+--   uncertainty  day-clustered 95 % interval; the rule's accuracy is stated
+--   by           vsd_analytics.analysis.groups.groups
 -- assumes: who moves together with the same person moves together
 with recursive found as materialized (
     select

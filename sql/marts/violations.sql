@@ -1,14 +1,14 @@
 -- name: marts/violations
--- One row per violation: an episode of at least episode_min_s, counted by the camera that owns its place.
+-- One row per violation: an episode of at least episode_min_s, counted once, whichever cameras saw it.
 -- grain: camera_id, started_ms, track_a, track_b
 -- reads: episodes, area_cells, cameras
 -- columns:
---   camera_id
+--   camera_id        the camera that counts it, as in episodes
 --   floor_id
 --   track_a          the lesser track id
 --   track_b          the greater track id
 --   started_ms       milliseconds since 1970, UTC
---   duration_s       (last - first record) + one frame interval
+--   duration_s       from coming closer than distance_m to parting
 --   x_m              mean midpoint, floor metres
 --   y_m              mean midpoint, floor metres
 --   cx               floor(x / cell_m)
@@ -20,6 +20,20 @@
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
 --   is_together      the two move in one group; null where that cannot be known
+-- figure: M7 How risky (headline 2)
+--   definition   violations / person-hours
+--   unit         violations per person-hour
+--   denominator  person-hours
+--   needs        20 person-hours; 5 days and 5 violations for an interval
+--   uncertainty  day-clustered 95 % interval; four verdicts on the change
+--   by           vsd_analytics.analysis.rates.level_risky
+-- figure: M10 Duration of violations
+--   definition   median, 90 % quantile, share of 30 s and longer, of violations that began in opening hours
+--   unit         s; share
+--   denominator  violations
+--   needs        30 violations; 5 days for intervals
+--   uncertainty  day-block bootstrap; "at least" where over 20 % were seen in part only
+--   by           vsd_analytics.analysis.episodes.episode_figures
 -- assumes: what reports call a violation is this row
 select
     episodes.camera_id,

@@ -7,6 +7,7 @@
 --   camera_id
 --   ts_ms      milliseconds since 1970, UTC
 --   member     number of the person, as in pairs
+--   track_id   null when the engine does not track
 --   x_mm       floor millimetres, null when unknown
 --   y_mm       floor millimetres
 --   weight_ms  person-time: that of the instant
@@ -17,6 +18,7 @@ with sides as (
         p.camera_id,
         p.ts_ms,
         p.member_a as member,
+        p.track_a as track_id,
         p.x_a_mm as x_mm,
         p.y_a_mm as y_mm,
         p.weight_ms,
@@ -29,6 +31,7 @@ with sides as (
         p.camera_id,
         p.ts_ms,
         p.member_b as member,
+        p.track_b as track_id,
         p.x_b_mm as x_mm,
         p.y_b_mm as y_mm,
         p.weight_ms,
@@ -43,6 +46,7 @@ persons as (
         camera_id,
         ts_ms,
         member,
+        min(track_id) as track_id,
         min(x_mm) as x_mm,
         min(y_mm) as y_mm,
         min(weight_ms) as weight_ms,
@@ -55,6 +59,7 @@ select
     p.camera_id,
     p.ts_ms,
     p.member,
+    p.track_id,
     p.x_mm,
     p.y_mm,
     p.weight_ms,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from plant import plant
 
 from vsd_analytics.settings import Settings
 from vsd_analytics.site import Area, Camera, Floor, Site
@@ -122,10 +123,7 @@ def planted(
     made = {"camera_hours": hours, "area_hours": by_area, "cell_hours": by_cell, "violations": violations}
     with Warehouse(site, first, first + timedelta(days=n_days - 1)) as warehouse:
         for name, rows in made.items():
-            warehouse.con.register("_planted", pa.Table.from_pylist(rows))
-            warehouse.con.execute(f"drop view {name}")
-            warehouse.con.execute(f"create temp table {name} as select * from _planted")
-            warehouse.con.unregister("_planted")
+            plant(warehouse, name, pa.Table.from_pylist(rows))
         if used:
             warehouse.con.register("_planted", pa.Table.from_pylist(used))
             warehouse.con.execute("insert into calibrations_used by name select * from _planted")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from plant import plant
 
 from vsd_analytics.settings import Settings
 from vsd_analytics.site import Area, Camera, Floor, Site
@@ -120,8 +121,5 @@ def planted(
     with Warehouse(site, first, last) as warehouse:
         for name, (columns, rows) in made.items():
             values = zip(*rows, strict=True) if rows else [()] * len(columns)
-            warehouse.con.register("_planted", pa.table(dict(zip(columns, map(list, values), strict=True))))
-            warehouse.con.execute(f"drop view {name}")
-            warehouse.con.execute(f"create temp table {name} as select * from _planted")
-            warehouse.con.unregister("_planted")
+            plant(warehouse, name, pa.table(dict(zip(columns, map(list, values), strict=True))))
         yield warehouse

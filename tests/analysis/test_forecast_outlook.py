@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from plant import plant
 
 from vsd_analytics.analysis import forecast as forecasting
 from vsd_analytics.analysis import hour_of_week, trend
@@ -64,8 +65,7 @@ def planted(
             change(hours)
         is_missing = hours["recorded_open_s"] == 0
         hours.loc[is_missing, ["n_violations_open", "exposure_open_s"]] = np.nan
-        warehouse.con.register("_planted", hours)
-        warehouse.con.execute("drop view camera_hours; create temp table camera_hours as select * from _planted")
+        plant(warehouse, "camera_hours", hours)
         warehouse.keep = lambda *marts: None  # type: ignore[method-assign]
         yield warehouse
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from datetime import date, timedelta
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import pyarrow as pa
 import pytest
 
 import vsd_analytics
-from vsd_analytics.analysis.groups import NOTHING, PURGED
+from vsd_analytics.analysis.gatherings import PURGED
+from vsd_analytics.analysis.groups import NOTHING
 from vsd_analytics.errors import UsageError
+from vsd_analytics.retention import Terms, purge_older
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
 from vsd_analytics.site import Camera, Floor, Site
@@ -169,13 +171,32 @@ def test_what_was_not_recorded_is_not_zero(tmp_path: Path) -> None:
         assert (part.state, part.reason) == ("not_enough_data", NOTHING)
 
 
-def test_pairs_that_are_gone_are_not_taken_for_no_gatherings(tmp_path: Path) -> None:
+def test_gatherings_and_distances_outlive_the_records(tmp_path: Path) -> None:
+    """Three people over the hour, then all records purged: what was told of them is told again."""
+    site = site_of(tmp_path)
+    put(site, stand("cam-0", TRIANGLE, start_ms=START + 3_590_000, n_s=1900))
+
+    def told() -> tuple[object, ...]:
+        with Warehouse(site, DAY, DAY) as warehouse:
+            found = vsd_analytics.gatherings(warehouse)
+            sure = vsd_analytics.threshold_sensitivity(warehouse)
+            (company,) = warehouse.rows("select sum(violation_s)::double as s from company_hours")
+            return found, sure, vsd_analytics.episode_figures(warehouse).distances, company["s"]
+
+    before = told()
+    purge_older(site, before=DAY + timedelta(days=1), terms=Terms(now=datetime(2027, 1, 1, tzinfo=UTC), is_forced=True))
+    with Warehouse(site, DAY, DAY) as warehouse:
+        assert warehouse.rows("select count(*) as n from pairs") == [{"n": 0}]
+    assert told() == before
+    assert [g.duration_s for g in before[0].floors[0].gatherings] == [1900.0]  # type: ignore[attr-defined]
+    assert before[3] == 5700.0
+
+
+def test_hours_sealed_without_clusters_are_not_taken_for_no_gatherings(tmp_path: Path) -> None:
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))
     with Warehouse(site, DAY, DAY) as warehouse:
-        warehouse.con.execute("create temp table gone as select * from pairs where false")
-        warehouse.con.execute("drop view pairs")
-        warehouse.con.execute("alter table gone rename to pairs")
+        warehouse.con.execute("delete from cluster_times")
         assert vsd_analytics.gatherings(warehouse).floors[0].per_100_h.reason == PURGED
 
 

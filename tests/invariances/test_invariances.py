@@ -109,11 +109,11 @@ def true_spells(people: list[Person], *, gap_s: float) -> np.ndarray:
     return np.concatenate(spells)
 
 
-def test_halved_frames_keep_shares_and_count_the_spells_their_interval_can_tell(tmp_path: Path) -> None:
-    """Shares within 1 %; counts within 3 % of the true spells of (ceil(3 s / interval) - 1/2) intervals or longer.
+def test_halved_frames_keep_shares_and_counts(tmp_path: Path) -> None:
+    """Shares within 1 %, counts within 3 % of the true spells of 3 s and longer; 4 % with a frame every 2 s.
 
-    A violation of 3 s or longer has ceil(3 s / interval) frames or more, so whole intervals decide which spell is one:
-    2.8 s is enough every 0.8 s, 3 s is every 0.4, 1.2 or 2 s, 2.5 s every 1 s.
+    Whether 3 s is a whole number of frames (0.4, 1 s) or not (0.8, 1.2, 2 s): when two people met and parted is told by
+    where they stood in the frame before and after.
     """
     fine = shoppers(5, start=T0, seconds=1500, step_ms=100, n_people=24)
     counts, shares = {}, {}
@@ -122,17 +122,14 @@ def test_halved_frames_keep_shares_and_count_the_spells_their_interval_can_tell(
         put(site, [p for p in fine if (p.ts - T0) % ms == 0])
         sums = headline(site, MONDAY, MONDAY)[2]
         counts[ms], shares[ms] = sums["n_violations"], sums["violation_s"] / sums["exposure_s"]
-        least = round((math.ceil(3000 / ms) - 0.5) * ms / 100)
         spells = true_spells(fine, gap_s=max(3, 2.5 * ms / 1000))
-        expected = ((spells >= least).sum() + (spells > least).sum()) / 2  # tenths of a second are whole numbers
-        assert counts[ms] == pytest.approx(expected, rel=0.03), ms
+        expected = ((spells >= 30).sum() + (spells > 30).sum()) / 2  # tenths of a second are whole numbers
+        assert counts[ms] == pytest.approx(expected, rel=0.03 if ms < 2000 else 0.04), ms
     assert counts[400] > 500
     for ms in (800, 1000, 1200, 2000):
         assert shares[ms] == pytest.approx(shares[400], rel=0.01)
-    for ms in (1200, 2000):
-        assert counts[ms] == pytest.approx(counts[400], rel=0.03)
-    for fast, slow in ((400, 800), (1000, 2000)):
-        assert counts[slow] == pytest.approx(counts[fast], rel=0.25)
+    for fast, slow in ((400, 800), (400, 1200), (1000, 2000)):
+        assert counts[slow] == pytest.approx(counts[fast], rel=0.035)
 
 
 def test_twice_the_people_at_the_same_layout_are_about_twice_as_risky(tmp_path: Path) -> None:
@@ -158,13 +155,22 @@ def overlapping() -> list[Camera]:
     ]
 
 
-@given(seed=SEEDS)
-@settings(max_examples=3, deadline=None)
-def test_two_cameras_that_see_the_same_floor_in_part_count_what_one_counts(seed: int) -> None:
-    """Every record and second once; a violation that walks from one owner's cells into another's may count in both."""
-    people = shoppers(seed, start=T0, seconds=600, step_ms=1000, n_people=20)
-    seen = [replace(p, camera=c) for p in people for c, (x0, x1) in SPANS.items() if x0 < p.x < x1]  # type: ignore[operator]
-    assert len(seen) > 1.1 * len(people)
+@given(seed=SEEDS, apart_ms=st.sampled_from([0, 0, 300, 700]))
+@settings(max_examples=4, deadline=None)
+def test_two_cameras_that_see_the_same_floor_in_part_count_what_one_counts(seed: int, apart_ms: int) -> None:
+    """Every record, second and violation once, though each camera gives ids of its own and has its frames when it will.
+
+    A violation that walks from one camera's floor into the other's is one. Where frames of the two do not fall
+    together, 2 % may differ: people are seen elsewhere on their way.
+    """
+    people = shoppers(seed, start=T0, seconds=600, step_ms=100, n_people=20)
+    seen = [
+        replace(p, camera=c, track=f"{c} {p.track}")
+        for c, (x0, x1) in SPANS.items()
+        for p in people
+        if x0 < p.x < x1 and (p.ts - T0) % 1000 == (apart_ms if c == "right" else 0)  # type: ignore[operator]
+    ]
+    people = [p for p in people if (p.ts - T0) % 1000 == 0]
     with TemporaryDirectory() as folder:
         one, two = Path(folder) / "one", Path(folder) / "two"
         wide = Camera("cam", "Cam", "ground", hz=1.0, view=((0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)))
@@ -172,11 +178,14 @@ def test_two_cameras_that_see_the_same_floor_in_part_count_what_one_counts(seed:
         put(small_site(two, cameras=overlapping()), seen)
         alone = headline(small_site(one, cameras=[wide]), MONDAY, MONDAY)[2]
         merged = headline(small_site(two, cameras=overlapping()), MONDAY, MONDAY)[2]
+    assert len(seen) > 1.1 * len(people)
     assert alone["violation_records"] > 500
-    for name in ("person_records", "exposure_s", "violation_records", "violation_s"):
-        assert merged[name] == alone[name], name
-    walk_over = crossings(people, at_mm=10_000)
-    assert alone["n_violations"] - walk_over <= merged["n_violations"] <= alone["n_violations"] + walk_over
+    for name in ("person_records", "exposure_s", "violation_records", "violation_s", "n_violations"):
+        near = (
+            {"rel": 0.0, "abs": 1.0 if name == "n_violations" else 0.0} if apart_ms == 0 else {"rel": 0.02, "abs": 2.0}
+        )
+        assert merged[name] == pytest.approx(alone[name], **near), name
+    assert crossings(people, at_mm=10_000) > 20
 
 
 SPANS = {"left": (0, 12_000), "right": (8_000, 20_000)}

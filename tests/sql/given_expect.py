@@ -35,6 +35,7 @@ import duckdb
 from vsd_analytics.duck import connect
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.warehouse.compute import create
 from vsd_analytics.warehouse.dimensions import calendar, register_quarters, register_site, site_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
@@ -81,7 +82,9 @@ def run(case: Case) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
         for key, value in case.params.items():
             con.execute(f"update params set {key} = {value}")
         columns = list(case.expect[0]) if case.expect else list(relation.columns)
-        found = con.execute(f"select {', '.join(columns)} from ({relation.sql})").fetchall()
+        con.execute(f"drop table {relation.name}")
+        create(con, relation)
+        found = con.execute(f"select {', '.join(columns)} from {relation.name}").fetchall()
     return sorted(tuple(map(_text, row)) for row in found), sorted(tuple(row.values()) for row in case.expect)
 
 
@@ -120,7 +123,7 @@ def types() -> Mapping[str, Mapping[str, str]]:
     con.execute("create temp table site_days as select * from _site_days where false")
     found["site_days"] = _described(con, "site_days")
     for relation in all_relations():
-        con.execute(f"create temp table {relation.name} as {relation.sql}")
+        create(con, relation)
         found[relation.name] = _described(con, relation.name)
     return found
 

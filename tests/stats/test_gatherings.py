@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Any
 
+import gatherings_at_once
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from vsd_analytics.live.situations import Edge, Frame
 from vsd_analytics.live.situations import gatherings as live_gatherings
 from vsd_analytics.stats import gatherings
+from vsd_analytics.warehouse.graphs import components
 
 N_GRAPHS = 1000
 
@@ -27,29 +29,31 @@ def random_graphs(seed: int = 4) -> list[tuple[int, list[tuple[int, int]]]]:
     return made
 
 
-def components(found: gatherings.Clusters, a: Any, b: Any) -> set[tuple[int, frozenset[int]]]:
-    people = np.concatenate((a, b))
-    return {
-        (int(found.frame[k]), frozenset(people[found.seen_at[found.of == k]].tolist())) for k in range(len(found.size))
-    }
-
-
-def test_clusters_of_a_thousand_random_graphs_are_those_of_networkx() -> None:
-    """All graphs at once, as frames of one camera, the same people numbers in each."""
+def test_components_of_a_thousand_random_graphs_are_those_of_networkx() -> None:
+    """All graphs at once, as frames of one camera in any order, the same people numbers in each."""
     nx = pytest.importorskip("networkx")
     graphs = random_graphs()
-    frame = np.repeat(np.arange(N_GRAPHS), [len(edges) for _, edges in graphs])
-    a, b = np.array([e for _, edges in graphs for e in edges]).T
-    found = gatherings.clusters(frame, a, b)
+    edges = np.array([(k, a, b) for k, (_, edges) in enumerate(graphs) for a, b in edges])
+    edges = np.random.default_rng(1).permutation(edges)
+    found = components(pa.table({"frame": edges[:, 0], "node_a": edges[:, 1] - 7, "node_b": edges[:, 2] - 7}))
     truth = {
-        (k, frozenset(c))
-        for k, (n, edges) in enumerate(graphs)
+        (k, node - 7, min(c) - 7)
+        for k, (_, edges) in enumerate(graphs)
         for c in nx.connected_components(nx.Graph(edges))
-        if n >= 2
+        for node in c
     }
-    assert components(found, a, b) == truth
-    assert np.array_equal(found.size, np.bincount(found.of))
-    assert (np.diff(found.frame) >= 0).all()
+    rows = list(zip(*(found[name].to_pylist() for name in ("frame", "node", "component")), strict=True))
+    assert set(rows) == truth
+    assert len(rows) == len(truth)
+
+
+def test_no_edges_have_no_components_and_a_node_joined_to_itself_is_one() -> None:
+    empty = pa.table(
+        {"camera": pa.array([], pa.string()), "node_a": pa.array([], pa.int64()), "node_b": pa.array([], pa.int64())}
+    )
+    assert components(empty).num_rows == 0
+    alone = pa.table({"node_a": [5, 6, 9], "node_b": [5, 9, 6]})
+    assert components(alone).to_pydict() == {"node": [5, 6, 9], "component": [5, 6, 6]}
 
 
 def test_alarms_find_the_same_clusters_as_networkx_and_the_reports() -> None:
@@ -59,7 +63,7 @@ def test_alarms_find_the_same_clusters_as_networkx_and_the_reports() -> None:
         alarms = {frozenset(map(int, s.tracks)) for s in live_gatherings(people)}
         assert alarms == {frozenset(c) for c in nx.connected_components(nx.Graph(edges))}
         a, b = np.array(edges, dtype=int).reshape(-1, 2).T
-        found = gatherings.clusters(np.zeros(len(a), dtype=int), a, b)
+        found = gatherings_at_once.clusters(np.zeros(len(a), dtype=int), a, b)
         assert sorted(found.size.tolist()) == sorted(s.n_people for s in live_gatherings(people))
 
 
@@ -88,7 +92,7 @@ def test_links_over_time_are_those_of_networkx() -> None:
         )
         of = np.repeat(np.arange(len(ts)), [len(m) for m in members])
         track = np.array([t for m in members for t in m])
-        label = gatherings.link(of, track, ts_ms=ts, gap_ms=[5000] * len(ts))
+        label = gatherings_at_once.link(of, track, ts_ms=ts, gap_ms=[5000] * len(ts))
         found = {frozenset(np.flatnonzero(label == k).tolist()) for k in set(label.tolist())}
         assert found == {frozenset(c) for c in nx.connected_components(graph)}
         n_linked += len(ts) - len(found)
@@ -96,24 +100,24 @@ def test_links_over_time_are_those_of_networkx() -> None:
 
 
 def test_pairs_within_groups_are_all_of_them() -> None:
-    i, j = gatherings.pairs_within([0, 0, 0, 2, 3, 3])
+    i, j = gatherings_at_once.pairs_within([0, 0, 0, 2, 3, 3])
     assert sorted(zip(i.tolist(), j.tolist(), strict=True)) == [(0, 1), (0, 2), (1, 2), (4, 5)]
-    assert [len(v) for v in gatherings.pairs_within([])] == [0, 0]
+    assert [len(v) for v in gatherings_at_once.pairs_within([])] == [0, 0]
 
 
 def test_a_queue_of_six_is_one_long_cluster() -> None:
-    found = gatherings.clusters([0] * 5, [0, 1, 2, 3, 4], [1, 2, 3, 4, 5])
+    found = gatherings_at_once.clusters([0] * 5, [0, 1, 2, 3, 4], [1, 2, 3, 4, 5])
     x = 1.8 * np.arange(6)
     order = np.argsort(found.of, kind="stable")
     assert found.size.tolist() == [6]
-    wide = gatherings.diameters(found.of[order], np.sort(x), np.zeros(6), n_clusters=1)
+    wide = gatherings_at_once.diameters(found.of[order], np.sort(x), np.zeros(6), n_clusters=1)
     assert wide[0] == pytest.approx(9.0)
-    assert np.isnan(gatherings.diameters([0, 0], [np.nan, 1.0], [0.0, 0.0], n_clusters=1)[0])
+    assert np.isnan(gatherings_at_once.diameters([0, 0], [np.nan, 1.0], [0.0, 0.0], n_clusters=1)[0])
 
 
-def at_each_second(n: int, *, label: list[int] | None = None, size: int = 3) -> tuple[gatherings.Lasting, ...]:
+def at_each_second(n: int, *, label: list[int] | None = None, size: int = 3) -> tuple[gatherings_at_once.Lasting, ...]:
     ones = np.ones(n)
-    return gatherings.lasting(
+    return gatherings_at_once.lasting(
         label or [0] * n, ts_ms=1000 * np.arange(n), interval_ms=[1000] * n, size=[size] * n, weight_s=ones,
         x_m=2 * ones, y_m=ones * np.nan, diameter_m=ones,
     )  # fmt: skip
@@ -129,7 +133,7 @@ def test_ten_seconds_are_a_gathering_and_nine_are_none() -> None:
 def test_a_gathering_in_two_clusters_has_the_people_of_both() -> None:
     ts = np.repeat(1000 * np.arange(12), 2)
     n = len(ts)
-    (one,) = gatherings.lasting(
+    (one,) = gatherings_at_once.lasting(
         [0] * n, ts_ms=ts, interval_ms=[1000] * n, size=[3, 4] * 12, weight_s=[1.0] * n,
         x_m=[0.0] * n, y_m=[0.0] * n, diameter_m=[1.0] * n,
     )  # fmt: skip

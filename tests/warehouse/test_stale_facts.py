@@ -20,6 +20,8 @@ from vsd_analytics.warehouse.sqlfiles import relations
 
 HOURS = range(T0 // HOUR - 4, T0 // HOUR + 6)
 CHANGE_MS = T0 + HOUR // 2
+CLUSTERS = {"cluster_times", "gathering_parts", "gathering_joins", "company_times"}
+OF_PAIRS = {*CLUSTERS, "distance_times", "same_pairs"}
 FACTS = [r.name for r in relations("facts").values() if r.unit == "hour"]
 
 
@@ -102,6 +104,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert facts.keys() == {
         *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
         *("track_lives", "track_pairs", "crowding"),
+        *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
 
 
@@ -202,7 +205,15 @@ def test_changed_setting_recomputes_the_facts_that_use_it(root: Path, tmp_path: 
     result, hours, facts = changed(project(root, distance_m=1.5), tmp_path)
     assert hours == set(HOURS)
     assert dict(result.reasons) == {"settings changed": len(HOURS)}
-    assert set(facts) == {"floor_cells", "violation_time", "episode_segments", "track_pairs", "crowding"}
+    assert set(facts) == {
+        "floor_cells",
+        "violation_time",
+        "episode_segments",
+        "track_pairs",
+        "crowding",
+        "same_pairs",
+        *CLUSTERS,
+    }
     assert result.facts == facts
 
 
@@ -238,7 +249,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
             "facts/pairs.sql",
             "having count(*) > 40",
             "having count(*) > 41",
-            {"pairs", "violation_time", "episode_segments", "floor_cells", "track_pairs", "crowding"},
+            {"pairs", "violation_time", "episode_segments", "floor_cells", "track_pairs", "crowding", *OF_PAIRS},
         ),
         (
             "staging/located.sql",
@@ -253,6 +264,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "track_lives",
                 "track_pairs",
                 "crowding",
+                *OF_PAIRS,
             },
         ),
     ],

@@ -14,7 +14,7 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 HOUR_MS = 3_600_000
 DAY_MS = 24 * HOUR_MS
 INTERVAL_TOLERANCE = 0.1
-"""Frame intervals that differ by more than this share are told: a violation is a whole number of frames."""
+"""Frame intervals that differ by more than this share are told: what lasts seconds is seen better or worse."""
 
 
 @dataclass(frozen=True, slots=True)

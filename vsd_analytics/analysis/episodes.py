@@ -190,14 +190,10 @@ _DURATIONS: Final = """
 select
     v.local_date,
     v.duration_s::double as duration_s,
-    a.first_ms >= v.started_ms or b.first_ms >= v.started_ms
-    or a.last_ms <= e.ended_ms or b.last_ms <= e.ended_ms as is_cut
+    e.is_cut
 from violations as v
 inner join episodes as e
     on v.camera_id = e.camera_id and v.track_a = e.track_a and v.track_b = e.track_b and v.started_ms = e.started_ms
-left join site_days as s on floor(v.started_ms / 900000) = s.quarter
-left join track_days as a on v.camera_id = a.camera_id and s.site_day = a.site_day and v.track_a = a.track_id
-left join track_days as b on v.camera_id = b.camera_id and s.site_day = b.site_day and v.track_b = b.track_id
 where v.is_open and v.camera_id in (select unnest($cameras)) and v.local_date between $first and $last
 order by v.started_ms, v.camera_id, v.track_a, v.track_b
 """

@@ -36,6 +36,7 @@ select
     coalesce(bool_or(n_violations is not null), false) as knows_violations,
     sum(person_records)::bigint as person_records
 from camera_hours
+where local_date between $first and $last
 group by camera_id
 """
 
@@ -131,21 +132,32 @@ class Groups:
     reason: str | None
 
 
-def groups(warehouse: Warehouse, *, camera_id: str | None = None) -> Groups:
-    """Return who moved together in the range of a warehouse, and its violations between groups.
+@dataclass(frozen=True, slots=True)
+class _Days:
+    first: date
+    last: date
+
+
+def groups(
+    warehouse: Warehouse, *, camera_id: str | None = None, first: date | None = None, last: date | None = None
+) -> Groups:
+    """Return who moved together in a range, and its violations between groups.
 
     Args:
-        warehouse: The range.
+        warehouse: Its days; those before `first` serve as history of the intervals.
         camera_id: Only this camera; None = all.
+        first: First local day; None = the warehouse's.
+        last: Last local day; None = the warehouse's.
 
     Raises:
         UsageError: E101, the site has no such camera.
     """
     cameras = _cameras(warehouse, camera_id)
-    lives = camera_lives(warehouse, cameras)
+    days = _Days(first or warehouse.first, last or warehouse.last)
+    lives = camera_lives(warehouse, cameras, first=days.first, last=days.last)
     able = {c.camera_id for c in lives if c.lives.state == "ok"}
-    found = _groups(warehouse, [c.camera_id for c in cameras])
-    between, n_unknown = _between(warehouse, able)
+    found = _groups(warehouse, [c.camera_id for c in cameras], days)
+    between, n_unknown = _between(warehouse, able, days)
     exposure_h, together_h, violation_h, within_h = (
         sum(getattr(c, name) for c in lives if c.camera_id in able)
         for name in ("exposure_h", "together_h", "violation_h", "within_h")
@@ -154,8 +166,8 @@ def groups(warehouse: Warehouse, *, camera_id: str | None = None) -> Groups:
     if reason is not None:
         between = ShareEstimate(None, None, None, 0, 0, 0, state, reason)
     return Groups(
-        first=warehouse.first,
-        last=warehouse.last,
+        first=days.first,
+        last=days.last,
         groups=found,
         n_by_size=dict(sorted(Counter(len(g.tracks) for g in found if g.camera_id in able).items())),
         cameras=lives,
@@ -164,22 +176,33 @@ def groups(warehouse: Warehouse, *, camera_id: str | None = None) -> Groups:
         time_share=within_h / violation_h if able and violation_h > 0 else None,
         between=between,
         n_unknown=n_unknown,
-        readings=_readings(warehouse, able),
+        readings=_readings(warehouse, able, days),
         accuracy=KNOWN_ACCURACY,
         state=state,
         reason=reason,
     )
 
 
-def camera_lives(warehouse: Warehouse, cameras: Sequence[Camera]) -> tuple[CameraLives, ...]:
-    """Return what the track ids of each camera allow in the range, and how much of its time is in groups."""
+def camera_lives(
+    warehouse: Warehouse, cameras: Sequence[Camera], *, first: date | None = None, last: date | None = None
+) -> tuple[CameraLives, ...]:
+    """Return what the track ids of each camera allow in a range, and how much of its time is in groups.
+
+    Args:
+        warehouse: Its days.
+        cameras: Which.
+        first: First day; None = the warehouse's.
+        last: Last day; None = the warehouse's.
+    """
     settings = warehouse.site.settings
-    days = {"first": warehouse.first, "last": warehouse.last}
+    days = {"first": first or warehouse.first, "last": last or warehouse.last}
     tracks = warehouse.table(
         "select camera_id, life_s::double as life_s, exposure_s::double as exposure_s, n_ends, n_goes_on, "
         "n_came_before from track_days where site_day between $first and $last",
         days,
-    ).to_pandas()
+    )
+    of_camera = tracks["camera_id"].to_numpy()
+    values = {name: tracks[name].to_numpy() for name in tracks.column_names[1:]}
     counted = warehouse.rows(
         "select camera_id, sum(n_pairs)::bigint as n_pairs, sum(n_unknown)::bigint as n_unknown, "
         "sum(exposure_s)::double as exposure_s, sum(together_s)::double as together_s, "
@@ -188,14 +211,14 @@ def camera_lives(warehouse: Warehouse, cameras: Sequence[Camera]) -> tuple[Camer
         days,
     )
     sums = {row["camera_id"]: row for row in counted}
-    recorded = {row["camera_id"]: row for row in warehouse.rows(_RECORDED)}
+    recorded = {row["camera_id"]: row for row in warehouse.rows(_RECORDED, days)}
     made = []
     for camera in (c.camera_id for c in cameras):
-        own, row = tracks[tracks["camera_id"] == camera], sums.get(camera, {})
+        own, row = of_camera == camera, sums.get(camera, {})
         lives = track_lives(
-            own["life_s"],
-            own["exposure_s"],
-            **{k: int(own[k].sum()) for k in ("n_ends", "n_goes_on", "n_came_before")},
+            values["life_s"][own],
+            values["exposure_s"][own],
+            **{k: int(values[k][own].sum()) for k in ("n_ends", "n_goes_on", "n_came_before")},
             min_life_s=settings.together_life_s,
             max_cut_share=settings.together_cut_share,
         )
@@ -212,7 +235,7 @@ def between_groups(period: Period, able: set[str] | None = None) -> Place:
 
     Args:
         period: The days.
-        able: Cameras that take part; None = asked of the whole range (`camera_lives`).
+        able: Cameras that take part; None = asked of the warehouse's range (`camera_lives`).
     """
     data = period.data
     if able is None:
@@ -246,13 +269,13 @@ def _cameras(warehouse: Warehouse, camera_id: str | None) -> list[Camera]:
     return [c for c in warehouse.site.cameras if camera_id in (None, c.camera_id)]
 
 
-def _groups(warehouse: Warehouse, ids: Sequence[str]) -> tuple[Group, ...]:
+def _groups(warehouse: Warehouse, ids: Sequence[str], days: _Days) -> tuple[Group, ...]:
     rows = warehouse.rows(
         "select site_day, camera_id, list(track_id order by track_id) as tracks, min(first_ms) as first_ms, "
         "max(last_ms) as last_ms from track_groups inner join track_days using (camera_id, site_day, track_id) "
         "where group_id is not null and camera_id in (select unnest($cameras)) and site_day between $first and $last "
         "group by site_day, camera_id, group_id order by first_ms, camera_id, group_id",
-        {"cameras": list(ids), "first": warehouse.first, "last": warehouse.last},
+        {"cameras": list(ids), "first": days.first, "last": days.last},
     )
     return tuple(
         Group(
@@ -266,13 +289,14 @@ def _groups(warehouse: Warehouse, ids: Sequence[str]) -> tuple[Group, ...]:
     )
 
 
-def _between(warehouse: Warehouse, able: set[str]) -> tuple[ShareEstimate, int]:
+def _between(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[ShareEstimate, int]:
     """Return the share of violations between groups, and the number of those of which it cannot be known."""
     rows = warehouse.rows(
         "select local_date, count(*) filter (where not is_together) as n, count(is_together) as of, "
         "count(*) filter (where is_together is null) as n_unknown from violations "
-        "where is_open and camera_id in (select unnest($cameras)) group by local_date order by local_date",
-        {"cameras": sorted(able)},
+        "where is_open and camera_id in (select unnest($cameras)) and local_date between $first and $last "
+        "group by local_date order by local_date",
+        {"cameras": sorted(able), "first": days.first, "last": days.last},
     )
     settings = warehouse.site.settings
     share = share_by_days(
@@ -284,12 +308,12 @@ def _between(warehouse: Warehouse, able: set[str]) -> tuple[ShareEstimate, int]:
     return share, sum(r["n_unknown"] for r in rows)
 
 
-def _readings(warehouse: Warehouse, able: set[str]) -> tuple[Readings, ...]:
+def _readings(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[Readings, ...]:
     made = []
     for floor in warehouse.site.floors:
         if not any(c.camera_id in able for c in warehouse.site.cameras if c.floor_id == floor.floor_id):
             continue
-        period = Period(FloorHours(warehouse, floor=floor), warehouse.first, warehouse.last)
+        period = Period(FloorHours(warehouse, floor=floor), days.first, days.last)
         whole, between = _of_cameras(period, able), between_groups(period, able)
         made.append(
             Readings(

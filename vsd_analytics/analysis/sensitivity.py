@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 from typing import Final
 
 from vsd_analytics.analysis.floor_days import NO_FLOOR, NO_POSITIONS
@@ -65,15 +66,19 @@ class ThresholdSensitivity:
     reason: str | None
 
 
-def threshold_sensitivity(warehouse: Warehouse, *, floor_id: str | None = None) -> ThresholdSensitivity:
+def threshold_sensitivity(
+    warehouse: Warehouse, *, floor_id: str | None = None, first: date | None = None, last: date | None = None
+) -> ThresholdSensitivity:
     """Return M26: violation person-hours / person-hours at 0.9, 1.0 and 1.1 times the legal distance.
 
-    Sums over the mart `distances` of the warehouse's range, all recorded hours, of cameras that give both people and
+    Sums over the mart `distances` of the range, all recorded hours, of cameras that give both people and
     distances; each point is what the figures would say if that were the legal distance.
 
     Args:
-        warehouse: Its range is read.
+        warehouse: Its days.
         floor_id: Only cameras of this floor; None = all.
+        first: First local day; None = the warehouse's.
+        last: Last local day; None = the warehouse's.
 
     Raises:
         UsageError: E101, there is no such floor.
@@ -83,7 +88,8 @@ def threshold_sensitivity(warehouse: Warehouse, *, floor_id: str | None = None) 
         raise UsageError(f"there is no floor {floor_id!r}", mend=", ".join(f.floor_id for f in site.floors))
     settings = site.settings
     threshold_mm, reach_mm = round(settings.distance_m * 1000), round(settings.pair_max_m * 1000)
-    told = warehouse.rows(_TOLD, {"floor": floor_id})
+    days = {"first": first or warehouse.first, "last": last or warehouse.last}
+    told = warehouse.rows(_TOLD, {"floor": floor_id, **days})
     used = [t for t in told if t["knows_people"] and t["knows_distances"]]
     left_out = tuple(t["camera_id"] for t in told if t not in used)
     n_records = sum(t["violation_records"] for t in used)
@@ -97,7 +103,7 @@ def threshold_sensitivity(warehouse: Warehouse, *, floor_id: str | None = None) 
     if not used:
         return refused("not_measurable", NO_FLOOR if any(t["knows_people"] for t in told) else NO_POSITIONS)
     exposure_h = sum(t["exposure_s"] for t in used) / 3600
-    found = warehouse.table(_DISTANCES, {"cameras": [t["camera_id"] for t in used]})
+    found = warehouse.table(_DISTANCES, {"cameras": [t["camera_id"] for t in used], **days})
     mm, n, n_sent, nearest_s = (found[name].to_numpy() for name in ("distance_mm", "n_pairs", "n_sent", "nearest_s"))
     is_cut = bool(n_sent.sum() > 0 and not n_sent[mm >= threshold_mm].any())
     known_mm = threshold_mm if is_cut else reach_mm
@@ -175,7 +181,7 @@ select
     sum(exposure_s)::double as exposure_s,
     sum(violation_records)::bigint as violation_records
 from camera_hours
-where recorded_s > 0 and ($floor::varchar is null or floor_id = $floor)
+where recorded_s > 0 and ($floor::varchar is null or floor_id = $floor) and local_date between $first and $last
 group by camera_id
 order by camera_id
 """
@@ -186,7 +192,7 @@ select
     sum(n_sent)::bigint as n_sent,
     sum(nearest_s)::double as nearest_s
 from distances
-where list_contains($cameras, camera_id)
+where list_contains($cameras, camera_id) and local_date between $first and $last
 group by distance_mm
 order by distance_mm
 """

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from datetime import datetime, timedelta
+from dataclasses import dataclass, replace
+from datetime import date, datetime, timedelta
 from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from vsd_analytics.simulate.cameras import CAMERAS
 from vsd_analytics.simulate.people import Day, people_inside
 from vsd_analytics.simulate.positions import IntArray
 from vsd_analytics.simulate.shop import FloatArray, Rect
@@ -52,13 +53,13 @@ class PlantedGap:
 
 @dataclass(frozen=True, slots=True)
 class PlantedRedesign:
-    """The move of the display.
+    """A logged change of the shop: the move of the display, or one that does nothing.
 
     Attributes:
         at: When it was moved, while the shop was closed.
         area_id: Area it was moved out of.
         text: Text of the change log.
-        effect: Violations per open hour in the area, last week over the week before (0.4 = 60 % fewer); None when there
+        effect: Violations per open hour in the area, its week over the week before (0.4 = 60 % fewer); None when there
             is no week before.
     """
 
@@ -85,12 +86,12 @@ class HourTruth:
 
 @dataclass(frozen=True, slots=True)
 class AreaTruth:
-    """Violations in one area and week, from true positions at the week's frame interval.
+    """Violations in one area and week, from true positions on floor in view at the week's frame interval.
 
     Attributes:
         week: ISO week.
         area_id: Area, or "floor" for the whole floor.
-        violations: Episodes of at least 3 s under 2 m, placed at the middle of the pair when they begin.
+        violations: Episodes of at least 3 s under 2 m, placed at the mean middle of the pair (`in_view`).
         open_h: Open hours of the week.
     """
 
@@ -117,6 +118,9 @@ class DemoTruth:
         hours: People by open hour.
         n_messages: Messages written.
         n_person_records: Persons in all of them.
+        idle: A logged change that does nothing, so that its `effect` is chance; None without a history.
+        lost: Times before the last week from which nothing of some cameras arrives.
+        closed: Local dates on which the shop was closed all day.
     """
 
     seed: int
@@ -131,6 +135,9 @@ class DemoTruth:
     hours: tuple[HourTruth, ...]
     n_messages: int
     n_person_records: int
+    idle: PlantedRedesign | None = None
+    lost: tuple[PlantedGap, ...] = ()
+    closed: tuple[date, ...] = ()
 
     def write(self, path: Path) -> None:
         """Write the truth as JSON with ISO times."""
@@ -150,7 +157,7 @@ class Violations:
         person_a: One person.
         person_b: The other, with the higher number.
         frame: First frame.
-        duration_s: From first to last record, and one frame interval.
+        duration_s: From coming closer than the distance to parting; half a frame interval where that is not seen.
         x_m: Floor x of the middle of the pair, mean over its records.
         y_m: Floor y of it.
     """
@@ -166,6 +173,28 @@ class Violations:
         """Tell which lie inside a rectangle of the floor."""
         x0, y0, x1, y1 = rect
         return (self.x_m >= x0) & (self.x_m < x1) & (self.y_m >= y0) & (self.y_m < y1)
+
+
+def in_view(day: Day) -> Day:
+    """Return what cameras can tell of a day: rows on floor in view, and a new person wherever no camera sees on.
+
+    Whoever crosses floor that no camera sees comes back as somebody else, and so does whoever no single camera sees in
+    two frames in a row. This is one camera that sees all floor in view and never errs.
+    """
+    seen = np.stack([camera.sees(day.x_m, day.y_m) for camera in CAMERAS])
+    rows = np.flatnonzero(seen.any(axis=0))
+    seen, person, frame = seen[:, rows], day.person[rows], day.frame[rows]
+    begins = np.ones(len(rows), dtype=np.bool_)
+    begins[1:] = (np.diff(person) != 0) | (np.diff(frame) != 1) | ~(seen[:, 1:] & seen[:, :-1]).any(axis=0)
+    return replace(
+        day,
+        person=np.cumsum(begins) - 1,
+        party=day.party[rows],
+        frame=frame,
+        x_m=day.x_m[rows],
+        y_m=day.y_m[rows],
+        entered_ms=day.entered_ms[person[begins]],
+    )
 
 
 def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, IntArray]:
@@ -193,7 +222,8 @@ def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, 
 def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
     """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more.
 
-    The same rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see.
+    The same rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see:
+    from one frame to the next people walk straight on.
     """
     first, second = close_pairs(day, distance_m=distance_m)
     swap = day.person[first] > day.person[second]
@@ -207,7 +237,9 @@ def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S
     begins[1:] = (np.diff(a) != 0) | (np.diff(b) != 0) | (np.diff(frame) * interval_s > max(3.0, 2.5 * interval_s))
     start = np.flatnonzero(begins)
     end = np.append(start[1:], len(frame)) - 1
-    duration = (frame[end] - frame[start] + 1) * interval_s if len(frame) else np.zeros(0)
+    duration = (frame[end] - frame[start]) * interval_s if len(frame) else np.zeros(0)
+    for at, step in ((start, -1), (end, 1)):
+        duration = duration + interval_s * _share_close(day, first[at], second[at], step=step, distance_m=distance_m)
     x, y = ((values[first] + values[second]) / 2 for values in (day.x_m, day.y_m))
     if len(frame):
         n_records = end - start + 1
@@ -222,6 +254,33 @@ def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S
         x_m=x,
         y_m=y,
     )
+
+
+def _share_close(day: Day, first: IntArray, second: IntArray, *, step: int, distance_m: float) -> FloatArray:
+    """Return for which share of the way to the next frame (`step` 1) or the one before (-1) a close pair stays close.
+
+    Args:
+        day: True positions.
+        first: Rows of one person of pairs closer than `distance_m`.
+        second: Rows of the other.
+        step: Which frame.
+        distance_m: When a pair parts.
+
+    Returns:
+        u with |r + u (r' - r)| = D, for one person seen from the other at r and, in that frame, at r'; 1/2 where one
+        of the two is not there, or they are close there as well.
+    """
+    a, b = (np.clip(rows + step, 0, max(0, len(day.person) - 1)) for rows in (first, second))
+    is_there = np.ones(len(first), dtype=np.bool_)
+    for row, beside in ((first, a), (second, b)):
+        is_there &= (day.person[beside] == day.person[row]) & (day.frame[beside] == day.frame[row] + step)
+    here, there = (np.stack([day.x_m[p] - day.x_m[q], day.y_m[p] - day.y_m[q]]) for p, q in ((first, second), (a, b)))
+    is_there &= np.hypot(*there) >= distance_m
+    here, move = here[:, is_there], (there - here)[:, is_there]
+    square, mixed, rest = (move**2).sum(axis=0), (here * move).sum(axis=0), (here**2).sum(axis=0) - distance_m**2
+    share = np.full(len(first), 0.5)
+    share[is_there] = (np.sqrt(mixed**2 - square * rest) - mixed) / square
+    return share
 
 
 def hours_of(day: Day) -> tuple[HourTruth, ...]:

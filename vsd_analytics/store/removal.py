@@ -228,8 +228,9 @@ def _reduced(seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None) -> 
     for relation, digest in unit.facts.items():
         data = seals.fact_path(relation, hour, digest).read_bytes()
         rows = pq.read_table(pa.BufferReader(data))
-        keep = pc.not_equal(rows["camera_id"], camera_id) if camera_id is not None else None
-        rest = rows.filter(keep) if keep is not None else rows.slice(0, 0)
+        rest = rows if camera_id is not None else rows.slice(0, 0)
+        for name in (n for n in rows.column_names if n.endswith("camera_id")):  # a row may tell of two cameras
+            rest = rest.filter(pc.not_equal(rest[name], camera_id)) if camera_id is not None else rest
         if rest.num_rows < rows.num_rows:
             sink = pa.BufferOutputStream()
             rest = rest.combine_chunks().replace_schema_metadata(None)  # their causes stand in the seal

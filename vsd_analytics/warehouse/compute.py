@@ -13,6 +13,7 @@ from vsd_analytics.site import Site
 from vsd_analytics.store.layout import HOUR_MS, Part
 from vsd_analytics.warehouse.causes import made_of
 from vsd_analytics.warehouse.dimensions import params, register_quarters, register_site
+from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 if TYPE_CHECKING:
@@ -61,10 +62,20 @@ def hour_facts(
         for table in (t for t in TABLES if f"stored_{t}" in inputs):
             _load(con, table, parts[table], first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
         for relation in (r for r in relations("staging", "facts").values() if r.name in made):
-            con.execute(f"create temp table {relation.name} as {relation.sql}")
+            create(con, relation)
             if relation.name in facts:
                 inside = f"select * from {relation.name} where hour between {first_hour:d} and {last_hour:d}"
                 yield relation, con.sql(inside).to_arrow_table()
+
+
+def create(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
+    """Create a relation on a connection on which all that it reads stands: its rows, or the components of its edges."""
+    if not relation.is_graph:
+        con.execute(f"create temp table {relation.name} as {relation.sql}")
+        return
+    con.register(f"_{relation.name}", components(con.sql(relation.sql).to_arrow_table()))
+    con.execute(f"create temp table {relation.name} as select * from _{relation.name}")
+    con.unregister(f"_{relation.name}")
 
 
 def _margin_ms(site: Site) -> int:

@@ -94,6 +94,9 @@ def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
         "together_walk_mm": round(s.together_walk_m * 1000),
         "together_min_ms": 2000,
         "together_min_records": 3,
+        "gathering_people": 3,
+        "gathering_link_ms": 5000,
+        "gathering_last_ms": 10_000,
     }
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from vsd_analytics.duck import connect, literal_list
+from vsd_analytics.duck import connect, literal_list, one_thread
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site import Site
 from vsd_analytics.store import Store, removal
@@ -20,6 +20,7 @@ from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.warehouse import leftovers
 from vsd_analytics.warehouse.build import BuildResult, build, damaged_facts
 from vsd_analytics.warehouse.dimensions import calendar, register_site, site_days
+from vsd_analytics.warehouse.kept import Marts
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 AROUND_H = 25
 """Hours of facts loaded on either side of a range, so that episodes and the site days that touch it are whole."""
+_GREAT = ("pairs", "distance_times", "company_times")  # facts of so many rows that few questions are worth reading them
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +104,9 @@ class Warehouse:
         self.con.execute("create temp table calendar as select * from _calendar")
         self.con.register("_site_days", site_days(site, first, last))
         self.con.execute("create temp table site_days as select * from _site_days")
-        self._facts(hours[0], hours[1])
-        for relation in relations("marts").values():
-            self.con.execute(f"create temp view {relation.name} as {relation.sql}")
-        self.keep("track_groups")
+        with one_thread(self.con):  # a fact is many small files, which threads only wait for one another to open
+            self._facts(hours[0], hours[1])
+        self._marts = Marts(self.con)
 
     def __enter__(self) -> Warehouse:
         return self
@@ -122,18 +123,17 @@ class Warehouse:
         return other_rules(self.site, self.built.sealed, first_hour=first, last_hour=last)
 
     def keep(self, *marts: str) -> None:
-        """Compute marts once and keep their rows, when several queries will read them."""
-        for name in marts:
-            relation = relations("marts")[name]
-            self.con.execute(f"drop view if exists {relation.name}")
-            self.con.execute(f"create temp table {relation.name} as {relation.sql}")
+        """Compute marts once and keep their rows, before several queries read them."""
+        self._marts.keep(marts)
 
     def table(self, query: str, values: dict[str, Any] | None = None) -> pa.Table:
         """Return a query's rows as an Arrow table; values are bound, never pasted."""
+        self._marts.asked(query)
         return self.con.sql(query, params=values or None).to_arrow_table()
 
     def frame(self, query: str, values: dict[str, Any] | None = None) -> pd.DataFrame:
         """Return a query's rows as a pandas frame."""
+        self._marts.asked(query)
         return self.con.execute(query, values or {}).df()
 
     def rows(self, query: str, values: dict[str, Any] | None = None) -> list[dict[str, Any]]:
@@ -142,7 +142,7 @@ class Warehouse:
         return found
 
     def _facts(self, first_hour: int, last_hour: int) -> None:
-        """Make every fact a relation of the fresh files of the range; `pairs`, the great one, is read when asked."""
+        """Make every fact a relation of the fresh files of the range; the great ones are read when asked."""
         import duckdb
 
         root, site_id, sealed = self.site.root / "facts", self.site.site_id, self.built.sealed
@@ -157,10 +157,14 @@ class Warehouse:
                 fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest and not sealed.holds(p.hour)]
             kept = sealed.fact_paths(self.site, relation.name)
             paths = [path for _, path in sorted([*fresh, *kept])]
-            kind = "view" if relation.name == "pairs" else "table"
-            rows = f"read_parquet({literal_list(paths)})" if paths else f"({_empty(relation.name)})"
+            kind = "view" if relation.name in _GREAT else "table"
+            rows = (
+                f"read_parquet({literal_list(paths)}, hive_partitioning = false)"
+                if paths
+                else f"({_empty(relation.name)})"
+            )
             if kept:  # facts sealed by an older version may lack a column, and have others that are gone
-                every = f"read_parquet({literal_list(paths)}, union_by_name = true)"
+                every = f"read_parquet({literal_list(paths)}, union_by_name = true, hive_partitioning = false)"
                 rows = f"({_empty(relation.name)} union all by name select * from {every})"
             try:
                 columns = ", ".join(relation.columns) if kept else "*"
@@ -204,6 +208,10 @@ _EMPTY_TYPES = {
     "track_a": "null::varchar",
     "track_b": "null::varchar",
     "track_id": "null::varchar",
+    "other_camera_id": "null::varchar",
+    "other_track_a": "null::varchar",
+    "other_track_b": "null::varchar",
+    "company": "null::varchar",
     "is_inferred": "null::boolean",
     "is_owned": "null::boolean",
     "is_derived": "null::boolean",

@@ -1,0 +1,274 @@
+-- name: facts/same_pairs
+-- One row per two episode segments of two cameras that are one pair of persons: where both cameras see it, it is in one place.
+-- grain: camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms
+-- reads: close_records, cameras, owner_cells
+-- params: owner_cell_mm
+-- columns:
+--   hour              UTC hour number
+--   camera_id         the lesser camera id
+--   track_a           pair of its segment in episode_segments
+--   track_b           likewise
+--   started_ms        start of its segment
+--   other_camera_id   the greater camera id
+--   other_track_a     pair of that camera's segment
+--   other_track_b     likewise
+--   other_started_ms  start of that segment
+--   n_same            whole seconds in which both persons stand at most 0.5 m apart in the two, and no other pair fits better
+--   n_both            whole seconds in which both segments place the pair on floor from which several cameras may report
+-- assumes: at least half of n_both agree; clocks of the cameras agree; what ids the cameras give tells nothing
+with lasting as (
+    select
+        r.hour,
+        c.floor_id,
+        r.camera_id,
+        r.track_a,
+        r.track_b,
+        r.ts_ms,
+        r.started_ms,
+        r.x_a_mm,
+        r.y_a_mm,
+        r.x_b_mm,
+        r.y_b_mm,
+        -- until its next record, at most four seconds on, a pair goes straight there; else it stays for a second at most
+        case
+            when r.is_followed and r.next_ms - r.ts_ms <= 4000 then r.next_ms
+            else r.ts_ms + least(r.interval_ms, 1000)
+        end as to_ms,
+        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_x_a_mm, r.x_a_mm) else r.x_a_mm end as to_x_a_mm,
+        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_a_mm, r.y_a_mm) else r.y_a_mm end as to_y_a_mm,
+        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_x_b_mm, r.x_b_mm) else r.x_b_mm end as to_x_b_mm,
+        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_b_mm, r.y_b_mm) else r.y_b_mm end as to_y_b_mm
+    from close_records as r
+    cross join params as s
+    inner join cameras as c on r.camera_id = c.camera_id
+    where exists (
+        select 1
+        from owner_cells as o
+        where
+            c.floor_id = o.floor_id
+            and r.ts_ms >= o.from_ms
+            and r.ts_ms < o.to_ms
+            and cast(floor((r.x_a_mm + r.x_b_mm) / (2 * s.owner_cell_mm)) as integer) = o.cx
+            and cast(floor((r.y_a_mm + r.y_b_mm) / (2 * s.owner_cell_mm)) as integer) = o.cy
+    )
+),
+
+seconds as (
+    select 0 as k
+    union all
+    select 1 as k
+    union all
+    select 2 as k
+    union all
+    select 3 as k
+),
+
+at_seconds as (
+    select
+        p.hour,
+        p.floor_id,
+        p.camera_id,
+        p.track_a,
+        p.track_b,
+        p.started_ms,
+        cast(ceil(p.ts_ms / 1000) as bigint) + n.k as second,
+        (1000 * (cast(ceil(p.ts_ms / 1000) as bigint) + n.k) - p.ts_ms) / (p.to_ms - p.ts_ms) as share,
+        p.x_a_mm,
+        p.y_a_mm,
+        p.x_b_mm,
+        p.y_b_mm,
+        p.to_x_a_mm,
+        p.to_y_a_mm,
+        p.to_x_b_mm,
+        p.to_y_b_mm
+    from lasting as p
+    cross join seconds as n
+    where 1000 * (cast(ceil(p.ts_ms / 1000) as bigint) + n.k) < p.to_ms
+),
+
+seen as materialized (
+    select
+        hour,
+        floor_id,
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        second,
+        x_a_mm + share * (to_x_a_mm - x_a_mm) as x_a_mm,
+        y_a_mm + share * (to_y_a_mm - y_a_mm) as y_a_mm,
+        x_b_mm + share * (to_x_b_mm - x_b_mm) as x_b_mm,
+        y_b_mm + share * (to_y_b_mm - y_b_mm) as y_b_mm,
+        cast(floor((x_a_mm + x_b_mm + share * (to_x_a_mm + to_x_b_mm - x_a_mm - x_b_mm)) / 2000) as integer) as gx,
+        cast(floor((y_a_mm + y_b_mm + share * (to_y_a_mm + to_y_b_mm - y_a_mm - y_b_mm)) / 2000) as integer) as gy
+    from at_seconds
+),
+
+-- midpoints within 0.5 m of one lie in the squares of side 1 m that hold the corners of the square 0.5 m around it
+corners as (
+    select
+        -1000 as dx2,
+        -1000 as dy2
+    union all
+    select
+        -1000 as dx2,
+        1000 as dy2
+    union all
+    select
+        1000 as dx2,
+        -1000 as dy2
+    union all
+    select
+        1000 as dx2,
+        1000 as dy2
+),
+
+reaching as (
+    select
+        p.hour,
+        p.floor_id,
+        p.camera_id,
+        p.track_a,
+        p.track_b,
+        p.started_ms,
+        p.second,
+        p.x_a_mm,
+        p.y_a_mm,
+        p.x_b_mm,
+        p.y_b_mm,
+        cast(floor((p.x_a_mm + p.x_b_mm + n.dx2) / 2000) as integer) as gx,
+        cast(floor((p.y_a_mm + p.y_b_mm + n.dy2) / 2000) as integer) as gy
+    from seen as p
+    cross join corners as n
+),
+
+-- whichever person of one is which of the other, the worse placed of the two counts
+near as (
+    select
+        p.hour,
+        p.second,
+        p.camera_id,
+        p.track_a,
+        p.track_b,
+        p.started_ms,
+        q.camera_id as other_camera_id,
+        q.track_a as other_track_a,
+        q.track_b as other_track_b,
+        q.started_ms as other_started_ms,
+        least(
+            greatest(
+                (p.x_a_mm - q.x_a_mm) * (p.x_a_mm - q.x_a_mm) + (p.y_a_mm - q.y_a_mm) * (p.y_a_mm - q.y_a_mm),
+                (p.x_b_mm - q.x_b_mm) * (p.x_b_mm - q.x_b_mm) + (p.y_b_mm - q.y_b_mm) * (p.y_b_mm - q.y_b_mm)
+            ),
+            greatest(
+                (p.x_a_mm - q.x_b_mm) * (p.x_a_mm - q.x_b_mm) + (p.y_a_mm - q.y_b_mm) * (p.y_a_mm - q.y_b_mm),
+                (p.x_b_mm - q.x_a_mm) * (p.x_b_mm - q.x_a_mm) + (p.y_b_mm - q.y_a_mm) * (p.y_b_mm - q.y_a_mm)
+            )
+        ) as square_mm2
+    from seen as p
+    inner join reaching as q
+        on
+            p.floor_id = q.floor_id
+            and p.hour = q.hour
+            and p.second = q.second
+            and p.gx = q.gx
+            and p.gy = q.gy
+            and p.camera_id < q.camera_id
+),
+
+ranked as (
+    select
+        hour,
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        other_camera_id,
+        other_track_a,
+        other_track_b,
+        other_started_ms,
+        row_number() over (
+            partition by second, camera_id, track_a, track_b, other_camera_id
+            order by square_mm2, other_track_a, other_track_b, other_started_ms, started_ms
+        ) as rank,
+        row_number() over (
+            partition by second, other_camera_id, other_track_a, other_track_b, camera_id
+            order by square_mm2, track_a, track_b, started_ms, other_started_ms
+        ) as other_rank
+    from near
+    where square_mm2 <= 250000
+),
+
+agreeing as (
+    select
+        hour,
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        other_camera_id,
+        other_track_a,
+        other_track_b,
+        other_started_ms,
+        count(*) as n_same
+    from ranked
+    where rank = 1 and other_rank = 1
+    group by
+        hour, camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms
+),
+
+compared as (
+    select
+        g.hour,
+        g.camera_id,
+        g.track_a,
+        g.track_b,
+        g.started_ms,
+        g.other_camera_id,
+        g.other_track_a,
+        g.other_track_b,
+        g.other_started_ms,
+        g.n_same,
+        count(distinct p.second) as n_both
+    from agreeing as g
+    inner join seen as p
+        on
+            g.camera_id = p.camera_id
+            and g.track_a = p.track_a
+            and g.track_b = p.track_b
+            and g.started_ms = p.started_ms
+    inner join seen as q
+        on
+            g.other_camera_id = q.camera_id
+            and g.other_track_a = q.track_a
+            and g.other_track_b = q.track_b
+            and g.other_started_ms = q.started_ms
+            and p.second = q.second
+    group by
+        g.hour,
+        g.camera_id,
+        g.track_a,
+        g.track_b,
+        g.started_ms,
+        g.other_camera_id,
+        g.other_track_a,
+        g.other_track_b,
+        g.other_started_ms,
+        g.n_same
+)
+
+select
+    hour,
+    camera_id,
+    track_a,
+    track_b,
+    started_ms,
+    other_camera_id,
+    other_track_a,
+    other_track_b,
+    other_started_ms,
+    n_same,
+    n_both
+from compared
+where 2 * n_same >= n_both
+order by hour, camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms

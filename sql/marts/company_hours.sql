@@ -1,0 +1,69 @@
+-- name: marts/company_hours
+-- One row per camera and local hour with anybody in violation in opening hours: how much of that time is with people of other groups.
+-- grain: camera_id, hour_start_ms
+-- reads: company_times, calendar, cameras, site_days, track_groups
+-- columns:
+--   camera_id
+--   floor_id
+--   hour_start_ms  UTC instant the local hour starts
+--   local_date
+--   violation_s    person-seconds in violation
+--   between_s      those with anybody closer than distance_m whom the person does not move together with
+-- assumes: a bucket's ids are of the site day it starts in; who cannot be known to move together does not
+with timed as materialized (
+    select
+        row_number() over () as row_no,
+        company_times.camera_id,
+        cameras.floor_id,
+        calendar.hour_start_ms,
+        calendar.local_date,
+        site_days.site_day,
+        company_times.company,
+        company_times.violation_ms,
+        own.group_id
+    from company_times
+    inner join calendar on company_times.bucket_quarter = calendar.quarter
+    inner join cameras on company_times.camera_id = cameras.camera_id
+    left join site_days on company_times.bucket_quarter = site_days.quarter
+    left join track_groups as own
+        on
+            company_times.camera_id = own.camera_id
+            and site_days.site_day = own.site_day
+            and company_times.track_id = own.track_id
+    where calendar.is_open
+),
+
+others as (
+    select
+        row_no,
+        camera_id,
+        site_day,
+        group_id,
+        unnest(string_split(company, chr(1))) as other_id
+    from timed
+    where group_id is not null and company is not null
+),
+
+within_group as (
+    select others.row_no
+    from others
+    left join track_groups as theirs
+        on
+            others.camera_id = theirs.camera_id
+            and others.site_day = theirs.site_day
+            and others.other_id = theirs.track_id
+    group by others.row_no
+    having bool_and(coalesce(others.group_id = theirs.group_id, false))
+)
+
+select
+    timed.camera_id,
+    timed.floor_id,
+    timed.hour_start_ms,
+    min(timed.local_date) as local_date,
+    sum(timed.violation_ms) / 1000 as violation_s,
+    sum(case when within_group.row_no is null then timed.violation_ms else 0 end) / 1000 as between_s
+from timed
+left join within_group on timed.row_no = within_group.row_no
+group by timed.camera_id, timed.floor_id, timed.hour_start_ms
+order by timed.hour_start_ms, timed.camera_id

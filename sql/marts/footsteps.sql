@@ -1,0 +1,36 @@
+-- name: marts/footsteps
+-- One row per local date and floor cell in which tracks were seen in opening hours: at least how many different ones.
+-- grain: floor_id, local_date, cx, cy
+-- reads: floor_cells, calendar, cameras
+-- columns:
+--   floor_id
+--   local_date
+--   cx          floor(x / cell_m)
+--   cy          floor(y / cell_m)
+--   n_tracks    a lower bound of the different tracks that stood here: of each camera, those of its busiest hour
+-- assumes: a track belongs to one camera and one site day, so cameras and days add up
+with busiest as (
+    select
+        cameras.floor_id,
+        floor_cells.camera_id,
+        calendar.local_date,
+        floor_cells.cx,
+        floor_cells.cy,
+        max(floor_cells.n_tracks) as n_tracks
+    from floor_cells
+    inner join calendar on floor_cells.bucket_quarter = calendar.quarter
+    inner join cameras on floor_cells.camera_id = cameras.camera_id
+    where calendar.is_open
+    group by cameras.floor_id, floor_cells.camera_id, calendar.local_date, floor_cells.cx, floor_cells.cy
+)
+
+select
+    floor_id,
+    local_date,
+    cx,
+    cy,
+    sum(n_tracks)::bigint as n_tracks
+from busiest
+group by floor_id, local_date, cx, cy
+having sum(n_tracks) > 0
+order by floor_id, local_date, cy, cx

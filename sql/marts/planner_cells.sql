@@ -1,0 +1,61 @@
+-- name: marts/planner_cells
+-- One row per camera, local hour and floor cell of half a metre in which anybody stood in opening hours, or a violation lies.
+-- grain: floor_id, camera_id, hour_start_ms, cx, cy
+-- reads: floor_cells, violations, calendar, cameras
+-- params: cell_mm
+-- columns:
+--   floor_id
+--   camera_id
+--   hour_start_ms  UTC instant the local hour starts
+--   cx             floor(x / 0.5 m)
+--   cy             floor(y / 0.5 m)
+--   exposure_ms    person-milliseconds spent here
+--   violation_ms   person-milliseconds in violation, where each person stands
+--   n_tracks       a lower bound of the different tracks that stood here; 0 where the engine sends no ids
+--   n_violations   violations whose mean midpoint lies here and that started in opening hours
+-- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+with stood as (
+    select
+        cameras.floor_id,
+        floor_cells.camera_id,
+        calendar.hour_start_ms,
+        floor(floor_cells.cx * params.cell_mm / 500)::int as cx,
+        floor(floor_cells.cy * params.cell_mm / 500)::int as cy,
+        floor_cells.exposure_ms,
+        floor_cells.violation_ms,
+        floor_cells.n_tracks,
+        0 as n_violations
+    from floor_cells
+    cross join params
+    inner join calendar on floor_cells.bucket_quarter = calendar.quarter
+    inner join cameras on floor_cells.camera_id = cameras.camera_id
+    where calendar.is_open
+    union all
+    select
+        violations.floor_id,
+        violations.camera_id,
+        violations.hour_start_ms,
+        floor(violations.cx * params.cell_mm / 500)::int as cx,
+        floor(violations.cy * params.cell_mm / 500)::int as cy,
+        0 as exposure_ms,
+        0 as violation_ms,
+        0 as n_tracks,
+        1 as n_violations
+    from violations
+    cross join params
+    where violations.is_open and violations.cx is not null
+)
+
+select
+    floor_id,
+    camera_id,
+    hour_start_ms,
+    cx,
+    cy,
+    sum(exposure_ms)::bigint as exposure_ms,
+    sum(violation_ms)::bigint as violation_ms,
+    max(n_tracks)::bigint as n_tracks,
+    sum(n_violations)::bigint as n_violations
+from stood
+group by floor_id, camera_id, hour_start_ms, cx, cy
+order by floor_id, camera_id, hour_start_ms, cy, cx

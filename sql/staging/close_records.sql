@@ -1,0 +1,99 @@
+-- name: staging/close_records
+-- One row per violation record of a pair with track ids, and the run it belongs to: no gap in it is longer than gap_ms.
+-- grain: camera_id, track_a, track_b, ts_ms
+-- reads: pairs, camera_days
+-- params: distance_mm, episode_gap_ms
+-- columns:
+--   hour         UTC hour number
+--   camera_id
+--   track_a      the lesser track id
+--   track_b      the greater track id
+--   ts_ms        milliseconds since 1970, UTC
+--   started_ms   first record of its run in this hour
+--   interval_ms  frame interval of the camera's day
+--   gap_ms       episode_gap_s, at least 2.5 frame intervals
+--   x_a_mm       place of track_a, floor millimetres, null when unknown
+--   y_a_mm       likewise
+--   x_b_mm       place of track_b
+--   y_b_mm       likewise
+--   distance_mm  less than distance_m
+--   is_owned     false where another camera that sees the midpoint better counts
+--   follows      the run has a record before this one
+--   is_followed  the run has a record after this one
+--   next_ms      the pair's next record, whether of this run or not
+--   next_x_a_mm  place of track_a in that
+--   next_y_a_mm  likewise
+--   next_x_b_mm  place of track_b
+--   next_y_b_mm  likewise
+-- assumes: both persons carry track ids; pairs without ids are in no run
+with close as (
+    select
+        p.hour,
+        p.camera_id,
+        p.ts_ms,
+        d.interval_ms,
+        greatest(s.episode_gap_ms, cast(floor(5 * d.interval_ms / 2) as bigint)) as gap_ms,
+        p.distance_mm,
+        p.is_owned,
+        least(p.track_a, p.track_b) as track_a,
+        greatest(p.track_a, p.track_b) as track_b,
+        case when p.track_a <= p.track_b then p.x_a_mm else p.x_b_mm end as x_a_mm,
+        case when p.track_a <= p.track_b then p.y_a_mm else p.y_b_mm end as y_a_mm,
+        case when p.track_a <= p.track_b then p.x_b_mm else p.x_a_mm end as x_b_mm,
+        case when p.track_a <= p.track_b then p.y_b_mm else p.y_a_mm end as y_b_mm
+    from pairs as p
+    cross join params as s
+    inner join camera_days as d on p.camera_id = d.camera_id and cast(floor(p.ts_ms / 86400000) as bigint) = d.utc_day
+    where p.distance_mm < s.distance_mm and p.track_a is not null and p.track_b is not null
+),
+
+neighboured as (
+    select
+        hour,
+        camera_id,
+        track_a,
+        track_b,
+        ts_ms,
+        interval_ms,
+        gap_ms,
+        x_a_mm,
+        y_a_mm,
+        x_b_mm,
+        y_b_mm,
+        distance_mm,
+        is_owned,
+        ts_ms - lag(ts_ms) over (partition by camera_id, track_a, track_b order by ts_ms) <= gap_ms as follows,
+        lag(hour) over (partition by camera_id, track_a, track_b order by ts_ms) as hour_before,
+        lead(ts_ms) over (partition by camera_id, track_a, track_b order by ts_ms) as next_ms,
+        lead(x_a_mm) over (partition by camera_id, track_a, track_b order by ts_ms) as next_x_a_mm,
+        lead(y_a_mm) over (partition by camera_id, track_a, track_b order by ts_ms) as next_y_a_mm,
+        lead(x_b_mm) over (partition by camera_id, track_a, track_b order by ts_ms) as next_x_b_mm,
+        lead(y_b_mm) over (partition by camera_id, track_a, track_b order by ts_ms) as next_y_b_mm
+    from close
+)
+
+select
+    hour,
+    camera_id,
+    track_a,
+    track_b,
+    ts_ms,
+    max(case when follows and hour_before = hour then null else ts_ms end) over (
+        partition by camera_id, track_a, track_b order by ts_ms rows between unbounded preceding and current row
+    ) as started_ms,
+    interval_ms,
+    gap_ms,
+    x_a_mm,
+    y_a_mm,
+    x_b_mm,
+    y_b_mm,
+    distance_mm,
+    is_owned,
+    coalesce(follows, false) as follows,
+    coalesce(next_ms - ts_ms <= gap_ms, false) as is_followed,
+    next_ms,
+    next_x_a_mm,
+    next_y_a_mm,
+    next_x_b_mm,
+    next_y_b_mm
+from neighboured
