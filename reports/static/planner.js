@@ -1,0 +1,240 @@
+/* The page: drawing, controls, the address. */
+
+const svg = $('plan'), box = $('map'), W = M.size[0], H = M.size[1];
+const MINUS = '\u2212', NONE = '\u2013';
+const writers = [0, 1].map(digits => new Intl.NumberFormat('en-GB', { minimumFractionDigits: digits, maximumFractionDigits: digits }));
+const nf = (v, digits) => writers[digits].format(v);
+
+/* Figures as the report writes them: 1,234; 121; 4.2; 0.42. */
+function fig(v) {
+  if (v === null || !Number.isFinite(v)) return NONE;
+  const size = Math.abs(v), text = size === 0 || size >= 9.95 ? nf(size, 0) : size >= 0.995 ? nf(size, 1) : size >= 0.0005 ? String(+size.toPrecision(2)) : 'under 0.001';
+  return (v < 0 && text !== '0' ? MINUS : '') + text;
+}
+const between = e => e.lo === null ? '' : e.rate === 0 ? `at most ${fig(e.hi)}` : `likely between ${fig(e.lo)} and ${fig(e.hi)}`;
+const points = v => Math.round((v - 1) * 100), fewer = v => points(v) === 0 ? 'about the same' : `${nf(Math.abs(points(v)), 0)}% ${points(v) < 0 ? 'fewer' : 'more'}`;
+function likely(e) {
+  if (e.lo === null || e.hi === null) return '';
+  const lo = points(e.lo), hi = points(e.hi);
+  if (lo === hi) return `likely ${lo === 0 ? 'no change' : fewer(e.lo)}`;
+  if (lo < 0 && hi < 0) return `likely between ${-hi}% and ${-lo}% fewer`;
+  if (lo > 0 && hi > 0) return `likely between ${lo}% and ${nf(hi, 0)}% more`;
+  return `likely between ${[e.lo, e.hi].map(v => points(v) === 0 ? 'no change' : fewer(v)).join(' and ')}`;
+}
+const hoursText = h => h < 0.95 && h > 0 ? 'under an hour' : `${nf(h, h < 10 && h % 1 ? 1 : 0)} hour${h === 1 ? '' : 's'}`;
+
+/* ---- the live sentence and the table of rates ---- */
+function tell() {
+  const t = rates(placeNow()), c = t.change, compare = state.show !== 'week';
+  const parts = [], unit = ' per open hour';
+  const extra = t.risky.rate === null ? '' : `, ${fig(t.risky.rate)} per person-hour`;
+  if (t.place.id !== 'floor') parts.push(`${t.place.name}.`);
+  if (compare && c && c.often.rateA !== null && c.often.rateB !== null && c.often.nA + c.often.nB > 0) {
+    parts.push(`${M.weeks[1]}: ${fig(c.often.rateA)}${unit}. ${M.weeks[0]}: ${fig(c.often.rateB)}.`);
+    const verdict = c.often.verdict;
+    parts.push(c.often.lo === null && c.often.hi === null ? `Too little data to compare: ${c.often.reason}.` : `${verdict[0].toUpperCase()}${verdict.slice(1)}${c.often.theta === null ? '' : `, ${fewer(c.often.theta)}`}${likely(c.often) ? ` (${likely(c.often)})` : ''}.`);
+    parts.push(`${hoursText(c.hours)} recorded in both weeks in this selection.`);
+    if (c.hours < M.rules.rough) parts.push('Few hours: treat as rough.');
+  } else {
+    const o = t.often;
+    if (o.rate === null) parts.push(`${M.weeks[0]}: ${o.reason}.`);
+    else parts.push(`${M.weeks[0]}: ${fig(o.rate)}${unit}${o.lo === null ? '' : ` (${between(o)})`}${extra}.`);
+    if (o.rate !== null && o.lo === null && o.reason) parts.push(`No interval: ${o.reason}.`);
+    parts.push(`${hoursText(t.hours)} recorded in this selection.`);
+    if (t.hours < M.rules.rough) parts.push('Few hours: treat as rough.');
+    if (compare && M.notCompared) parts.push(`Not compared: ${M.notCompared}.`);
+    else if (compare && c) parts.push('Too few violations to compare.');
+  }
+  const said = parts.join(' ');
+  if ($('out').textContent !== said) $('out').textContent = said;
+  const cells = (e, rate) => [e && rate !== null ? fig(rate) : NONE, e ? between(e) || (rate === null ? e.reason : '') : ''];
+  for (const k of ['often', 'risky']) fill(`now-${k}`, cells(t[k], t[k].rate), { rate: t[k].rate, lo: t[k].lo, hi: t[k].hi });
+  $('now-hours').textContent = nf(t.hours, 1).replace(/\.0$/, '');
+  if ($('was-often')) {
+    fill('was-often', [c && c.often.rateA !== null ? fig(c.often.rateA) : NONE, 'same hours']);
+    fill('was-risky', [c && c.risky && c.risky.rateA !== null ? fig(c.risky.rateA) : NONE, 'same hours']);
+    $('was-hours').textContent = c ? nf(c.hours, 1).replace(/\.0$/, '') : NONE;
+    for (const k of ['often', 'risky']) {
+      const e = c && c[k], isTold = e && (e.lo !== null || e.hi !== null);
+      fill(`change-${k}`, [isTold ? `${e.verdict[0].toUpperCase()}${e.verdict.slice(1)}${e.theta === null ? '' : `, ${fewer(e.theta)}`}` : 'Too little data', isTold ? likely(e) : e ? e.reason : M.notCompared || ''], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
+    }
+  }
+  $('read-name').textContent = t.place.name;
+  return t;
+}
+function fill(id, [big, small], exact) {
+  const cell = $(id); cell.querySelector('b').textContent = big; cell.querySelector('small').textContent = small || '';
+  for (const [k, v] of Object.entries(exact || {})) cell.dataset[k] = v === null || v === undefined ? '' : v;
+}
+
+/* ---- drawing ---- */
+function draw() {
+  const began = performance.now(), map = M.maps[state.map], has = week.cells && before && before.cells;
+  document.body.dataset.show = state.show; document.body.dataset.map = state.map;
+  document.body.classList.toggle('div', state.show === 'difference' || map.kind === 'excess');
+  if (week.cells) {
+    const isSame = has && !M.notCompared && state.show !== 'week';
+    const now = field(week, isSame ? week.same : week.drawn), was = has && state.show !== 'week' ? field(before, isSame ? before.same : before.drawn) : null;
+    const isDifference = state.show === 'difference' && was;
+    const shown = isDifference ? now.map((v, i) => v - was[i]) : now;
+    if (isDifference && now.known) shown.known = now.known.map((v, i) => v && was.known[i]);
+    setBands('gb', shown, map);
+    if (state.show === 'split' && was) setBands('ga', was, map); else all('#ga path').forEach(p => p.setAttribute('d', ''));
+    setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
+  }
+  setCut(); setRect(); tell(); setControls(); remember();
+  document.body.dataset.ms = (performance.now() - began).toFixed(1);
+}
+
+function setCut() {
+  const split = state.show === 'split', v = state.view, x = v.x + v.w * state.cut / 100;
+  $('cutw').hidden = !split; $('edge').toggleAttribute('hidden', !split);
+  const part = (id, from, to) => { $(id).setAttribute('x', from); $(id).setAttribute('width', Math.max(0, to - from)); };
+  part('clip-a', -1e4, split ? x : -1e4); part('clip-b', split ? x : -1e4, 1e5);
+  for (const k of ['x1', 'x2']) $('edge').setAttribute(k, x);
+}
+
+function setRect() {
+  const r = state.rect, mark = $('rect');
+  mark.toggleAttribute('hidden', !r);
+  if (!r) return;
+  const [x, y] = [(r[0] - M.extent[0]) * 100, (M.extent[3] - r[3]) * 100];
+  for (const [k, v] of [['x', x], ['y', y], ['width', (r[2] - r[0]) * 100], ['height', (r[3] - r[1]) * 100]]) mark.setAttribute(k, v);
+}
+
+function setControls() {
+  all('[name=show]').forEach(b => { b.checked = b.value === state.show; });
+  $('mapkind').value = state.map; $('place').value = state.place; $('from').value = state.from; $('to').value = state.to; $('cut').value = state.cut;
+  all('[data-day]').forEach(b => b.setAttribute('aria-pressed', Boolean(state.days[b.dataset.day])));
+  $('draw').setAttribute('aria-pressed', isDrawing); box.classList.toggle('drawing', isDrawing);
+  ['left', 'bottom', 'right', 'top'].forEach((id, i) => { if (document.activeElement !== $(id)) $(id).value = state.rect ? state.rect[i] : ''; });
+  for (const id of ['left', 'bottom', 'right', 'top']) $(id).parentElement.parentElement.hidden = !(state.rect || isDrawing);
+  $('place').querySelector('[value=rect]').disabled = !state.rect; $('clear').hidden = !state.rect;
+}
+
+/* ---- where one looks: v is the part of the drawing that is shown ---- */
+function look(v) {
+  const w = Math.min(W, Math.max(W / 16, v.w)), h = w * H / W;
+  state.view = { w, h, x: Math.min(W - w, Math.max(0, v.x)), y: Math.min(H - h, Math.max(0, v.y)) };
+  svg.setAttribute('viewBox', [state.view.x, state.view.y, w, h].map(n => n.toFixed(2)).join(' '));
+  svg.style.setProperty('--u', w / Math.max(1, svg.clientWidth));
+  $('hat').setAttribute('patternTransform', `rotate(45) scale(${w / Math.max(1, svg.clientWidth)})`);
+  $('zl').textContent = `${Math.round(W / w * 100)}%`;
+  const all100 = w >= W - 1e-6;
+  $('zo').disabled = $('zr').disabled = all100; all('[data-pan]').forEach(b => { b.disabled = all100; });
+  setCut();
+}
+const zoom = (f, px = 0.5, py = 0.5) => { const v = state.view, w = Math.min(W, Math.max(W / 16, v.w / f)); look({ w, x: v.x + (v.w - w) * px, y: v.y + (v.h - w * H / W) * py }); later(); };
+const pan = (dx, dy) => { const v = state.view; look({ w: v.w, x: v.x + dx * v.w, y: v.y + dy * v.h }); later(); };
+const whole = () => { look({ w: W, x: 0, y: 0 }); later(); };
+let waiting = 0;
+const later = () => { clearTimeout(waiting); waiting = setTimeout(remember, 150); };
+
+/* ---- the rectangle, in whole metres ---- */
+function setRectangle(r, isPlace = true) {
+  const g = M.grid, lim = [[g.x0, g.x0 + g.nx], [g.y0, g.y0 + g.ny]];
+  const fit = (v, k) => Math.min(lim[k][1], Math.max(lim[k][0], Math.round(v)));
+  let [x0, y0, x1, y1] = [fit(r[0], 0), fit(r[1], 1), fit(r[2], 0), fit(r[3], 1)];
+  if (x0 > x1) [x0, x1] = [x1, x0];
+  if (y0 > y1) [y0, y1] = [y1, y0];
+  if (x0 === x1) { if (x1 < lim[0][1]) x1++; else x0--; }
+  if (y0 === y1) { if (y1 < lim[1][1]) y1++; else y0--; }
+  state.rect = [x0, y0, x1, y1];
+  if (isPlace) state.place = 'rect';
+}
+function middleRectangle() {
+  const v = state.view, x = M.extent[0] + (v.x + v.w / 2) / 100, y = M.extent[3] - (v.y + v.h / 2) / 100;
+  setRectangle([x - 2, y - 2, x + 2, y + 2]);
+}
+const retell = () => { setRect(); tell(); setControls(); later(); };
+function floorAt(e) {
+  const r = svg.getBoundingClientRect(), v = state.view;
+  return [M.extent[0] + (v.x + (e.clientX - r.left) / r.width * v.w) / 100, M.extent[3] - (v.y + (e.clientY - r.top) / r.height * v.h) / 100];
+}
+
+/* ---- the address: only what is expected is read from it ---- */
+function remember() {
+  const s = state, v = s.view, out = [];
+  if (s.show !== 'week') out.push(`show=${s.show}`);
+  if (s.map !== 'violations') out.push(`map=${s.map}`);
+  if (!s.days.every(Boolean)) out.push(`days=${s.days.map(d => d ? 1 : 0).join('')}`);
+  if (s.from !== hours[0]) out.push(`from=${s.from}`);
+  if (s.to !== hours[1]) out.push(`to=${s.to}`);
+  if (s.place !== 'floor') out.push(`place=${encodeURIComponent(s.place)}`);
+  if (s.rect) out.push(`rect=${s.rect.join(',')}`);
+  if (v && v.w < W - 1e-6) out.push(`view=${[v.x, v.y, v.w].map(n => Math.round(n)).join(',')}`);
+  if (s.show === 'split' && s.cut !== 50) out.push(`cut=${s.cut}`);
+  const hash = out.length ? `#${out.join('&')}` : location.pathname + location.search;
+  if (location.hash.slice(1) !== out.join('&')) history.replaceState(null, '', hash);
+}
+function recall() {
+  const got = new Map(location.hash.slice(1, 400).split('&').map(part => { const i = part.indexOf('='); return [part.slice(0, i), part.slice(i + 1)]; }));
+  const s = state, take = (key, rule) => { const m = rule.exec(got.get(key) || ''); return m && m[0]; };
+  const whole = (key, lo, hi, otherwise) => { const n = take(key, /^\d{1,2}$/); return n !== null && +n >= lo && +n <= hi ? +n : otherwise; };
+  const numbers = (key, n) => { const m = take(key, /^-?\d{1,6}(,-?\d{1,6}){2,3}$/); const list = m ? m.split(',').map(Number) : []; return list.length === n ? list : null; };
+  s.show = take('show', before ? /^(week|split|difference)$/ : /^week$/) || 'week';
+  if (s.show === 'difference' && M.notCompared) s.show = 'week';
+  const kind = take('map', /^[a-z]{1,12}$/); s.map = kind && Object.hasOwn(M.maps, kind) ? kind : 'violations';
+  if (s.map === 'excess' && s.show === 'difference') s.map = 'violations';
+  s.days = (take('days', /^[01]{7}$/) || '1111111').split('').map(Number);
+  s.from = whole('from', hours[0], hours[1] - 1, hours[0]); s.to = whole('to', s.from + 1, hours[1], hours[1]);
+  const r = numbers('rect', 4); s.rect = null; if (r && week.cells) setRectangle(r, false);
+  let place = ''; try { place = decodeURIComponent(got.get('place') || ''); } catch { place = ''; }
+  s.place = place === 'rect' && s.rect || M.places.some(p => p.id === place) ? place : 'floor';
+  s.cut = whole('cut', 0, 99, 50);
+  const v = numbers('view', 3); look(v && v[2] > 0 ? { x: v[0], y: v[1], w: v[2] } : { w: W, x: 0, y: 0 });
+}
+
+/* ---- picture and link ---- */
+const say = text => { $('said').textContent = text; };
+async function copyLink() {
+  remember();
+  try { await navigator.clipboard.writeText(location.href); say('Link copied.'); } catch {
+    const area = document.createElement('textarea'); area.value = location.href; area.className = 'vh'; document.body.append(area); area.select();
+    say(document.execCommand('copy') ? 'Link copied.' : 'Copy the address from the address bar.'); area.remove(); $('link').focus();
+  }
+}
+async function picture() {
+  const scale = 2, width = 1200, k = width / state.view.w * scale, head = 64 * scale, foot = 92 * scale;
+  const canvas = document.createElement('canvas'); canvas.width = width * scale; canvas.height = Math.round(state.view.h * k) + head + foot;
+  const c = canvas.getContext('2d'), css = e => getComputedStyle(e), page = css(document.body);
+  c.fillStyle = page.backgroundColor; c.fillRect(0, 0, canvas.width, canvas.height);
+  c.fillStyle = page.color; c.font = `600 ${22 * scale}px ${page.fontFamily}`; c.fillText(document.title, 16 * scale, 40 * scale, canvas.width - 32 * scale);
+  c.save(); c.beginPath(); c.rect(0, head, canvas.width, canvas.height - head - foot); c.clip();
+  c.translate(-state.view.x * k, head - state.view.y * k); c.scale(k, k);
+  const unit = 1 / k * scale, cut = state.view.x + state.view.w * state.cut / 100;
+  for (const e of svg.querySelectorAll('rect,path,line,circle,text,image')) {
+    if (e.closest('defs') || e.hasAttribute('hidden')) continue;
+    const s = css(e); if (s.display === 'none') continue;
+    c.save();
+    const bands = e.closest('#ga,#gb'); if (bands) c.clip(new Path2D($(`known-${bands.id}`).getAttribute('d')), 'evenodd');
+    if (state.show === 'split' && e.closest('#ga,#gb')) { const left = e.closest('#ga'); c.beginPath(); c.rect(left ? -1e5 : cut, -1e5, left ? cut + 1e5 : 2e5, 3e5); c.clip(); }
+    if (s.filter !== 'none') c.filter = s.filter;
+    if (s.mixBlendMode !== 'normal') c.globalCompositeOperation = s.mixBlendMode;
+    const a = n => +e.getAttribute(n) || 0, a2 = n => parseFloat(e.getAttribute(n)) || 0;
+    if (e.tagName === 'image') { const i = new Image(); i.src = e.getAttribute('href'); try { await i.decode(); c.drawImage(i, a('x'), a('y'), a('width'), a('height')); } catch { /* a plan that cannot be drawn is left out */ } } else if (e.tagName === 'text') {
+      c.font = `${s.fontWeight} ${parseFloat(s.fontSize)}px ${s.fontFamily}`; c.textAlign = { middle: 'center', end: 'right' }[s.textAnchor] || 'left'; c.textBaseline = s.dominantBaseline === 'central' ? 'middle' : 'alphabetic';
+      const em = parseFloat(s.fontSize), x = a('x') + a2('dx') * em, y = a('y') + a2('dy') * em;
+      if (e.classList.contains('halo')) { c.strokeStyle = s.stroke; c.lineWidth = 4 * unit; c.lineJoin = 'round'; c.strokeText(e.textContent, x, y); }
+      c.fillStyle = s.fill; c.fillText(e.textContent, x, y);
+    } else {
+      const p = new Path2D(e.tagName === 'path' ? e.getAttribute('d') : ''); if (e.tagName === 'rect') p.rect(a('x'), a('y'), a('width'), a('height'));
+      if (e.tagName === 'line') { p.moveTo(a('x1'), a('y1')); p.lineTo(a('x2'), a('y2')); }
+      if (e.tagName === 'circle') p.arc(a('cx'), a('cy'), parseFloat(s.r) || a('r'), 0, 7);
+      if (s.fill.startsWith('url')) { c.save(); c.clip(p, 'evenodd'); c.strokeStyle = css($('hatline')).stroke; c.lineWidth = 1.2 * unit; c.beginPath(); for (let x = -H; x < W + H; x += 9 * unit) { c.moveTo(x, 0); c.lineTo(x + H, H); } c.stroke(); c.restore(); } else if (s.fill !== 'none') { c.fillStyle = s.fill; c.globalAlpha = +s.fillOpacity; c.fill(p, 'evenodd'); c.globalAlpha = 1; }
+      if (s.stroke !== 'none') { c.strokeStyle = s.stroke; c.lineWidth = parseFloat(s.strokeWidth) * unit; c.setLineDash(s.strokeDasharray === 'none' ? [] : s.strokeDasharray.split(/[, ]+/).map(n => parseFloat(n) * unit)); c.stroke(p); }
+    }
+    c.restore();
+  }
+  c.restore();
+  let x = 16 * scale; const y = canvas.height - foot + 26 * scale; c.font = `${14 * scale}px ${page.fontFamily}`;
+  for (const item of all('.leg').filter(l => css(l).display !== 'none').flatMap(l => [...l.children])) {
+    const key = item.querySelector('i'); if (key) { c.fillStyle = css(key).backgroundColor; c.fillRect(x, y - 11 * scale, 22 * scale, 12 * scale); x += 28 * scale; }
+    c.fillStyle = page.color; c.fillText(item.textContent.trim(), x, y); x += c.measureText(item.textContent.trim()).width + 18 * scale;
+  }
+  c.fillText(M.maps[state.map].unit, 16 * scale, y + 22 * scale, canvas.width - 32 * scale);
+  c.font = `600 ${14 * scale}px ${page.fontFamily}`; c.fillText($('out').textContent, 16 * scale, y + 46 * scale, canvas.width - 32 * scale);
+  const link = document.createElement('a'); link.download = `${M.file}.png`; link.href = canvas.toDataURL('image/png'); link.click();
+  say(`Picture saved as ${link.download}.`);
+  return link.href;
+}

@@ -1,0 +1,232 @@
+/* What the page knows and what it works out: packed sums by hour, camera, place and cell, and what is selected of them. */
+
+const $ = id => document.getElementById(id), all = s => [...document.querySelectorAll(s)];
+const M = JSON.parse($('meta').textContent);
+
+/* ---- the packed data: numbers of seven bits a byte, see vsd_analytics/planner/pack.py ---- */
+async function unpack(text) {
+  const plain = atob(text), bytes = new Uint8Array(plain.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = plain.charCodeAt(i);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+function reader(b) {
+  let i = 0;
+  const one = () => { let v = b[i++]; if (v < 128) return v; v &= 127; for (let f = 128; ; f *= 128) { const c = b[i++]; v += (c & 127) * f; if (c < 128) return v; } };
+  const many = n => { const a = new Float64Array(n); for (let k = 0; k < n; k++) a[k] = one(); return a; };
+  const keys = n => { const a = many(n); for (let k = 1; k < n; k++) a[k] += a[k - 1]; return a; };
+  return { one, many, keys };
+}
+
+function readPanel(r) {
+  const C = M.cameras, P = M.places.length, S = r.one(), p = { S };
+  for (const k of ['day', 'weekday', 'hour', 'fold']) p[k] = r.many(S);
+  const rec = r.many(C * S);
+  p.recorded = rec.map(v => Math.floor(v / 2) / 3.6e6); p.counted = rec.map(v => v % 2);
+  p.n = r.many(P * C * S); p.time = r.many(P * C * S).map(v => v / 3.6e6);
+  return p;
+}
+
+function readCells(r, S, nCells) {
+  const read = (cells, kinds) => {
+    const n = r.one(), key = r.keys(n), t = { n, camera: new Uint8Array(n), cell: new Int32Array(n), slot: new Int32Array(n) };
+    for (let i = 0; i < n; i++) { const k = Math.floor(key[i] / S); t.slot[i] = key[i] - k * S; t.camera[i] = Math.floor(k / cells); t.cell[i] = k % cells; }
+    for (const kind of kinds) t[kind] = r.many(n);
+    return t;
+  };
+  const across = M.grid.cellsAcross, out = { violations: read(nCells * across * across, ['v']) };
+  out.split = readSplit(r, nCells, across);
+  const unit = r.one() / 3.6e6;
+  out.time = read(nCells, ['v', 'w']);
+  for (const k of ['v', 'w']) out.time[k] = out.time[k].map(x => x * unit);
+  const nx = r.one(), ny = r.one();
+  out.excess = { nx, ny, x: r.one() - 1e6, y: r.one() - 1e6, v: r.many(nx * ny).map(v => v ? (v - 1) / 100 : NaN) };
+  return out;
+}
+
+/* How violations lie inside cells of half a metre, by camera: shares of the fine cells, even where nothing is known. */
+function readSplit(r, nCells, across) {
+  const k = M.grid.fineAcross / across, wide = M.grid.nx * M.grid.fineAcross, halves = nCells * across * across, n = r.one(), key = r.keys(n), v = r.many(n);
+  const per = k * k, share = new Float64Array(M.cameras * halves * per), total = new Float64Array(M.cameras * halves);
+  for (let i = 0; i < n; i++) {
+    const c = Math.floor(key[i] / (halves * per)), cell = key[i] % (halves * per), x = cell % wide, y = Math.floor(cell / wide);
+    const half = c * halves + Math.floor(y / k) * (wide / k) + Math.floor(x / k);
+    share[half * per + (y % k) * k + x % k] += v[i]; total[half] += v[i];
+  }
+  for (let i = 0; i < share.length; i++) { const t = total[Math.floor(i / per)]; share[i] = t ? share[i] / t : 1 / per; }
+  return share;
+}
+
+/* ---- what is selected ---- */
+const hours = M.hours, state = { show: 'week', map: 'violations', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50 };
+let week, before, past, fine, isDrawing = false, corner = null;
+
+const chosen = p => Uint8Array.from(p.hour, (h, i) => state.days[p.weekday[i]] && h >= state.from && h < state.to ? 1 : 0);
+const isWhole = () => state.days.every(Boolean) && state.from === hours[0] && state.to === hours[1];
+
+/* For each hour of this week the same hour of the other, or -1; and which camera-hours both can answer for. */
+function pairHours() {
+  if (!before) return;
+  const key = (p, i) => `${p.weekday[i]} ${p.hour[i]} ${p.fold[i]}`, at = new Map();
+  for (let i = 0; i < before.S; i++) at.set(key(before, i), i);
+  week.twin = Int32Array.from({ length: week.S }, (_, i) => at.has(key(week, i)) ? at.get(key(week, i)) : -1);
+  week.same = new Uint8Array(M.cameras * week.S); before.same = new Uint8Array(M.cameras * before.S);
+  for (let c = 0; c < M.cameras; c++) for (let i = 0; i < week.S; i++) {
+    const j = week.twin[i];
+    if (j >= 0 && M.comparable[c] && week.counted[c * week.S + i] && before.counted[c * before.S + j]) week.same[c * week.S + i] = before.same[c * before.S + j] = 1;
+  }
+}
+
+/* Sums by camera and day of a place over some camera-hours: {n, x} for how often, {n, x} of one row for how risky. */
+function panelOf(p, used, place) {
+  const on = chosen(p), C = M.cameras, S = p.S, days = [...new Set(Array.from(p.day).filter((_, i) => on[i]))];
+  const column = new Map(days.map((d, i) => [d, i])), blank = () => new Array(days.length).fill(0);
+  const n = [], x = [], time = blank(), weekday = days.map(d => p.weekday[p.day.indexOf(d)]);
+  for (let c = 0; c < C; c++) {
+    n.push(blank()); x.push(blank());
+    if (!place.cameras[c]) continue;
+    for (let i = 0; i < S; i++) if (on[i] && used[c * S + i]) {
+      const d = column.get(p.day[i]), k = (place.index * C + c) * S + i;
+      x[c][d] += p.recorded[c * S + i];
+      if (place.index >= 0) { n[c][d] += p.n[k]; time[d] += p.time[k]; }
+    }
+  }
+  if (place.index < 0) {
+    const inside = k => { const a = k % M.grid.nx, b = Math.floor(k / M.grid.nx); return a >= place.x0 && a < place.x1 && b >= place.y0 && b < place.y1; };
+    const A = M.grid.cellsAcross, wide = M.grid.nx * A, square = k => Math.floor(Math.floor(k / wide) / A) * M.grid.nx + Math.floor(k % wide / A);
+    const v = p.cells.violations, t = p.cells.time;
+    for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside(square(v.cell[i]))) n[v.camera[i]][column.get(p.day[v.slot[i]])] += v.v[i];
+    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside(t.cell[i])) time[column.get(p.day[t.slot[i]])] += t.v[i];
+  }
+  const total = time.map((_, d) => sum(n.map(row => row[d])));
+  return { often: { n, x }, risky: { n: [total], x: [time] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
+}
+
+/* The rectangle as a place: the cameras that ever counted anybody in it. */
+function rectangle() {
+  const [x0, y0, x1, y1] = state.rect, g = M.grid, place = { id: 'rect', name: 'Rectangle', index: -1, x0: x0 - g.x0, y0: y0 - g.y0, x1: x1 - g.x0, y1: y1 - g.y0, cameras: new Array(M.cameras).fill(0), hidden: [null, null] };
+  const A = g.cellsAcross;
+  for (const p of [week, before]) if (p && p.cells) for (const [t, a] of [[p.cells.violations, A], [p.cells.time, 1]]) for (let i = 0; i < t.n; i++) {
+    const x = Math.floor(t.cell[i] % (g.nx * a) / a), y = Math.floor(Math.floor(t.cell[i] / (g.nx * a)) / a);
+    if (x >= place.x0 && x < place.x1 && y >= place.y0 && y < place.y1 && M.able[t.camera[i]]) place.cameras[t.camera[i]] = 1;
+  }
+  return place;
+}
+
+const placeNow = () => state.place === 'rect' && state.rect ? rectangle() : M.places.find(p => p.id === state.place) || M.places[0];
+
+/* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
+function rates(place) {
+  const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : 'no camera counted anybody there');
+  const usual = place.index >= 0 && past ? panelOf(past, past.counted, place) : null;
+  const history = (kind, k) => usual && { n: usual[kind].n, x: usual[kind].x, weekday: usual.weekday };
+  const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false, reason });
+  const told = {
+    place, hours: now.hours,
+    often: M.noViolations ? nothing(M.noViolations) : hide ? nothing(hide) : howOften(now.often, M.rules, now.weekday, history('often')),
+    risky: M.noViolations || M.noExposure ? nothing(M.noViolations || M.noExposure) : hide ? nothing(hide) : howRisky(now.risky, M.rules, now.weekday, history('risky')),
+    change: null,
+  };
+  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.risky = nothing(`fewer than ${M.rules.mask} violations were counted`);
+  if (before && !M.notCompared && !hide && !place.hidden[1] && !M.noViolations) {
+    const a = panelOf(before, before.same, place), b = panelOf(week, week.same, place);
+    told.change = {
+      hours: b.hours, often: compareRates(a.often, b.often, M.rules, false),
+      risky: M.noExposure ? null : compareRates(a.risky, b.risky, M.rules, true),
+    };
+    if (isWhole() && place.report) for (const k of ['often', 'risky']) if (told.change[k] && place.report[k]) Object.assign(told.change[k], place.report[k]);
+  }
+  return told;
+}
+
+/* ---- maps ---- */
+/* Sum over cameras of (what lies in a cell / the camera's recorded hours), per m2, spread over the fine cells. */
+function spread(p, used, t, kind, across, isPerHour) {
+  const on = chosen(p), S = p.S, hoursOf = new Float64Array(M.cameras), g = M.grid, k = g.fineAcross / across, per = k * k, out = new Float64Array(fine.nx * fine.ny);
+  for (let c = 0; c < M.cameras; c++) for (let i = 0; i < S; i++) if (on[i] && used[c * S + i]) hoursOf[c] += p.recorded[c * S + i];
+  const cells = g.nx * across * g.ny * across, sums = new Float64Array(M.cameras * cells), values = t[kind], wide = g.nx * across;
+  for (let i = 0; i < t.n; i++) { const c = t.camera[i], s = t.slot[i]; if (on[s] && used[c * S + s]) sums[c * cells + t.cell[i]] += values[i]; }
+  const split = kind === 'v' && across > 1 ? p.cells.split : null;
+  for (let j = 0; j < sums.length; j++) if (sums[j]) {
+    const c = Math.floor(j / cells), cell = j - c * cells, x = cell % wide * k, y = Math.floor(cell / wide) * k;
+    const f = isPerHour ? sums[j] / hoursOf[c] * g.fineAcross * g.fineAcross : sums[j];
+    for (let b = 0; b < k; b++) for (let a = 0; a < k; a++) out[(y + b) * fine.nx + x + a] += f * (split ? split[j * per + b * k + a] : 1 / per);
+  }
+  return out;
+}
+
+/* The field of a map over the fine cells, in the unit of its legend. */
+function field(p, used) {
+  const map = M.maps[state.map], v = p.cells.violations, t = p.cells.time, A = M.grid.cellsAcross;
+  if (map.kind === 'violations') return smooth(spread(p, used, v, 'v', A, true), fine, M.grid.sigma);
+  if (map.kind === 'exposure') return smooth(spread(p, used, t, 'v', 1, true), fine, M.grid.sigma).map(h => h * 60);
+  if (map.kind === 'burden') return smooth(spread(p, used, t, 'w', 1, true), fine, M.grid.sigma).map(h => h * 3600);
+  if (map.kind === 'risk') {
+    const inView = spread(p, used, t, 'v', 1, false), near = smooth(inView, fine, M.grid.sigmaRisk), risky = smooth(spread(p, used, t, 'w', 1, false), fine, M.grid.sigmaRisk);
+    return filled(risky.map((w, i) => near[i] >= M.grid.leastRisk && inView[i] > 0 ? Math.min(1, w / near[i]) * 100 : NaN));
+  }
+  const e = p.cells.excess, k = M.grid.fineAcross / 2, out = new Float64Array(fine.nx * fine.ny).fill(NaN);
+  for (let j = 0; j < e.ny; j++) for (let i = 0; i < e.nx; i++) for (let b = 0; b < k; b++) for (let a = 0; a < k; a++) {
+    const x = (e.x + i - M.grid.x0 * 2) * k + a, y = (e.y + j - M.grid.y0 * 2) * k + b;
+    if (x >= 0 && y >= 0 && x < fine.nx && y < fine.ny) out[y * fine.nx + x] = e.v[j * e.nx + i];
+  }
+  return filled(out);
+}
+
+/* Carry values a little into floor where nothing is known, so that bands run to its border and are cut there. */
+function filled(values) {
+  const { nx, ny } = fine, known = values.map(v => v >= 0 ? 1 : 0), out = Float64Array.from(values);
+  for (let round = 0; round < 3; round++) {
+    const was = Float64Array.from(out);
+    for (let y = 0; y < ny; y++) for (let x = 0; x < nx; x++) {
+      const i = y * nx + x;
+      if (was[i] >= 0) continue;
+      let n = 0, s = 0;
+      for (const j of [x > 0 ? i - 1 : -1, x + 1 < nx ? i + 1 : -1, y > 0 ? i - nx : -1, y + 1 < ny ? i + nx : -1]) if (j >= 0 && was[j] >= 0) { n++; s += was[j]; }
+      if (n) out[i] = s / n;
+    }
+  }
+  const made = out.map(v => v >= 0 ? v : 0);
+  made.known = known;
+  return made;
+}
+
+const toDrawing = ([i, j]) => [(M.grid.x0 + (i + 0.5) * M.grid.fine - M.extent[0]) * 100, (M.extent[3] - M.grid.y0 - (j + 0.5) * M.grid.fine) * 100];
+const bandPath = (values, at) => pathOf(outlines(outlined(values, fine), fine.nx, fine.ny, at), toDrawing);
+
+function setBands(group, values, map) {
+  const known = values.known;
+  $(`known-${group}`).setAttribute('d', known ? bandPath(known, 0.5) : `M0 0h${M.size[0]}v${M.size[1]}h${-M.size[0]}z`);
+  const paths = all(`#${group} path`), isRatio = map.kind === 'excess';
+  paths.forEach((path, i) => {
+    const two = map.diverging, at = isRatio || state.show === 'difference' ? two[(i - 5) % 2] : null;
+    let d = '';
+    if (i < 5 && !isRatio && state.show !== 'difference') d = map.steps[i] === undefined ? '' : bandPath(values, map.steps[i]);
+    else if (i >= 5 && at !== null) {
+      const less = i < 7;
+      d = bandPath(isRatio ? values.map(v => less ? (v > 0 ? 1 / v : 0) : v) : values.map(v => less ? -v : v), at);
+    }
+    path.setAttribute('d', d);
+  });
+}
+
+/* Signs where a difference is greatest, so that direction is not told by colour alone. */
+function setSigns(values, map) {
+  const group = $('signs'); group.textContent = '';
+  if (!values) return;
+  const at = map.diverging[0], isRatio = map.kind === 'excess', known = values.known, size = v => isRatio ? (v > 0 ? Math.abs(Math.log(v)) : 0) : Math.abs(v), least = isRatio ? Math.log(at) : at;
+  const best = []; values.forEach((v, i) => { if (size(v) >= least && (!known || known[i])) best.push(i); });
+  best.sort((a, b) => size(values[b]) - size(values[a]));
+  const placed = [];
+  for (const i of best) {
+    const x = i % fine.nx, y = Math.floor(i / fine.nx);
+    if (placed.length >= 8) break;
+    if (placed.some(q => Math.hypot(q[0] - x, q[1] - y) < 3 / M.grid.fine)) continue;
+    placed.push([x, y]);
+    const [a, b] = toDrawing([x, y]), text = document.createElementNS('http://www.w3.org/2000/svg', 'text');
+    text.setAttribute('x', a.toFixed(0)); text.setAttribute('y', b.toFixed(0)); text.setAttribute('class', 'sg');
+    text.textContent = (isRatio ? values[i] > 1 : values[i] > 0) ? '+' : '\u2212';
+    group.append(text);
+  }
+}

@@ -1,0 +1,109 @@
+/* Controls and the start. */
+
+function listen() {
+  const on = (id, kind, act) => $(id).addEventListener(kind, act);
+  all('[name=show]').forEach(b => b.addEventListener('change', () => { state.show = b.value; if (state.show === 'difference' && state.map === 'excess') state.map = 'violations'; draw(); }));
+  all('[data-day]').forEach(b => b.addEventListener('click', () => { const d = b.dataset.day; state.days[d] = state.days[d] ? 0 : 1; draw(); }));
+  all('[data-pick]').forEach(b => b.addEventListener('click', () => { state.days = b.dataset.pick.split('').map(Number); draw(); }));
+  on('mapkind', 'change', e => { state.map = e.target.value; if (state.map === 'excess' && state.show === 'difference') state.show = 'week'; draw(); });
+  on('from', 'change', e => { state.from = +e.target.value; if (state.to <= state.from) state.to = state.from + 1; draw(); });
+  on('to', 'change', e => { state.to = +e.target.value; if (state.from >= state.to) state.from = state.to - 1; draw(); });
+  on('place', 'change', e => { state.place = e.target.value; retell(); });
+  on('cut', 'input', e => { state.cut = Math.min(99, +e.target.value); setCut(); later(); });
+  on('zi', 'click', () => zoom(1.5)); on('zo', 'click', () => zoom(1 / 1.5)); on('zr', 'click', whole);
+  all('[data-pan]').forEach(b => b.addEventListener('click', () => pan(...b.dataset.pan.split(',').map(Number))));
+  on('draw', 'click', () => { isDrawing = !isDrawing; corner = null; if (isDrawing && !state.rect) middleRectangle(); else if (isDrawing) state.place = 'rect'; retell(); });
+  on('clear', 'click', () => { state.rect = null; state.place = 'floor'; isDrawing = false; retell(); $('draw').focus(); });
+  ['left', 'bottom', 'right', 'top'].forEach((id, i) => on(id, 'change', e => {
+    if (e.target.value === '' || !Number.isFinite(+e.target.value)) { retell(); return; }
+    if (!state.rect) middleRectangle();
+    const r = [...state.rect], lim = i % 2 ? [M.grid.y0, M.grid.y0 + M.grid.ny] : [M.grid.x0, M.grid.x0 + M.grid.nx];
+    r[i] = Math.min(lim[1], Math.max(lim[0], Math.round(+e.target.value)));
+    if (i < 2 && r[i + 2] <= r[i]) r[i + 2] = r[i] + 1; else if (i > 1 && r[i - 2] >= r[i]) r[i - 2] = r[i] - 1;
+    setRectangle(r); e.target.value = state.rect[i]; retell();
+  }));
+  on('link', 'click', copyLink); on('png', 'click', picture);
+  box.addEventListener('keydown', key);
+  pointers();
+  addEventListener('hashchange', () => { recall(); draw(); });
+  new ResizeObserver(() => look(state.view)).observe(svg);
+}
+
+/* Keys on the map. While a rectangle is drawn arrows move it and Shift with arrows changes its size. */
+function key(e) {
+  if (e.ctrlKey || e.metaKey || e.altKey) return;
+  const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[e.key];
+  if (step && isDrawing && state.rect) {
+    const [dx, dy] = step, [x0, y0, x1, y1] = state.rect, g = M.grid;
+    if (e.shiftKey) setRectangle([x0, y0, Math.max(x0 + 1, x1 + dx), Math.max(y0 + 1, y1 + dy)]);
+    else if (x0 + dx >= g.x0 && x1 + dx <= g.x0 + g.nx && y0 + dy >= g.y0 && y1 + dy <= g.y0 + g.ny) setRectangle([x0 + dx, y0 + dy, x1 + dx, y1 + dy]);
+    retell();
+  } else if (step) pan(step[0] * 0.12, -step[1] * 0.12);
+  else if (e.key === '+' || e.key === '=') zoom(1.5);
+  else if (e.key === '-') zoom(1 / 1.5);
+  else if (e.key === '0') whole();
+  else if (e.key === 'r' || e.key === 'R') $('draw').click();
+  else if (e.key === 'Escape' && isDrawing) $('draw').click();
+  else return;
+  e.preventDefault();
+}
+
+/* Pointers: drag moves the map or draws a rectangle, two fingers zoom, the wheel zooms; a click does the same in steps. */
+function pointers() {
+  const down = new Map(); let from = null;
+  const spot = e => { const r = svg.getBoundingClientRect(); return [(e.clientX - r.left) / r.width, (e.clientY - r.top) / r.height]; };
+  box.addEventListener('wheel', e => {
+    if (!e.ctrlKey && state.view.w >= W - 1e-6 && e.deltaY > 0) return;
+    e.preventDefault(); zoom(Math.exp(-Math.max(-60, Math.min(60, e.deltaY)) / 300), ...spot(e));
+  }, { passive: false });
+  box.addEventListener('pointerdown', e => {
+    if (e.button) return;
+    box.focus({ preventScroll: true, focusVisible: false }); box.setPointerCapture(e.pointerId); down.set(e.pointerId, spot(e));
+    from = { at: spot(e), floor: floorAt(e), view: state.view, moved: false };
+  });
+  box.addEventListener('pointermove', e => {
+    if (!down.has(e.pointerId)) return;
+    const was = [...down.values()].map(p => [...p]); down.set(e.pointerId, spot(e)); const is = [...down.values()];
+    if (is.length === 2) {
+      const gap = p => Math.hypot(p[0][0] - p[1][0], p[0][1] - p[1][1]), mid = [(is[0][0] + is[1][0]) / 2, (is[0][1] + is[1][1]) / 2];
+      if (gap(was) > 0) zoom(gap(is) / gap(was), ...mid);
+      from.moved = true; return;
+    }
+    const [dx, dy] = [is[0][0] - from.at[0], is[0][1] - from.at[1]];
+    if (!from.moved && Math.hypot(dx * svg.clientWidth, dy * svg.clientHeight) < 5) return;
+    from.moved = true;
+    if (isDrawing) { corner = null; setRectangle([...from.floor, ...floorAt(e)]); retell(); } else look({ w: from.view.w, x: from.view.x - dx * from.view.w, y: from.view.y - dy * from.view.h });
+  });
+  const up = e => {
+    if (!down.delete(e.pointerId) || down.size) return;
+    if (e.type === 'pointerup' && from && !from.moved) {
+      if (isDrawing) {
+        if (corner) { setRectangle([...corner, ...from.floor]); corner = null; say(''); } else { corner = from.floor; say('Now click the opposite corner.'); }
+        retell();
+      } else if (state.view.w < W - 1e-6) { const v = state.view; look({ w: v.w, x: v.x + (from.at[0] - 0.5) * v.w, y: v.y + (from.at[1] - 0.5) * v.h }); }
+    }
+    from = null; later();
+  };
+  box.addEventListener('pointerup', up); box.addEventListener('pointercancel', up);
+}
+
+/* Fixtures: the nearest free cell of each cell, cells near free floor, and open steps to the right and upwards. */
+function readWalkable(r) {
+  const n = fine.nx * fine.ny, runs = () => { const a = new Uint8Array(n); for (let i = 0, on = 0; i < n; on ^= 1) for (let k = r.one(); k > 0 && i < n; k--) a[i++] = on; return a; };
+  const free = runs(); fine.right = runs(); fine.up = runs(); fine.edge = runs();
+  fine.home = Int32Array.from(free, (_, i) => i); fine.carried = new Float64Array(fine.nx);
+  for (let i = 0; i < n; i++) if (!free[i]) fine.home[i] = r.one();
+}
+
+async function start() {
+  const began = performance.now(), bytes = await unpack($('data').textContent.trim()), r = reader(bytes), g = M.grid;
+  fine = g ? { nx: g.nx * g.fineAcross, ny: g.ny * g.fineAcross, home: null } : null;
+  const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells(r, p.S, g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
+  week = read(0); before = M.hasBefore ? read(1) : null; past = M.hasPast ? readPanel(r) : null;
+  if (g && r.one()) readWalkable(r);
+  pairHours();
+  document.body.classList.add('live');
+  recall(); draw(); listen();
+  document.body.dataset.first = (performance.now() - began).toFixed(1);
+}
+start().catch(e => { document.body.classList.remove('live'); say('This browser cannot open the data of this page (it needs DecompressionStream, in browsers since 2023). The table below has the figures of the report.'); throw e; });

@@ -1,0 +1,353 @@
+"""The page in a real browser: reached by every hand, quiet, free of errors, never too wide, the same by its address."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import cv2
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.browser
+TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+MODES = [(scheme, width) for scheme in ("light", "dark") for width in (1280, 390)]
+VIEWS = (
+    "",
+    "#show=split&cut=30&map=exposure",
+    "#show=difference",
+    "#map=risk&place=rect&rect=1,1,6,6&days=1111100",
+    "#map=excess",
+)
+FOCUSED = """(e => e === document.body ? ''
+  : e.id || e.dataset.day || e.dataset.pick || e.dataset.pan || e.value || e.className)(document.activeElement)"""
+Open = Callable[..., Any]
+
+
+@pytest.fixture
+def opened(browser: Any, pages: dict[str, Path]) -> Iterator[Open]:
+    made = []
+
+    def page(name: str = "masked", address: str = "", **options: Any) -> Any:
+        context = browser.new_context(reduced_motion="reduce", **options)
+        tab = context.new_page()
+        tab.seen, tab.errors = [], []
+        tab.on("request", lambda r: tab.seen.append(r.url))
+        tab.on("console", lambda m: tab.errors.append(m.text))
+        tab.on("pageerror", lambda e: tab.errors.append(str(e)))
+        tab.goto(pages[name].as_uri() + address)
+        if options.get("java_script_enabled", True):
+            tab.wait_for_function("document.body.dataset.first")
+        made.append(context)
+        return tab
+
+    yield page
+    for context in made:
+        context.close()
+
+
+def said(page: Any) -> str:
+    return str(page.text_content("#out"))
+
+
+def view(page: Any) -> list[float]:
+    return [float(v) for v in page.get_attribute("#plan", "viewBox").split()]
+
+
+def address(page: Any) -> dict[str, str]:
+    page.wait_for_timeout(250)  # the address follows a moment later
+    parts = unquote(page.url.partition("#")[2]).split("&")
+    return dict(part.split("=", 1) for part in parts if part)
+
+
+@pytest.mark.parametrize(("scheme", "width"), MODES)
+def test_every_view_is_accessible_quiet_and_fits(opened: Open, axe: str, scheme: str, width: int) -> None:
+    page = opened(color_scheme=scheme, viewport={"width": width, "height": 900}, bypass_csp=True)
+    page.evaluate(axe)
+    for at in VIEWS:
+        page.evaluate("at => { location.hash = at || '#'; }", at)
+        page.evaluate("dispatchEvent(new HashChangeEvent('hashchange'))")
+        found = page.evaluate("tags => axe.run(document, {runOnly: tags})", TAGS)
+        nodes = [(v["id"], n["target"], n["failureSummary"]) for v in found["violations"] for n in v["nodes"]]
+        assert nodes == [], at
+        assert found["passes"]
+        assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0, at
+    assert [u for u in page.seen if not u.startswith("data:")] == [page.seen[0]]
+    assert page.errors == []
+
+
+@pytest.mark.parametrize("width", [320, 390, 1280])
+def test_nothing_is_wider_than_the_screen(opened: Open, width: int) -> None:
+    page = opened(address="#place=rect&rect=1,1,6,6&show=split", viewport={"width": width, "height": 800})
+    assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+    small = page.evaluate(
+        "[...document.querySelectorAll('button,select,input')].filter(e => e.offsetParent)"
+        ".map(e => e.getBoundingClientRect())"
+        ".filter(r => r.width && Math.min(r.width, r.height) < 18).length"
+    )
+    assert small == 0
+
+
+def test_the_policy_lets_the_page_s_own_script_and_style_through(opened: Open) -> None:
+    page = opened()
+    assert page.evaluate("getComputedStyle(document.querySelector('.app')).display") == "grid"
+    assert page.errors == []
+    page.evaluate(
+        "() => { const s = document.createElement('script');"
+        "s.textContent = 'window.bad = 1'; document.body.append(s); }"
+    )
+    assert page.evaluate("window.bad") is None
+
+
+def test_a_keyboard_alone_reaches_everything(opened: Open) -> None:
+    """Tab to each control in turn; choose, look around, draw a rectangle and read its rate without a pointer."""
+    page = opened(viewport={"width": 1280, "height": 900})
+    keys = page.keyboard
+    reached: list[str] = []
+    for _ in range(60):
+        keys.press("Tab")
+        name = page.evaluate(FOCUSED)
+        if not name or name in reached:
+            break
+        assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid", name
+        reached.append(name)
+    wanted = [
+        "week",
+        "mapkind",
+        *map(str, range(7)),
+        "1111111",
+        "from",
+        "to",
+        "place",
+        "draw",
+        "map",
+        "zi",
+        "link",
+        "png",
+    ]
+    assert [name for name in wanted if name not in reached] == []
+
+    page.focus("[name=show][value=week]")
+    keys.press("ArrowDown")
+    assert address(page) == {"show": "split"}
+    before = page.get_attribute("#clip-b", "x")
+    page.focus("#cut")
+    for _ in range(10):
+        keys.press("ArrowLeft")
+    assert float(page.get_attribute("#clip-b", "x")) < float(before)
+    page.focus("[data-day='5']")
+    keys.press("Space")
+    keys.press("Tab")
+    keys.press("Enter")
+    assert address(page)["days"] == "1111100"
+
+    page.focus("#map")
+    keys.press("+")
+    zoomed = view(page)
+    keys.press("ArrowRight")
+    assert view(page)[0] > zoomed[0]
+    assert view(page)[2] == pytest.approx(zoomed[2])
+    keys.press("0")
+    assert view(page)[0] == 0
+    keys.press("r")
+    first = page.input_value("#left"), page.input_value("#right")
+    keys.press("ArrowLeft")
+    keys.press("ArrowLeft")
+    keys.press("Shift+ArrowRight")
+    second = page.input_value("#left"), page.input_value("#right")
+    assert [int(b) - int(a) for a, b in zip(first, second, strict=True)] == [-2, -1]
+    keys.press("Escape")
+    assert said(page).startswith("Rectangle.")
+    page.fill("#left", "1")
+    keys.press("Tab")
+    page.fill("#right", "6")
+    keys.press("Tab")
+    page.fill("#bottom", "1")
+    page.fill("#top", "6")
+    keys.press("Tab")
+    assert page.text_content("#read-name") == "Rectangle"
+    assert address(page)["rect"] == "1,1,6,6"
+    assert page.errors == []
+
+
+def test_single_clicks_do_what_dragging_does(opened: Open) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    box = page.locator("#map").bounding_box()
+    page.click("#zi")
+    page.click("#zi")
+    middle = view(page)
+    page.click("[aria-label='Move right']")
+    assert view(page)[0] > middle[0]
+    page.click("#map", position={"x": box["width"] * 0.2, "y": box["height"] * 0.5})
+    assert view(page)[0] < middle[0]
+    page.click("#zr")
+    page.click("#draw")
+    page.click("#map", position={"x": box["width"] * 0.05, "y": box["height"] * 0.9})
+    assert "opposite corner" in page.text_content("#said")
+    page.click("#map", position={"x": box["width"] * 0.25, "y": box["height"] * 0.5})
+    assert address(page)["rect"] == "1,1,6,5"
+    page.click("#clear")
+    assert "rect" not in address(page)
+
+
+def test_dragging_and_the_wheel_move_draw_and_zoom(opened: Open) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    box = page.locator("#map").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.wheel(0, -400)
+    page.wait_for_timeout(200)
+    zoomed = view(page)
+    assert zoomed[2] < 2475
+    page.mouse.down()
+    page.mouse.move(x + 120, y + 10, steps=4)
+    page.mouse.up()
+    assert view(page)[0] < zoomed[0]
+    page.click("#zr")
+    page.click("#draw")
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 200, steps=5)
+    page.mouse.up()
+    rect = [int(v) for v in address(page)["rect"].split(",")]
+    assert rect[2] - rect[0] > 4
+    assert page.text_content("#read-name") == "Rectangle"
+
+
+def test_a_finger_moves_the_map_and_taps_buttons(opened: Open) -> None:
+    page = opened(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
+    page.tap("#zi")
+    zoomed = view(page)
+    assert zoomed[2] < 2475
+    box = page.locator("#map").bounding_box()
+    page.touchscreen.tap(box["x"] + 20, box["y"] + box["height"] / 2)
+    assert view(page)[0] < zoomed[0]
+    page.tap("[data-day='0']")
+    assert address(page)["days"] == "0111111"
+
+
+def test_the_sentence_speaks_of_the_selection(opened: Open) -> None:
+    page = opened()
+    assert page.get_attribute("#out", "aria-live") == "polite"
+    assert re.fullmatch(
+        r"Week 46: \d+ per open hour \(likely between \d+ and \d+\), \d+ per person-hour\. "
+        r"13 hours recorded in this selection\.",
+        said(page),
+    )
+    page.check("[value=difference]")
+    assert re.match(r"Week 45: \d+ per open hour\. Week 46: \d+\. Clear fall, \d+% fewer \(likely between", said(page))
+    page.click("[data-pick='0000011']")
+    assert "Too little data to compare: a change needs at least 5 pairs of days" in said(page)
+    page.check("[value=week]")
+    assert "No interval: an interval needs at least 5 recorded days, has 2." in said(page)
+    page.click("[data-day='6']")
+    assert "2 hours recorded in this selection. Few hours: treat as rough." in said(page)
+
+
+def test_a_selection_with_few_violations_is_not_counted_out(opened: Open) -> None:
+    page = opened(address="#place=rect&rect=14,8,16,10")
+    assert "fewer than 5 violations were counted" in said(page)
+    assert page.get_attribute("#now-often", "data-rate") == ""
+    nobody = opened(address="#place=rect&rect=16,1,18,3")
+    assert "no camera counted anybody there" in said(nobody)
+
+
+def test_the_address_brings_the_same_view_back(opened: Open, pages: dict[str, Path]) -> None:
+    page = opened()
+    page.select_option("#mapkind", "burden")
+    page.select_option("#place", "area:queue")
+    page.click("[data-pick='1111100']")
+    page.select_option("#from", "10")
+    page.check("[value=split]")
+    page.click("#zi")
+    page.wait_for_timeout(250)
+    again = opened(address="#" + page.url.partition("#")[2])
+    assert said(again) == said(page)
+    assert view(again) == pytest.approx(view(page), abs=1)
+    for each in ("#mapkind", "#place", "#from"):
+        assert again.input_value(each) == page.input_value(each)
+    assert again.evaluate("document.body.dataset.show") == "split"
+    page.click("[data-pick='1111111']")
+    page.check("[value=week]")
+    page.select_option("#mapkind", "violations")
+    page.select_option("#place", "floor")
+    page.select_option("#from", "9")
+    page.click("#zr")
+    page.wait_for_timeout(250)
+    assert page.url == pages["masked"].as_uri()
+
+
+@pytest.mark.parametrize(
+    "hostile",
+    [
+        "map=__proto__&show=constructor&place=toString",
+        "place=<img src=x onerror=window.bad=1>&map='><script>",
+        "days=2222222&from=99&to=-1&cut=1e9&view=NaN,Infinity,0",
+        "rect=999999,-999999,3,3&place=rect&view=-99999,99999,1",
+        "rect=1,1,1,1&place=rect&view=0,0,0",
+        "place=%E0%A4%A&show=%00&rect=1,2",
+        "&&&===&show&" + "a" * 100_000,
+    ],
+)
+def test_a_hostile_address_does_no_harm(opened: Open, hostile: str) -> None:
+    page = opened(address="#" + hostile)
+    assert page.errors == []
+    assert page.evaluate("window.bad") is None
+    assert said(page) != ""
+    assert all(np.isfinite(view(page)))
+    assert "NaN" not in page.inner_text("main")
+
+
+def test_the_picture_is_the_map_and_the_link_the_address(opened: Open) -> None:
+    page = opened(address="#show=difference", viewport={"width": 1280, "height": 900})
+    with page.expect_download() as waiting:
+        page.click("#png")
+    assert waiting.value.suggested_filename == "shop-ground-2026-W46.png"
+    picture = cv2.imdecode(np.frombuffer(Path(waiting.value.path()).read_bytes(), dtype=np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert picture.shape[1] == 2400
+    blue = (picture == np.array([0x9F, 0x6F, 0x1F])).all(axis=2)  # "fewer", as on the page
+    assert blue.sum() > 1000
+    page.click("#link")
+    page.wait_for_function("document.getElementById('said').textContent.length > 0")
+    assert page.errors == []
+
+
+def test_without_script_the_report_s_map_and_figures_are_there(opened: Open) -> None:
+    page = opened(java_script_enabled=False, color_scheme="light")
+    assert page.is_visible("text=open this page in a browser that runs its script")
+    assert not page.is_visible("#draw")
+    assert page.is_visible("#figures")
+    assert "likely between" in page.text_content("#figures")
+    shown = page.locator("#plan").screenshot()
+    picture = cv2.imdecode(np.frombuffer(shown, dtype=np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None
+    assert (picture == np.array([0x44, 0x44, 0x93])).all(axis=2).sum() > 50  # the strongest band
+
+
+def test_it_prints_on_paper(opened: Open) -> None:
+    page = opened(color_scheme="dark")
+    pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 3
+    page.emulate_media(media="print", color_scheme="dark")
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert not page.is_visible("#draw")
+    assert page.is_visible("#out")
+
+
+def test_data_that_cannot_be_read_say_so(browser: Any, pages: dict[str, Path], tmp_path: Path) -> None:
+    text = pages["masked"].read_text(encoding="utf-8")
+    broken = re.sub(r'(id="data">)[^<]*', lambda m: m[1] + base64.b64encode(b"not gzip").decode(), text)
+    path = tmp_path / "broken.html"
+    path.write_text(broken, encoding="utf-8")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_function("document.getElementById('said').textContent.length > 0")
+    assert "cannot open the data of this page" in page.text_content("#said")
+    assert page.is_visible("#figures")
+    assert not page.is_visible("#draw")
+    page.close()

@@ -1,0 +1,138 @@
+"""The page as text: closed to the outside, without small counts, bounded by the floor, the same every time."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planner import dense, planted
+
+from vsd_analytics.planner.data import PlannerData
+from vsd_analytics.planner.render import render_planner
+from vsd_analytics.report.words import forbidden_in
+from vsd_analytics.site import Site
+
+
+@pytest.fixture(scope="module")
+def texts(pages: dict[str, Path]) -> dict[str, str]:
+    return {name: path.read_text(encoding="utf-8") for name, path in pages.items()}
+
+
+def test_the_page_asks_nobody_for_anything(texts: dict[str, str]) -> None:
+    for text in texts.values():
+        bare = text.replace("http://www.w3.org/2000/svg", "").replace("http://www.w3.org/1999/xlink", "")
+        assert not re.search(r"https?://", bare)
+        assert not re.search(r"\sstyle=|\son\w+=|<link(?! rel=\"icon\")|fetch\(|XMLHttpRequest|import\(", bare)
+
+
+def test_the_policy_names_the_style_and_the_script(texts: dict[str, str]) -> None:
+    for text in texts.values():
+        policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)
+        assert policy is not None
+        for kind, pattern in (("style", r"<style>(.*?)</style>"), ("script", r"<script>(.*?)</script>")):
+            found = re.findall(pattern, text, flags=re.DOTALL)
+            assert len(found) == 1
+            digest = base64.b64encode(hashlib.sha256(found[0].encode()).digest()).decode()
+            assert f"{kind}-src 'sha256-{digest}'" in policy[1]
+        assert "default-src 'none'" in policy[1]
+        assert "unsafe" not in policy[1]
+
+
+def test_headings_tables_and_language_are_in_order(texts: dict[str, str]) -> None:
+    text = texts["masked"]
+    assert text.count("<h1") == 1
+    assert '<html lang="en-GB">' in text
+    assert all('scope="' in cell for cell in re.findall(r"<th\b[^>]*>", text))
+
+
+def test_what_people_read_has_none_of_the_words_that_are_not_said(texts: dict[str, str]) -> None:
+    body = re.sub(r"<(style|script)\b.*?</\1>", " ", texts["masked"], flags=re.DOTALL)
+    said = re.sub(r"<[^>]+>", " ", body) + " ".join(re.findall(r'aria-label="([^"]*)"', body))
+    script = re.findall(r"<script>(.*?)</script>", texts["masked"], flags=re.DOTALL)[0]
+    spoken = " ".join(re.findall(r"'([A-Z][^'\n]{8,})'|`([A-Z][^`\n]{8,})`", script)[k][0] for k in range(3))
+    assert forbidden_in(said) == []
+    assert forbidden_in(spoken) == []
+
+
+def test_the_report_s_figures_stand_there_without_script(masked: PlannerData, texts: dict[str, str]) -> None:
+    table = re.search(r'id="figures">(.*?)</table>', texts["masked"], flags=re.DOTALL)
+    assert table is not None
+    for row in masked.places:
+        assert row.often.value is not None
+        assert f">{row.name}<" in table[1]
+        assert f"<td>{row.often.value:.0f} <small>likely between" in table[1]
+
+
+def test_no_small_count_is_in_the_file(masked: PlannerData, texts: dict[str, str], exact: PlannerData) -> None:
+    for week in planted.unpacked(texts["masked"], masked):
+        for name, kinds in (("n", [week["n"]]), ("violations", week["violations"]), ("fine", week["fine"])):
+            counts = np.array(kinds[0])
+            assert counts.sum() > 0
+            assert not ((counts > 0) & (counts < 5)).any(), name
+    small = [n for week in planted.unpacked(texts["exact"], exact) for n in week["violations"][0] if 0 < n < 5]
+    assert small  # the planted floor has some, so that there was something to hold back
+
+
+def test_hours_that_the_report_holds_back_stand_together(shop: Site, exact: PlannerData) -> None:
+    site = planted.with_settings(shop, mask_below=60, min_exposure_h=2.0)
+    data = planted.known(site)
+    n = data.week.panel.n[0].sum(axis=0)
+    assert 0 not in data.week.hidden
+    assert not ((n > 0) & (n < 60)).any()
+    assert n.sum() == exact.week.panel.n[0].sum()
+
+
+def test_a_place_with_too_few_is_not_told(shop: Site) -> None:
+    data = planted.known(planted.with_settings(shop, mask_below=250))
+    door = next(k for k, row in enumerate(data.places) if row.place_id == "area:door")
+    assert "fewer than 250" in data.week.hidden[door]
+    assert len(data.week.hidden) > 1  # another, or the sum would tell it
+    assert not data.week.panel.n[door].any()
+    page = render_planner(data)
+    figures = page[page.index('id="figures"') :]
+    assert "fewer than 250 violations were counted" in figures
+
+
+def test_equal_data_give_equal_bytes(masked: PlannerData, texts: dict[str, str]) -> None:
+    assert render_planner(masked) == texts["masked"]
+
+
+def test_hostile_names_stay_text(masked: PlannerData) -> None:
+    site = replace(masked.site, name=planted.HOSTILE)
+    places = tuple(replace(p, name=planted.HOSTILE) for p in masked.places)
+    page = render_planner(replace(masked, site=site, places=places, why_not_compared=planted.HOSTILE))
+    assert "<img" not in page
+    assert page.count("<script") == 3
+    assert page.count("</script>") == 3
+    meta = re.search(r'id="meta">(.*?)</script>', page, flags=re.DOTALL)
+    assert meta is not None
+    assert json.loads(meta[1])["notCompared"] == planted.HOSTILE
+
+
+def test_a_floor_without_places_has_a_page_without_map(masked: PlannerData) -> None:
+    week = replace(masked.week, cells=None)
+    page = render_planner(
+        replace(
+            masked,
+            week=week,
+            before=None,
+            shown=None,
+            walkable=None,
+            why_no_map="nobody was seen",
+            why_not_compared="none",
+        )
+    )
+    assert "nobody was seen" in page
+    assert "<svg id=" not in page
+
+
+@pytest.mark.parametrize("n_violations", [20_000, 2_000_000])
+def test_the_size_is_bounded_by_the_floor(masked: PlannerData, n_violations: int) -> None:
+    page = render_planner(dense.planner(masked, n_violations=n_violations))
+    assert len(page.encode()) <= 800_000

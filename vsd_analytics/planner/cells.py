@@ -1,0 +1,239 @@
+"""What lies where in a week, by camera, cell and hour, with small counts put together (`planner.fives`).
+
+Violations lie in cells of half a metre, person-time in squares of a metre; rectangles of the page are made of whole
+squares, so that both are exact in them. Cells are numbered by row from the lower left corner of the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.analysis.maps import ExcessMap, excess_map
+from vsd_analytics.analysis.panels import Flags, positions
+from vsd_analytics.planner.fives import in_fives
+from vsd_analytics.report.model_map import Extent
+from vsd_analytics.report.weekdata import WeekData
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+Ints = NDArray[np.int64]
+SQUARE_M: Final = 1.0
+CELL_M: Final = 0.5
+FINE_M: Final = 0.25
+"""Cells of the report's map, in which the page draws too."""
+SQUARES_MAX: Final = 100_000
+"""Larger floors have no map: the page would not stay quick."""
+UNIT_MS: Final = 100
+"""Person-time is rounded to this, unless all of it is a multiple of something larger, such as the frame interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class CellGrid:
+    """Squares of a metre that cover the floor shown.
+
+    Attributes:
+        x0, y0: Floor metres of the lower left corner, whole.
+        n_x, n_y: Squares across and up.
+    """
+
+    x0: int
+    y0: int
+    n_x: int
+    n_y: int
+
+    @property
+    def n_squares(self) -> int:
+        """Return the number of squares."""
+        return self.n_x * self.n_y
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Rows of a sparse table, by camera, cell and slot.
+
+    Attributes:
+        camera, cell, slot: Each below the number of cameras, cells, and open hours of the week.
+        values: Columns, shape (n_kinds, n_rows).
+    """
+
+    camera: Ints
+    cell: Ints
+    slot: Ints
+    values: Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeekCells:
+    """What lies where in a week.
+
+    Attributes:
+        violations: By cell of half a metre.
+        fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
+            half a metre lie in it: camera, cell, violations, shape (3, n).
+        time: Person-time and person-time in violation by square, in `unit_ms`; each from at least so many tracks.
+        unit_ms: Unit of person-time.
+        excess: Time in violation over that of random mixing (M19), the whole week.
+    """
+
+    violations: Rows
+    fine: Ints
+    time: Rows
+    unit_ms: int
+    excess: ExcessMap
+
+
+def grid_of(extent: Extent) -> CellGrid | None:
+    """Return the squares that cover the floor shown; None when there are too many."""
+    x0, y0, x1, y1 = extent
+    grid = CellGrid(math.floor(x0), math.floor(y0), math.ceil(x1) - math.floor(x0), math.ceil(y1) - math.floor(y0))
+    return grid if grid.n_squares <= SQUARES_MAX else None
+
+
+def week_cells(
+    data: WeekData,
+    warehouse: Warehouse,
+    *,
+    slots: Ints,
+    used: Flags,
+    shared: Flags,
+    extent: Extent,
+    grid: CellGrid,
+    below: int,
+) -> WeekCells:
+    """Return what lies where.
+
+    Args:
+        data: The floor.
+        warehouse: Opened over the week alone.
+        slots: Which of the floor's hours are the week's open ones, rising.
+        used: Camera-hours that take part, shape (n_cameras, n_slots).
+        shared: Those of them that are compared with the other week, same shape; small counts stay on their side.
+        extent: The floor shown; what lies outside is left out, as on the report's map.
+        grid: Squares that cover it.
+        below: Counts from 1 to just under this are put together.
+    """
+    x0, y0, x1, y1 = (end / CELL_M for end in extent)
+    rows = warehouse.table(
+        "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, n_violations, n_tracks, exposure_ms, "
+        "violation_ms from planner_cells where floor_id = $floor "
+        "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
+        {
+            "floor": data.floor.floor_id,
+            **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
+        },
+    )
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    start_ms = data.hours.start_ms[slots]
+    slot = np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy())
+    n_across = round(1 / CELL_M)
+    x, y = rows["cx"].to_numpy() - grid.x0 * n_across, rows["cy"].to_numpy() - grid.y0 * n_across
+    n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
+    slot = np.minimum(slot, len(slots) - 1)
+    taken = used[camera, slot] & (start_ms[slot] == rows["hour_start_ms"].to_numpy())
+    keys = np.stack((camera, slot, x, y, data.hours.day[slots][slot], shared[camera, slot]))[:, taken]
+    n, tracks, *times = (v[taken] for v in (n, tracks, *times))
+    is_able, stood = data.whole.cameras[keys[0]], times[0] > 0
+    unit_ms = _unit(*times)
+    return WeekCells(
+        violations=_given(keys[:, is_able], [n[is_able]], grid=grid, across=n_across, below=below),
+        fine=_fine(data, warehouse, slots=slots, used=used, extent=extent, grid=grid, below=below),
+        time=_given(
+            keys[:, stood],
+            [np.maximum(tracks, 1)[stood], *(_rounded(v[stood], unit_ms) for v in times)],
+            grid=grid,
+            across=n_across,
+            below=below,
+            is_square=True,
+        ),
+        unit_ms=unit_ms,
+        excess=excess_map(warehouse, floor=data.floor),
+    )
+
+
+def _fine(
+    data: WeekData, warehouse: Warehouse, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int
+) -> Ints:
+    """Return the week's violations by camera and cell of the report's map; arguments as for `week_cells`."""
+    rows = warehouse.table(
+        "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, count(*)::bigint as n from violations "
+        "where floor_id = $floor and is_open and cx is not null group by all order by all",
+        {"floor": data.floor.floor_id},
+    )
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    start_ms = data.hours.start_ms[slots]
+    slot = np.minimum(np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy()), len(slots) - 1)
+    x, y = rows["cx"].to_numpy(), rows["cy"].to_numpy()
+    x0, y0, x1, y1 = (end / FINE_M for end in extent)
+    taken = used[camera, slot] & data.whole.cameras[camera]
+    taken &= (x >= math.floor(x0)) & (x < math.ceil(x1)) & (y >= math.floor(y0)) & (y < math.ceil(y1))
+    across = round(SQUARE_M / FINE_M)
+    x, y = x[taken] - grid.x0 * across, y[taken] - grid.y0 * across
+    side = round(CELL_M / FINE_M)
+    half = (y // side) * grid.n_x * (across // side) + x // side
+    cell = y * grid.n_x * across + x
+    order = np.lexsort((cell, half, camera[taken]))
+    keys = np.stack((camera[taken], half, cell))[:, order]
+    is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
+    n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
+    keys = keys[:, is_first]
+    given = in_fives(n[None], groups=(_runs(keys[0], keys[1]), keys[0]), below=below).values[0]
+    kept = np.flatnonzero(given)
+    kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
+    return np.stack((keys[0][kept], keys[2][kept], given[kept]))
+
+
+def _given(keys: Ints, values: list[Ints], *, grid: CellGrid, across: int, below: int, is_square: bool = False) -> Rows:
+    """Return rows of which none is small: neighbours in time first, then the square beside, in rows to and fro.
+
+    Args:
+        keys: Camera, slot, column and row of the cell of half a metre, day, compared or not; one column per row.
+        values: What lies there; the first decides what is small.
+        grid: The squares.
+        across: Cells along a side of a square.
+        below: Counts from 1 to just under this are small.
+        is_square: Add up to squares; the first of `values` are tracks then, of which squares have at least as many as
+            their busiest cell, and which are not returned.
+    """
+    camera, slot, x, y, day, side = keys
+    square_x, square_y = x // across, y // across
+    if is_square:
+        x, y, across = square_x, square_y, 1
+    n_x = grid.n_x * across
+    walk = square_y * grid.n_x + np.where(square_y % 2 == 0, square_x, grid.n_x - 1 - square_x)
+    order = np.lexsort((x, y, slot, side, day, walk, camera))
+    camera, slot, cell, walk, day, side = (v[order] for v in (camera, slot, y * n_x + x, walk, day, side))
+    # one row per camera, cell and hour: half-metre rows that share a square are added up
+    is_first = np.append(True, np.any([v[1:] != v[:-1] for v in (camera, slot, cell)], axis=0))[: camera.size]
+    row = np.cumsum(is_first) - 1
+    summed = np.zeros((len(values), int(is_first.sum())), dtype=np.int64)
+    for k, (total, value) in enumerate(zip(summed, values, strict=True)):
+        (np.maximum if is_square and k == 0 else np.add).at(total, row, value[order])
+    camera, slot, cell, walk, day, side = (v[is_first] for v in (camera, slot, cell, walk, day, side))
+    of_square = _runs(camera, walk)
+    of_day = _runs(of_square, day)
+    groups = (_runs(of_day, side), of_day, of_square, camera)
+    given = in_fives(summed, groups=groups, below=below).values[int(is_square) :]
+    kept = np.flatnonzero(given.any(axis=0))
+    kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
+    return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])
+
+
+def _runs(*values: Ints) -> Ints:
+    """Return a number for each run of equal values."""
+    return np.cumsum(np.append(False, np.any([v[1:] != v[:-1] for v in values], axis=0)))[: values[0].size]
+
+
+def _unit(*times_ms: Ints) -> int:
+    """Return the largest unit all times are multiples of, at least `UNIT_MS`."""
+    common = math.gcd(*(int(np.gcd.reduce(t)) for t in times_ms if t.size))
+    return max(common, UNIT_MS)
+
+
+def _rounded(times_ms: Ints, unit_ms: int) -> Ints:
+    """Return times in units, rounded so that running sums are right to half a unit."""
+    sums = np.cumsum(times_ms)
+    return np.diff((sums + unit_ms // 2) // unit_ms, prepend=0)

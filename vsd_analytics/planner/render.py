@@ -1,0 +1,344 @@
+"""The planner's page as one HTML file: one style, one script, one block of data, no request, the same bytes always."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+from markupsafe import Markup
+
+from vsd_analytics.analysis.hotspots import FloorSpot
+from vsd_analytics.analysis.maps import CELL_M as RISK_CELL_M
+from vsd_analytics.analysis.maps import MIN_EXPOSURE_H, SIGMA_M
+from vsd_analytics.planner import cells, kinds
+from vsd_analytics.planner.data import PlaceRow, PlannerData
+from vsd_analytics.planner.numbers import packed_numbers
+from vsd_analytics.planner.quantiles import few_events, quantiles
+from vsd_analytics.report import format as fmt
+from vsd_analytics.report.frame import Frame, fixtures
+from vsd_analytics.report.model import Estimate
+from vsd_analytics.report.render import environment, shipped_style
+from vsd_analytics.report.svg import smooth_path, straight_path
+from vsd_analytics.report.words import verdict_words
+from vsd_analytics.resources import shipped
+from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
+from vsd_analytics.version import VERSION
+
+SCRIPTS: Final = ("planner_rates.js", "planner_map.js", "planner_data.js", "planner.js", "planner_start.js")
+UNIT: Final = 100
+"""Units of the drawing in a metre of floor."""
+ROUGH_H: Final = 3.0
+"""Selections with fewer recorded hours are told to be rough."""
+DAYS: Final = tuple(enumerate(fmt.DAYS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Label:
+    """A text on the floor, in units of the drawing."""
+
+    text: str
+    x: int
+    y: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """The floor as the page's SVG, in units of the drawing, y down."""
+
+    width: int
+    height: int
+    image: str | None
+    image_box: tuple[int, int, int, int]
+    is_paper: bool
+    unseen: str
+    bands: tuple[str, ...]
+    areas: tuple[str, ...]
+    fixtures: tuple[Markup, ...]
+    hotspots: tuple[tuple[str, Label], ...]
+    labels: tuple[Label, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureRow:
+    """The report's figures of a place, as texts."""
+
+    name: str
+    often: str
+    often_likely: str
+    risky: str
+    risky_likely: str
+    previous: str
+    change: str
+    change_likely: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """Everything the template may use; each field is one variable."""
+
+    data: PlannerData
+    title: str
+    weeks: tuple[str, ...]
+    span: tuple[str, str]
+    span_before: tuple[str, str] | None
+    style: Markup
+    style_hash: str
+    script: Markup
+    script_hash: str
+    meta: Markup
+    packed: str
+    maps: tuple[kinds.MapKind, ...]
+    legends: dict[str, tuple[str, ...]]
+    diverging: dict[str, tuple[str, ...]]
+    days: tuple[tuple[int, str], ...]
+    hours: tuple[int, int]
+    drawing: Drawing | None
+    rows: tuple[FigureRow, ...]
+    spots: tuple[FloorSpot, ...]
+    is_made_up: bool
+    mask: int
+    distance: str
+    version: str
+
+
+def render_planner(data: PlannerData) -> str:
+    """Return the page.
+
+    Args:
+        data: What it knows.
+    """
+    page = _page(data)
+    variables = {name: getattr(page, name) for name in Page.__dataclass_fields__}
+    return environment().get_template("planner.html.j2").render(variables)
+
+
+def _page(data: PlannerData) -> Page:
+    site, week = data.site, data.week.ref
+    drawing = None if data.shown is None else _drawing(data)
+    style = shipped_style("planner.css") + _sizes(drawing)
+    script = _script()
+    refs = [week] + ([data.before.ref] if data.before is not None else [])
+    weeks = tuple(f"Week {r.number}" + (f", {r.year}" if r.year != week.year else "") for r in refs)
+    distance = fmt.distance(site.settings.distance_m, site.settings.distance_unit)
+    maps = kinds.map_kinds(tuple(site.settings.heat_steps), distance=distance)
+    hours = _hours(data)
+    title = f"{site.name}, {data.floor.name}: {' and '.join(weeks[::-1]).lower()}, {week.year}"
+    meta = _meta(data, weeks=weeks, maps=maps, hours=hours, drawing=drawing)
+    return Page(
+        data=data,
+        title=title,
+        weeks=weeks,
+        span=fmt.date_span(week.monday, week.sunday),
+        span_before=None if data.before is None else fmt.date_span(data.before.ref.monday, data.before.ref.sunday),
+        style=Markup(style),
+        style_hash=_hash(style),
+        script=Markup(script),
+        script_hash=_hash(script),
+        meta=Markup(_json(meta)),
+        packed=packed_numbers(data),
+        maps=maps,
+        legends={m.kind: kinds.legend(m) for m in maps},
+        diverging={m.kind: kinds.diverging_legend(m) for m in maps},
+        days=DAYS,
+        hours=hours,
+        drawing=drawing,
+        rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
+        spots=data.hotspots.spots,
+        is_made_up=data.is_made_up,
+        mask=int(site.settings.mask_below),
+        distance=distance,
+        version=VERSION,
+    )
+
+
+def _hash(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+@cache
+def _script() -> str:
+    """Return the page's only script: the shipped files one after the other in one scope, without comments' lines."""
+    folder = shipped("reports") / "static"
+    text = "".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    text = re.sub(r"^\s*/\*.*?\*/\s*$", "", text, flags=re.DOTALL | re.MULTILINE)
+    lines = "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
+    return f"(() => {{\n'use strict';\n{lines}}})();\n"
+
+
+def _json(value: Any) -> str:
+    """Return JSON that is safe inside a script element."""
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _hours(data: PlannerData) -> tuple[int, int]:
+    """Return the first hour that is open on any day, and the one after the last."""
+    panels = [data.week.panel, data.history] + ([data.before.panel] if data.before is not None else [])
+    found = np.concatenate([p.hour for p in panels])
+    return (int(found.min()), int(found.max()) + 1) if found.size else (0, 24)
+
+
+def _meta(
+    data: PlannerData,
+    *,
+    weeks: tuple[str, ...],
+    maps: Sequence[kinds.MapKind],
+    hours: tuple[int, int],
+    drawing: Drawing | None,
+) -> dict[str, Any]:
+    """Return what the script must know beside the packed data."""
+    settings = data.site.settings
+    confidence = settings.confidence
+    grid = None if data.shown is None else cells.grid_of(data.shown.extent)
+    has_cells = [w is not None and w.cells is not None for w in (data.week, data.before)]
+    return {
+        "file": f"{data.site.site_id}-{data.floor.floor_id}-{data.week.ref.iso}",
+        "weeks": weeks,
+        "hours": hours,
+        "cameras": len(data.cameras),
+        "able": [int(c) for c in data.places[0].cameras],
+        "comparable": [int(c) for c in data.comparable],
+        "ranked": [int(w is not None and w.is_ranked) for w in (data.week, data.before)],
+        "hasBefore": data.before is not None,
+        "hasPast": bool(data.history.day.size),
+        "hasCells": [int(h) for h in has_cells],
+        "notCompared": data.why_not_compared,
+        "noViolations": data.why_no_violations,
+        "noExposure": data.why_no_exposure,
+        "places": [_place_meta(data, k, row) for k, row in enumerate(data.places)],
+        "rules": {
+            "minDays": settings.min_days,
+            "minExposure": settings.min_exposure_h,
+            "minEvents": MIN_EVENTS,
+            "smallCount": SMALL_COUNT,
+            "minWeeks": MIN_HISTORY_WEEKS,
+            "mask": int(settings.mask_below),
+            "rough": ROUGH_H,
+            "q": quantiles(confidence),
+            "q2": quantiles((1 + confidence) / 2),
+            "poisson": few_events((1 + confidence) / 2),
+        },
+        "maps": {m.kind: {"kind": m.kind, "unit": m.unit, "steps": m.steps, "diverging": m.diverging} for m in maps},
+        "extent": None if data.shown is None else data.shown.extent,
+        "size": (drawing.width, drawing.height) if drawing is not None else (100, 100),
+        "grid": None if grid is None else _grid_meta(data, grid),
+    }
+
+
+def _grid_meta(data: PlannerData, grid: cells.CellGrid) -> dict[str, Any]:
+    return {
+        "x0": grid.x0,
+        "y0": grid.y0,
+        "nx": grid.n_x,
+        "ny": grid.n_y,
+        "fine": cells.FINE_M,
+        "cellsAcross": round(cells.SQUARE_M / cells.CELL_M),
+        "fineAcross": round(cells.SQUARE_M / cells.FINE_M),
+        "sigma": data.site.settings.smoothing_m / cells.FINE_M,
+        "sigmaRisk": SIGMA_M / cells.FINE_M,
+        "leastRisk": MIN_EXPOSURE_H * (cells.FINE_M / RISK_CELL_M) ** 2,
+    }
+
+
+def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
+    hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
+    told: dict[str, Any] = {}
+    if data.before is not None and data.why_not_compared is None and not any(hidden):
+        told = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
+    return {
+        "id": row.place_id,
+        "name": row.name,
+        "index": index,
+        "cameras": [int(c) for c in row.cameras],
+        "hidden": hidden,
+        "report": told,
+    }
+
+
+def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
+    """Return the report's change, which the page tells where the whole week is selected."""
+    if estimate.change is None or estimate.change_lo is None or estimate.verdict is None:
+        return None
+    hi = estimate.change_hi
+    return {
+        "theta": 1 + estimate.change,
+        "lo": 1 + estimate.change_lo,
+        "hi": None if hi is None else 1 + hi,
+        "verdict": estimate.verdict.replace("_", " "),
+    }
+
+
+def _figures(data: PlannerData, index: int, row: PlaceRow) -> FigureRow:
+    """Return the report's figures of a place as texts."""
+    hidden = data.week.hidden.get(index)
+    hidden_before = data.before.hidden.get(index) if data.before is not None else None
+    often, risky = row.often, row.risky
+    if hidden is not None:
+        return FigureRow(name=row.name, often=fmt.MISSING, often_likely=hidden, risky=fmt.MISSING, risky_likely="",
+                         previous=fmt.MISSING, change="", change_likely="")  # fmt: skip
+    told = hidden_before is None and often.verdict is not None
+    clear = often.verdict in ("clear_fall", "clear_rise")
+    said = verdict_words(often) if told else ""
+    return FigureRow(
+        name=row.name,
+        often=fmt.number(often.value),
+        often_likely=fmt.likely_level(often) or often.reason or "",
+        risky=fmt.number(risky.value),
+        risky_likely=fmt.likely_level(risky) or risky.reason or "",
+        previous=fmt.number(often.previous) if told else fmt.MISSING,
+        change=f"{said}, {fmt.fewer_more(often.change)}" if told and clear else said,
+        change_likely=fmt.likely_change(often) if told else "",
+    )
+
+
+def _drawing(data: PlannerData) -> Drawing:
+    shown = data.shown
+    assert shown is not None
+    x0, y0, x1, y1 = shown.extent
+    width, height = round((x1 - x0) * UNIT), round((y1 - y0) * UNIT)
+    frame = Frame(shown, width=(x1 - x0) * UNIT, height=(y1 - y0) * UNIT)
+    bands = {b.lower: smooth_path(frame.rings(b.polygons)) for b in shown.bands}
+    box = (0, 0, 0, 0)
+    if shown.image is not None:
+        left, top = frame.at((shown.image.extent[0], shown.image.extent[3]))
+        right, bottom = frame.at((shown.image.extent[2], shown.image.extent[1]))
+        box = (round(left), round(top), round(right - left), round(bottom - top))
+    spots = []
+    for spot in data.hotspots.spots:
+        x, y = frame.at((spot.place.x_m, spot.place.y_m))
+        outline = straight_path(frame.rings(spot.place.polygons))
+        spots.append((outline, Label(text=str(spot.number), x=round(x), y=round(y))))
+    labels = []
+    for area in shown.areas:
+        ring = frame.ring(area.ring)
+        x, y = min(p[0] for p in ring), min(p[1] for p in ring)
+        if 0 <= x < width and 0 <= y < height:
+            labels.append(Label(text=area.name, x=round(x), y=round(y)))
+    return Drawing(
+        width=width,
+        height=height,
+        image=None if shown.image is None else shown.image.data_uri,
+        image_box=box,
+        is_paper=shown.image is not None and shown.image.is_opaque,
+        unseen=straight_path(frame.rings(shown.unseen)),
+        bands=tuple(bands.get(step, "") for step in data.site.settings.heat_steps),
+        areas=tuple(straight_path([frame.ring(a.ring)]) for a in shown.areas),
+        fixtures=tuple(fixtures(shown.fixtures, frame, is_named=False)),
+        hotspots=tuple(spots),
+        labels=tuple(labels),
+    )
+
+
+def _sizes(drawing: Drawing | None) -> str:
+    """Return the style's part that depends on the floor: the shape of the map."""
+    if drawing is None:
+        return ""
+    w, h = drawing.width, drawing.height
+    return f"#plan{{--u:{w / 900:.3f}}}.map{{aspect-ratio:{w}/{h};max-width:min(100%,calc(84vh*{w / h:.4f}))}}\n"
