@@ -10,7 +10,7 @@ import pytest
 
 from vsd_analytics.ingest.adapter import Source
 from vsd_analytics.simulate import write_messages
-from vsd_analytics.simulate.cameras import CAMERAS, NOISE_SD_M, picture, seen_by_any
+from vsd_analytics.simulate.cameras import CAMERAS, NOISE_SD_M, seen_by_any
 from vsd_analytics.simulate.messages import day_text, track_ids
 from vsd_analytics.simulate.people import Day
 from vsd_analytics.simulate.shop import DEPTH_M, SHOP_AFTER, WIDTH_M
@@ -103,14 +103,6 @@ def test_homography_takes_pixels_back_to_the_floor(camera) -> None:  # type: ign
     # the picture lies below the horizon, so what it shows of the floor is bounded
     corners = camera.homography @ np.array([[0, 1280, 0, 1280], [0, 0, 720, 720], [1, 1, 1, 1.0]])
     assert (np.sign(corners[2]) == np.sign(corners[2][0])).all()
-
-
-def test_pictures_are_small_pngs_and_always_the_same() -> None:
-    for camera in CAMERAS:
-        data = picture(camera, SHOP_AFTER)
-        assert data[:8] == b"\x89PNG\r\n\x1a\n"
-        assert len(data) < 40_000
-        assert data == picture(camera, SHOP_AFTER)
 
 
 @pytest.mark.parametrize("name", ["a.jsonl", "a.jsonl.gz", "a.jsonl.zst"])

@@ -58,7 +58,7 @@ def test_toml_names_files_that_exist_and_areas_on_the_floor(project: Project) ->
     assert [c["id"] for c in site["camera"]] == ["cam-1", "cam-2", "cam-3", "cam-4"]
     for camera in site["camera"]:
         assert np.loadtxt(folder / camera["homography"]).shape == (3, 3)
-        assert (folder / camera["picture"]).stat().st_size < 40_000
+        assert (folder / camera["picture"]).stat().st_size < 90_000
         assert camera["hz"] == 0.5
     for area in site["area"]:
         assert all(0 <= x <= 24 and 0 <= y <= 16 for x, y in area["polygon"])
@@ -66,7 +66,7 @@ def test_toml_names_files_that_exist_and_areas_on_the_floor(project: Project) ->
     plan = ElementTree.fromstring((folder / floor["plan"]).read_text())
     assert float(plan.get("width", "")) * floor["plan_m_per_px"] == 24
     assert float(plan.get("height", "")) * floor["plan_m_per_px"] == 16
-    assert {e.tag.rpartition("}")[2] for e in plan.iter()} == {"svg", "rect", "path", "text"}
+    assert {e.tag.rpartition("}")[2] for e in plan.iter()} == {"svg", "path"}
 
 
 def test_site_loads_and_the_frames_adapter_takes_every_message(project: Project) -> None:

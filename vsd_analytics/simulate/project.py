@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.errors import UsageError, Where
-from vsd_analytics.simulate.cameras import CAMERAS, HEIGHT_PX, WIDTH_PX, picture
+from vsd_analytics.simulate.cameras import CAMERAS, HEIGHT_PX, WIDTH_PX
+from vsd_analytics.simulate.history import History, history_of
 from vsd_analytics.simulate.messages import day_text, write_messages
 from vsd_analytics.simulate.people import MARGIN_S, Day, simulate_day
-from vsd_analytics.simulate.plan import M_PER_PX, plan_svg
+from vsd_analytics.simulate.pictures import picture
+from vsd_analytics.simulate.plan import M_PER_PX, fixtures, plan_svg
 from vsd_analytics.simulate.shop import AREA_RECTS, AREAS, DEPTH_M, SHOP_AFTER, WIDTH_M
 from vsd_analytics.simulate.truth import (
     AreaTruth,
@@ -27,8 +29,10 @@ from vsd_analytics.simulate.truth import (
     PlantedHotspot,
     PlantedRedesign,
     hours_of,
+    in_view,
     violations,
 )
+from vsd_analytics.site import Point
 
 SITE_ID = "quayside"
 SITE_NAME = "Quayside Market"
@@ -38,8 +42,8 @@ DETAILED_S = 2.0
 COARSE_S = 3.0
 """Seconds from frame to frame in earlier weeks.
 
-With the rule of episodes (gap max(3 s, 2.5 intervals), at least 3 s long) an interval of 3 s counts 3 % more
-violations in this world than one of 2 s; 4 s counts 13 % fewer, which would look like a change of the shop.
+An interval of 3 s counts 2 % fewer violations in this world than one of 2 s; 4 s counts 9 % fewer, which would look
+like a change of the shop.
 """
 HOTSPOT_AREA, REDESIGN_AREA = "checkout-queue", "entrance"
 REDESIGN_TEXT = "Seasonal display moved from the door"
@@ -48,16 +52,17 @@ OUTAGE_CAMERA = "cam-3"
 
 @dataclass(frozen=True, slots=True)
 class _Planted:
-    """Instants of what is planted in the last week."""
+    """Instants of what is planted: all but `earlier`, and with a history the move, in the last week."""
 
     moved_at: datetime
     outage: PlantedGap
     missing: PlantedGap
     low_data: PlantedGap
+    earlier: tuple[PlantedGap, ...] = ()
 
     @property
     def gaps(self) -> tuple[PlantedGap, ...]:
-        return self.outage, self.missing, self.low_data
+        return self.outage, self.missing, self.low_data, *self.earlier
 
 
 def write_demo_project(
@@ -74,7 +79,7 @@ def write_demo_project(
     The same arguments give the same bytes. Written are `vsd.toml`, `plans/`, `calibration/`, `pictures/`, `log.jsonl`,
     `engine/<camera>_<date>.jsonl.zst` (VSD frame messages, one file per camera and day) and `truth.json`. The last week
     holds an outage of one camera, an hour without data, an hour with little data, and a display that was moved before
-    it began.
+    it began. Eight weeks or more have a history (`simulate.history`): the display was moved four weeks earlier then.
 
     Args:
         folder: Project folder; made when missing.
@@ -82,7 +87,7 @@ def write_demo_project(
         weeks: ISO weeks to make, the last being `last_week`.
         last_week: Last week, such as "2026-W46".
         detailed_weeks: How many of the last weeks have a frame every 2 s; earlier ones have one every 3 s and are
-            about a third smaller. Unless all have one every 2 s, `vsd.toml` gives no `hz`.
+            about a third smaller; with a history all are. Unless all have one every 2 s, `vsd.toml` gives no `hz`.
         progress: Called after each day with days done and days in all.
 
     Returns:
@@ -105,8 +110,16 @@ def write_demo_project(
         )
     intervals = [DETAILED_S if weeks - i <= detailed_weeks else COARSE_S for i in range(weeks)]
     planted = _planted(mondays[-1])
-    _write_site(folder, hz=1 / DETAILED_S if set(intervals) == {DETAILED_S} else None)
-    _write_log(folder / "log.jsonl", planted)
+    past = history_of(mondays, cameras=tuple(c.camera_id for c in CAMERAS), timezone=TIMEZONE)
+    if past is not None:
+        intervals = [COARSE_S] * weeks
+        planted = replace(planted, moved_at=past.moved_at, earlier=past.gaps)
+    _write_site(
+        folder,
+        hz=1 / DETAILED_S if set(intervals) == {DETAILED_S} else None,
+        closed=past.closed if past is not None else (),
+    )
+    _write_log(folder / "log.jsonl", planted, past)
 
     sequence = dict.fromkeys((c.camera_id for c in CAMERAS), 0)
     hours: list[HourTruth] = []
@@ -115,7 +128,8 @@ def write_demo_project(
     n_messages = n_persons = 0
     for i, (monday, interval_s) in enumerate(zip(mondays, intervals, strict=True)):
         found, open_h = [], 0.0
-        for k, day in enumerate(simulate_week(monday, seed=seed, interval_s=interval_s, moved_at=planted.moved_at)):
+        made_of = simulate_week(monday, seed=seed, interval_s=interval_s, moved_at=planted.moved_at, past=past)
+        for k, day in enumerate(made_of):
             for camera in CAMERAS:
                 camera_id = camera.camera_id
                 made = day_text(
@@ -124,7 +138,7 @@ def write_demo_project(
                 sequence[camera_id] += day.n_frames
                 n_messages, n_persons = n_messages + made.n_messages, n_persons + made.n_persons
                 write_messages(folder / "engine" / f"{camera_id}_{day.day.isoformat()}.jsonl.zst", made.text)
-            found.append(violations(day))
+            found.append(violations(in_view(day)))
             hours += hours_of(day)
             open_h += (day.closes - day.opens).total_seconds() / 3600
             if progress is not None:
@@ -144,34 +158,49 @@ def write_demo_project(
         outage=planted.outage,
         low_data=planted.low_data,
         missing=planted.missing,
-        redesign=PlantedRedesign(planted.moved_at, REDESIGN_AREA, REDESIGN_TEXT, _effect(areas)),
+        redesign=PlantedRedesign(
+            planted.moved_at, REDESIGN_AREA, REDESIGN_TEXT, _effect(areas, REDESIGN_AREA, planted.moved_at)
+        ),
         areas=tuple(areas),
         hours=tuple(hours),
         n_messages=n_messages,
         n_person_records=n_persons,
+        idle=_idle(areas, past),
+        lost=planted.earlier,
+        closed=past.closed if past is not None else (),
     )
     truth.write(folder / "truth.json")
     return truth
 
 
 def simulate_week(
-    monday: date, *, seed: int = 1, interval_s: float = DETAILED_S, moved_at: datetime | None = None
+    monday: date,
+    *,
+    seed: int = 1,
+    interval_s: float = DETAILED_S,
+    moved_at: datetime | None = None,
+    past: History | None = None,
 ) -> Iterator[Day]:
-    """Simulate the seven days of a week in opening hours.
+    """Simulate the days of a week in opening hours.
 
     Args:
         monday: First local date.
         seed: Seed of the world.
         interval_s: Seconds from frame to frame.
         moved_at: From when on the display stands in its new place; None = never.
+        past: How busy the shop was, and when it was closed; None = always alike, never closed.
 
     Yields:
         True positions, day by day.
     """
     for k in range(7):
-        opens, closes = opening(monday + timedelta(days=k))
+        day = monday + timedelta(days=k)
+        if past is not None and day in past.closed:
+            continue
+        opens, closes = opening(day)
         moved = moved_at is not None and opens >= moved_at
-        yield simulate_day(opens, closes=closes, seed=seed, interval_s=interval_s, display_moved=moved)
+        busy = past.busy(day) if past is not None else 1.0
+        yield simulate_day(opens, closes=closes, seed=seed, interval_s=interval_s, display_moved=moved, busy=busy)
 
 
 def opening(day: date) -> tuple[datetime, datetime]:
@@ -237,13 +266,22 @@ def free_area_m2(rect: tuple[float, float, float, float]) -> float:
     return float(SHOP_AFTER.is_free(xs, ys).sum()) * 0.05**2
 
 
-def _effect(areas: list[AreaTruth]) -> float | None:
-    rates = [a.violations / a.open_h for a in areas if a.area_id == REDESIGN_AREA]
-    return round(rates[-1] / rates[-2], 3) if len(rates) > 1 and rates[-2] > 0 else None
+def _effect(areas: list[AreaTruth], area_id: str, at: datetime) -> float | None:
+    """Return the rate of an area in the week of an instant over that of the week before."""
+    rates = {a.week: a.violations / a.open_h for a in areas if a.area_id == area_id}
+    now, before = (rates.get(_week_name((at - timedelta(weeks=back)).date()), 0.0) for back in (0, 1))
+    return round(now / before, 3) if before > 0 else None
 
 
-def _write_log(path: Path, planted: _Planted) -> None:
-    entries = (
+def _idle(areas: list[AreaTruth], past: History | None) -> PlantedRedesign | None:
+    if past is None or past.idle.area_id is None:
+        return None
+    at, area_id = past.idle.at, past.idle.area_id
+    return PlantedRedesign(at, area_id, past.idle.text, _effect(areas, area_id, at))
+
+
+def _write_log(path: Path, planted: _Planted, past: History | None) -> None:
+    entries: tuple[dict[str, str | None], ...] = (
         {"at": planted.moved_at.isoformat(), "text": REDESIGN_TEXT, "area": REDESIGN_AREA},
         {
             "at": planted.missing.start.isoformat(),
@@ -251,26 +289,30 @@ def _write_log(path: Path, planted: _Planted) -> None:
             "area": None,
         },
     )
+    if past is not None:
+        older = ({"at": e.at.isoformat(), "text": e.text, "area": e.area_id} for e in past.log)
+        entries = tuple(sorted((*entries, *older), key=lambda e: datetime.fromisoformat(str(e["at"]))))
     path.write_text("".join(json.dumps(e) + "\n" for e in entries), encoding="utf-8")
 
 
-def _write_site(folder: Path, *, hz: float | None) -> None:
+def _write_site(folder: Path, *, hz: float | None, closed: Sequence[date]) -> None:
     """Write `vsd.toml` and the files it names."""
     for name in ("plans", "calibration", "pictures"):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    (folder / "plans" / "ground.svg").write_text(plan_svg(SHOP_AFTER), encoding="utf-8")
+    (folder / "plans" / "ground.svg").write_text(plan_svg(), encoding="utf-8")
     for camera in CAMERAS:
         rows = "\n".join(" ".join(f"{value:.10g}" for value in row) for row in camera.homography)
         (folder / "calibration" / f"{camera.camera_id}.txt").write_text(f"{rows}\n", encoding="utf-8")
         (folder / "pictures" / f"{camera.camera_id}.png").write_bytes(picture(camera, SHOP_AFTER))
-    (folder / "vsd.toml").write_text(_toml(hz), encoding="utf-8")
+    (folder / "vsd.toml").write_text(_toml(hz, closed), encoding="utf-8")
 
 
-def _toml(hz: float | None) -> str:
+def _toml(hz: float | None, closed: Sequence[date]) -> str:
     blocks = [
         "# A made-up shop. Floor coordinates are metres from its lower left corner, x to the right, y up.",
         f'[site]\nid = "{SITE_ID}"\nname = "{SITE_NAME}"\ntimezone = "{TIMEZONE}"\n'
-        'opening = { mon-sat = "08:00-21:00", sun = "10:00-18:00" }\ndistance_m = 2.0',
+        'opening = { mon-sat = "08:00-21:00", sun = "10:00-18:00" }\ndistance_m = 2.0'
+        + (f"\nclosed = {json.dumps([day.isoformat() for day in closed])}" if closed else ""),
         f'[[floor]]\nid = "ground"\nname = "Ground floor"\nplan = "plans/ground.svg"\nplan_m_per_px = {M_PER_PX}\n'
         "plan_origin_m = [0.0, 0.0]",
         "[report]\nhour_steps = [0, 100, 200, 300, 400]   # a busy shop: the timetable's colours start higher",
@@ -283,8 +325,20 @@ def _toml(hz: float | None) -> str:
         for camera in CAMERAS
     ]
     for area in AREAS:
-        corners = ", ".join(f"[{x:g}, {y:g}]" for x, y in area.polygon)
         blocks.append(
-            f'[[area]]\nid = "{area.area_id}"\nname = "{area.name}"\nfloor = "{area.floor_id}"\npolygon = [{corners}]'
+            f'[[area]]\nid = "{area.area_id}"\nname = "{area.name}"\nfloor = "{area.floor_id}"\n'
+            f"polygon = {_corners(area.polygon)}"
         )
-    return "\n\n".join(blocks) + "\n"
+    for fixture in fixtures(SHOP_AFTER):
+        blocks.append(
+            f'[[fixture]]\nid = "{fixture.fixture_id}"\nname = "{fixture.name}"\nfloor = "{fixture.floor_id}"\n'
+            f"polygon = {_corners(fixture.polygon)}\n"
+            + (f'kind = "{fixture.kind}"\n' if fixture.kind != "shelf" else "")
+            + ("movable = true\n" if fixture.is_movable else "")
+            + f"height_m = {fixture.height_m:g}\n"
+        )
+    return "\n\n".join(block.strip() for block in blocks) + "\n"
+
+
+def _corners(polygon: Sequence[Point]) -> str:
+    return "[" + ", ".join(f"[{x:g}, {y:g}]" for x, y in polygon) + "]"

@@ -36,13 +36,15 @@ class Fixture:
         kind: "room", "shelf", "till", "counter", "display" or "trolleys".
         rect: Its footprint in floor metres.
         height_m: Its height, for camera pictures.
-        label: What the plan calls it.
+        label: What the site calls it.
+        is_movable: True when staff could move it.
     """
 
     kind: str
     rect: Rect
     height_m: float
-    label: str = ""
+    label: str
+    is_movable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,13 +96,16 @@ _FIXED: tuple[Fixture, ...] = (
     Fixture("room", (19.0, 11.0, WIDTH_M, DEPTH_M), 2.8, "Storeroom"),
     Fixture("room", (0.0, 0.0, 2.8, 3.4), 2.8, "Office"),
     Fixture("room", (0.0, 9.8, 1.4, 14.2), 2.2, "Pharmacy"),
-    Fixture("counter", (1.4, 10.2, 2.0, 13.8), 1.1),
-    *(Fixture("shelf", (x, _SHELF_Y[0], x + _SHELF_WIDTH_M, _SHELF_Y[1]), 1.6) for x in _SHELF_X),
+    Fixture("counter", (1.4, 10.2, 2.0, 13.8), 1.1, "Counter"),
+    *(
+        Fixture("shelf", (x, _SHELF_Y[0], x + _SHELF_WIDTH_M, _SHELF_Y[1]), 1.6, f"Shelf {k}")
+        for k, x in enumerate(_SHELF_X, start=1)
+    ),
     Fixture("shelf", (3.0, 15.4, 18.8, DEPTH_M), 2.0, "Bakery and dairy"),
-    Fixture("shelf", (23.4, 3.6, WIDTH_M, 10.4), 2.0),
-    Fixture("shelf", (19.2, 8.2, 21.6, 9.6), 0.9, "Fruit"),
-    *(Fixture("till", (x, 1.3, x + _TILL_WIDTH_M, 3.2), 0.9, str(4 - i)) for i, x in enumerate(reversed(_TILL_X))),
-    Fixture("trolleys", (22.5, 0.3, 23.8, 1.7), 1.0, "Trolleys"),
+    Fixture("shelf", (23.4, 3.6, WIDTH_M, 10.4), 2.0, "Drinks"),
+    Fixture("shelf", (19.2, 8.2, 21.6, 9.6), 0.9, "Fruit", is_movable=True),
+    *(Fixture("till", (x, 1.3, x + _TILL_WIDTH_M, 3.2), 0.9, f"Till {4 - i}") for i, x in enumerate(reversed(_TILL_X))),
+    Fixture("trolleys", (22.5, 0.3, 23.8, 1.7), 1.0, "Trolleys", is_movable=True),
 )
 
 
@@ -206,7 +211,7 @@ _HALL_AFTER: dict[str, Rect] = {"hall": (14.9, 0.3, 22.2, 7.3)}
 
 
 def _shop(display: Rect, hall: dict[str, Rect], stops: tuple[Stop, ...], share: float) -> Shop:
-    fixtures = (*_FIXED, Fixture("display", display, 1.5, "Display"))
+    fixtures = (*_FIXED, Fixture("display", display, 1.5, "Display", is_movable=True))
     return Shop(display, fixtures, {**_ZONES, **hall}, stops, share)
 
 
@@ -261,7 +266,8 @@ PHARMACY = Line(
 )
 
 
-def _polygon(rect: Rect) -> tuple[Point, ...]:
+def polygon(rect: Rect) -> tuple[Point, ...]:
+    """Return the corners of a rectangle, counter-clockwise."""
     x0, y0, x1, y1 = rect
     return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
 
@@ -273,7 +279,7 @@ AREA_RECTS: dict[str, Rect] = {
     "pharmacy": (2.0, 9.8, 4.6, 13.8),
 }
 AREAS: tuple[Area, ...] = tuple(
-    Area(area_id, name, "ground", _polygon(AREA_RECTS[area_id]))
+    Area(area_id, name, "ground", polygon(AREA_RECTS[area_id]))
     for area_id, name in (
         ("checkout-queue", "Checkout queue"),
         ("entrance", "Main entrance"),
