@@ -1,0 +1,153 @@
+"""Which weeks were mailed to whom: `mail.jsonl` in the project, so that a week reaches nobody twice.
+
+One JSON object a line, on the disk before the mail is handed over and again afterwards. It holds addresses, so only its
+owner may read it, and it never lies among the reports, which may be published.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Literal
+
+from vsd_analytics.errors import MailError, Where, disk_error
+
+FILE: Final = "mail.jsonl"
+Step = Literal["begun", "sent", "not sent"]
+Key = tuple[str, str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Week:
+    """What a mail is about.
+
+    Attributes:
+        floor_id: Floor of the report.
+        week: ISO week.
+    """
+
+    floor_id: str
+    week: str
+
+
+class SentLog:
+    """The file, held by one command at a time; use it as a context manager.
+
+    Args:
+        path: The file; made when the first mail is begun.
+
+    Raises:
+        MailError: E809, another command holds it (on entering).
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._fd = -1
+        self._last: dict[Key, tuple[Step, str]] = {}
+
+    def __enter__(self) -> SentLog:
+        self._fd = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+        try:
+            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._fd)
+            raise MailError(
+                "another command is sending mail of this project",
+                code="E809",
+                where=Where(str(self._path)),
+                mend="wait until it ends, then run this one again: what was sent is not sent twice",
+            ) from None
+        for line in self._path.read_bytes().splitlines():
+            self._note(line)
+        return self
+
+    def __exit__(self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None) -> None:
+        os.close(self._fd)
+
+    def step(self, week: Week, address: str) -> Step | None:
+        """Return how far the mail of a week got for an address; None = it was never begun."""
+        found = self._last.get(_key(week, address))
+        return None if found is None else found[0]
+
+    def message_id(self, week: Week, address: str) -> str | None:
+        """Return the Message-ID of the last mail of a week to an address."""
+        found = self._last.get(_key(week, address))
+        return None if found is None else found[1]
+
+    def note(self, week: Week, steps: Mapping[str, Step], *, message_id: str, at: datetime) -> None:
+        """Write a step for each address, durably.
+
+        Raises:
+            DiskError: E304 to E306, the disk refuses.
+        """
+        lines = [
+            json.dumps(
+                {
+                    "week": week.week,
+                    "floor": week.floor_id,
+                    "to": address,
+                    "step": step,
+                    "message_id": message_id,
+                    "at": at.isoformat(timespec="seconds"),
+                }
+            ).encode()
+            for address, step in steps.items()
+        ]
+        size = os.fstat(self._fd).st_size
+        is_torn = size > 0 and os.pread(self._fd, 1, size - 1) != b"\n"  # a crash in the middle of a line
+        data = b"\n" * is_torn + b"".join(line + b"\n" for line in lines)
+        try:
+            if os.write(self._fd, data) < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self._path))
+            os.fsync(self._fd)
+        except OSError as error:
+            raise disk_error(error, path=self._path) or error from None
+        for line in lines:
+            self._note(line)
+
+    def _note(self, line: bytes) -> None:
+        try:
+            record = json.loads(line)
+            key = str(record["floor"]), str(record["week"]), str(record["to"]).casefold()
+            self._last[key] = record["step"], str(record["message_id"])
+        except (ValueError, KeyError, TypeError):
+            return  # torn: a step that is not whole on the disk was never acted on, or leaves "begun" standing
+
+
+def to_send(
+    log: SentLog, week: Week, addresses: Sequence[str], *, is_again: bool = False
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return who a week is to be sent to, and who has it already.
+
+    Args:
+        log: The file.
+        week: What the mail is about.
+        addresses: Everybody it is meant for.
+        is_again: Send it whatever the file says.
+
+    Raises:
+        MailError: E807, it is not known whether an earlier mail of the week arrived.
+    """
+    if is_again:
+        return tuple(addresses), ()
+    unknown = [a for a in addresses if log.step(week, a) == "begun"]
+    if unknown:
+        raise MailError(
+            f"it is not known whether {week.week} reached {', '.join(unknown)}",
+            code="E807",
+            why="an earlier command handed the mail over and broke off before it was answered",
+            mend="ask a recipient; if it did not come: the same command with --again",
+        )
+    has = tuple(a for a in addresses if log.step(week, a) == "sent")
+    return tuple(a for a in addresses if a not in has), has
+
+
+def _key(week: Week, address: str) -> Key:
+    return week.floor_id, week.week, address.casefold()
