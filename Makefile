@@ -32,6 +32,8 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2
 	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
 	$(BIN)/python tests/benchmarks/bench_demo.py
+	$(BIN)/python tests/benchmarks/bench_marts.py
+	$(BIN)/python tests/benchmarks/bench_report.py
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
@@ -41,6 +43,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 	$(BIN)/python tests/realdata/prove_cameras.py
 	$(BIN)/python tests/realdata/prove_thinning.py
+	$(BIN)/python tests/realdata/prove_atc.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python -m vsd_analytics.reference docs

@@ -17,9 +17,12 @@ FORBIDDEN = {
     "warehouse": {"analysis", "ingest", "stats", "report", "live", "simulate", "cli"},
     "stats": {"store", "ingest", "warehouse", "analysis", "report", "live", "simulate", "cli", "config"},
     "analysis": {"store", "ingest", "report", "live", "simulate", "cli"},
-    "report": {"store", "ingest", "live", "simulate", "cli"},
+    "report": {"store", "ingest", "live", "simulate", "cli", "planner"},
+    "index": {"ingest", "warehouse", "stats", "analysis", "live", "simulate", "cli"},
+    "planner": {"store", "ingest", "live", "simulate", "cli"},
     "live": {"stats", "report", "simulate", "cli"},
     "simulate": {"warehouse", "stats", "report", "cli"},
+    "delivery": {"store", "ingest", "warehouse", "stats", "analysis", "live", "simulate", "cli"},
 }
 LONGEST = 450
 

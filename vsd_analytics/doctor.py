@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from vsd_analytics.config import FILE, find_project, load_site
+from vsd_analytics.delivery.pdf import find_chromium
 from vsd_analytics.errors import ConfigError, VsdError
 from vsd_analytics.settings import SETTINGS, Settings
 from vsd_analytics.site import Camera, Site
@@ -21,8 +22,6 @@ from vsd_analytics.version import VERSION
 State = Literal["ok", "note", "needs you"]
 
 PACKAGES = ("duckdb", "pyarrow", "numpy", "scipy", "pandas", "opencv-python-headless", "shapely", "matplotlib")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-MAC_BROWSER = Path("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome")
 NETWORK_FILE_SYSTEMS = ("nfs", "cifs", "smb", "afp", "9p", "sshfs", "fuse.sshfs", "glusterfs", "ceph")
 OLD_CALIBRATION_DAYS = 365
 QUICK_BYTES = 200_000_000
@@ -67,7 +66,7 @@ def examine(
         environ: Environment with overrides of settings.
         broker_config: The broker's mosquitto.conf, to be checked too.
     """
-    return (*_machine(), *_project(start, now=now, environ=environ, broker_config=broker_config))
+    return (*_machine(environ), *_project(start, now=now, environ=environ, broker_config=broker_config))
 
 
 def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
@@ -78,7 +77,7 @@ def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
     )
 
 
-def _machine() -> Iterator[Finding]:
+def _machine(environ: Mapping[str, str]) -> Iterator[Finding]:
     yield Finding("vsd-analytics", "ok", f"{VERSION} on Python {platform.python_version()}")
     yield _platform(sys.platform)
     found, missing = [], []
@@ -91,7 +90,7 @@ def _machine() -> Iterator[Finding]:
         yield Finding("packages", "needs you", f"missing: {', '.join(missing)}", "install vsd-analytics again with pip")
     else:
         yield Finding("packages", "ok", ", ".join(found))
-    yield _browser(shutil.which)
+    yield _browser(shutil.which, environ=environ)
 
 
 def _platform(name: str) -> Finding:
@@ -101,15 +100,16 @@ def _platform(name: str) -> Finding:
     return Finding("platform", "needs you", f"{name} is not supported: the store needs flock and folder fsync", mend)
 
 
-def _browser(which: Callable[[str], str | None]) -> Finding:
-    path = next((found for found in map(which, BROWSERS) if found), None)
-    if path is None and MAC_BROWSER.exists():
-        path = str(MAC_BROWSER)
+def _browser(which: Callable[[str], str | None], *, environ: Mapping[str, str]) -> Finding:
+    try:
+        path = find_chromium(environ=environ, which=which)
+    except VsdError as error:
+        return Finding("browser", "needs you", error.what, error.mend)
     if path is None:
         return Finding(
             "browser", "note", "no Chromium or Chrome found: reports are made as HTML, JSON and CSV, not PDF"
         )
-    return Finding("browser", "ok", Path(path).name)
+    return Finding("browser", "ok", path.name)
 
 
 def _project(

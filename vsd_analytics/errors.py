@@ -172,3 +172,9 @@ class LiveError(VsdError):
     """The live branch cannot go on (E7xx)."""
 
     default_code = "E700"
+
+
+class MailError(VsdError):
+    """The weekly mail could not be sent (E8xx)."""
+
+    default_code = "E800"

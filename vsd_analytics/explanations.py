@@ -240,6 +240,46 @@ A report could not be made; the message says which part and why. Stored data are
 A plan or camera picture cannot be decoded. Mend: export it as PNG again and name that file in vsd.toml.""",
     "E502": """\
 An SVG plan is too large to be carried inside a report. Mend: save it as PNG and name that in vsd.toml.""",
+    "E510": """\
+vsd site build found no report to list: no 2026-W46.json, nor a page, in the folder reports of the project.
+The index is made from the JSON twins of the weekly reports and from nothing else.
+Mend: vsd site build --make writes the reports of all stored weeks first; vsd report --format html,json that of one.""",
+    "W510": """\
+A twin (the JSON file of a weekly report) is damaged and is not listed; everything else is.
+Common causes: a copy that broke off, an editor, a merge. The message says what does not fit.
+Mend: write it again with vsd report --week WEEK --format json, while its records or sealed figures are still there.""",
+    "W511": """\
+A JSON file among the reports is not the twin of a weekly report, or is that of another week or floor than its name
+says, and is not listed. Twins are named 2026-W46.json, or 2026-W46-ground.json on sites of several floors.
+Mend: move it to another folder, or give it back its name.""",
+    "W512": """\
+A twin was written by a newer version of vsd-analytics, in a form this version does not know, and is not listed.
+Mend: upgrade this installation, or build the index with the newer one.""",
+    "W513": """\
+A page among the reports has no twin, so the index links to it without its figures.
+Common causes: the page was written with vsd report alone, before twins were kept; its JSON file was deleted.
+Mend: vsd report --week WEEK --format html,json, or vsd site build --make for all of them.""",
+    "W514": """\
+Two twins report the same week of the same floor; the one made later is listed.
+Common cause: a second floor was added to the site, so that 2026-W46.json became 2026-W46-ground.json.
+Mend: delete the files of the older one.""",
+    "E515": """\
+Where the index shall be written stands an index.html that vsd site build did not write. It is not written over.
+Mend: choose another folder with --out, or move that file.""",
+    "E520": """\
+There is no browser to print the PDF with. It is the page itself, printed by a Chromium, Chrome or Edge of this machine.
+It is looked for in the environment variable VSD_CHROMIUM, under [report] chromium in vsd.toml, on the PATH, and among
+the apps of macOS; one that is named and does not exist is not replaced by another.
+Mend: install one (Debian: apt install chromium; Fedora: dnf install chromium; macOS: brew install --cask chromium),
+name it, or print the HTML page from any browser. A mail goes out without a PDF meanwhile.""",
+    "E521": """\
+The browser did not print the PDF: it did not start, failed, or took longer than a minute.
+Common causes: a snap, which may not read temporary folders (set TMPDIR to a folder in your home); no user namespaces in
+a container, so that its sandbox cannot start; too little memory.
+Mend: the message carries the browser's last words. Another browser: VSD_CHROMIUM=/path/to/chromium.""",
+    "E522": """\
+The week has nothing to draw in this figure: no map without data, no change without a week before.
+Mend: vsd report shows what the week has; another --figure, or another --week.""",
     "E600": """\
 A SQL query failed. The message carries the database's own words.
 Mend: vsd schema tables shows tables and columns; queries are read-only.""",
@@ -285,6 +325,51 @@ An alarm could not be delivered. It stands in alarms.jsonl all the same, unless 
 Common causes: a wrong address or port; the receiver is down, slow or wants another token (VSD_WEBHOOK_TOKEN); its
 certificate is not trusted; it redirects to another address, which is not followed, since the token would go there too.
 Mend: the message carries the receiver's own answer. Then: vsd alarms --test""",
+    "E800": """\
+The weekly mail could not be sent. Mend: as the message says. The .eml file beside it can be sent by hand.""",
+    "E801": """\
+There is no way to send a mail, or nobody to send it to. vsd report --mail writes an .eml file without either.
+Mend: in vsd.toml [mail] with smtp = "mail.example.org" (or sendmail = "/usr/sbin/sendmail"), from = "..." and
+to = ["..."]; docs/mail.md shows all keys.""",
+    "E802": """\
+The password of the mail server cannot be read. It stands in the environment variable VSD_MAIL_PASSWORD, or on the first
+line of password_file, which lies outside the project; never in vsd.toml.""",
+    "E803": """\
+The mail server cannot be reached, or went away before it took the mail. It was tried three times; nothing was sent.
+Common causes: smtp or port are wrong, the server is down, a firewall, the wrong kind of encryption for the port.
+Mend: run the same command again later, by hand or by the timer; nobody gets a week twice.""",
+    "E804": """\
+No encrypted connection to the mail server: it offers none, or its certificate is not trusted, or names another host.
+Nothing was sent, and the password was not shown to anybody.
+Mend: tls = "starttls" goes with port 587, tls = "tls" with 465. A certificate of your own authority: ca_file. A server
+on this machine or in a closed network without encryption: tls = "none", which allows no login.""",
+    "E805": """\
+The mail server refuses user or password; its own words follow in the message. Nothing was sent.
+Common causes: a provider that wants a password made for programs; a user that is not the whole address.
+Mend: [mail] user; the password in VSD_MAIL_PASSWORD or password_file.""",
+    "E806": """\
+The mail server refuses the sender, the mail, or recipients; its own words follow in the message.
+When it takes some recipients and refuses others, those it took have the mail; running the command again tries only the
+others. Common causes: a misspelt address; a server that relays only for logged-in senders; a mail that is too large.
+Mend: [mail] from and to.""",
+    "E807": """\
+The server took the whole mail, and the connection broke before it said whether it will deliver it. It may have arrived.
+Sending it again by itself could deliver it twice, so it is not done.
+Mend: ask a recipient. If it did not come: the same command with --again. mail/sent.jsonl tells what was begun.""",
+    "E808": """\
+The mail program of [mail] sendmail did not take the mail. Nothing was sent.
+Mend: run it by hand once; its own log (journalctl -u postfix, /var/log/mail.log) tells more.""",
+    "E809": """\
+Another command is sending mail of this project at this moment.
+Mend: wait until it ends, then run this one again: what was sent is not sent twice.""",
+    "W800": """\
+The week the clock calls the last one has no data yet, so --week last means an older one. That one was mailed already,
+or is mailed late; the newest week is not mailed.
+Mend: see why no data come (vsd doctor, vsd coverage); once they are there, run the same command again. To mail the week
+as it is, name it: --week 2026-W46. Then the mail says that there are no data.""",
+    "W801": """\
+The mail has no PDF, as no browser could print it; everything else is in it.
+Mend: vsd doctor tells which browser is found; install Chromium, or name one: VSD_CHROMIUM=/path/to/chromium.""",
     "E900": """\
 An internal error: a mistake in this program, not in your data. The store is left consistent.
 Mend: run the command again with -v and report the traceback it prints, after reading it for private names.""",

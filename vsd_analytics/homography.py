@@ -111,6 +111,40 @@ def ground_resolution(homography: ArrayLike, xy: ArrayLike, *, picture_px: tuple
     return np.asarray(np.sqrt(np.abs(np.linalg.det(g)) / w**3))
 
 
+def projection(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Array | None:
+    """Return the whole camera behind a homography: the 3x4 matrix P from floor metres and height to pixels.
+
+    (u w, v w, w) = P (x, y, z, 1), w the depth in metres. A homography fixes P when the lens has square pixels and its
+    axis meets the middle of the picture: with G = H^-1 shifted to that middle, its first two columns are
+    diag(f, f, 1) times two orthogonal vectors of equal length, two equations for 1/f^2 of which the least-squares
+    solution is taken (Zhang, A flexible new technique for camera calibration, 2000, section 3.1). Of the two normals
+    of the floor, the one with the camera above it is taken.
+
+    Args:
+        homography: 3x3, pixels to metres.
+        picture_px: Width and height of the picture.
+
+    Returns:
+        None when no such lens makes this homography, as for a camera that looks straight down.
+    """
+    h = as_matrix(homography)
+    to_middle = np.array([[1.0, 0.0, -picture_px[0] / 2], [0.0, 1.0, -picture_px[1] / 2], [0.0, 0.0, 1.0]])
+    g = to_middle @ _inverse(h) * ground_sign(h, picture_px=picture_px)
+    (a, b), (c, d), (e, k) = g[:, :2]
+    ahead = np.array([a * b + c * d, a * a + c * c - b * b - d * d])
+    rest = np.array([e * k, e * e - k * k])
+    inverse_f2 = -float(ahead @ rest) / max(float(ahead @ ahead), np.finfo(float).tiny)
+    if not inverse_f2 > 0:
+        return None
+    lens = np.diag([1 / np.sqrt(inverse_f2), 1 / np.sqrt(inverse_f2), 1.0])
+    pose = _inverse(lens) @ g
+    pose /= np.sqrt(np.linalg.norm(pose[:, 0]) * np.linalg.norm(pose[:, 1]))
+    up = np.cross(pose[:, 0], pose[:, 1])
+    if -up @ pose[:, 2] < 0:
+        up = -up
+    return np.asarray(_inverse(to_middle) @ lens @ np.column_stack([pose[:, :2], up, pose[:, 2]]))
+
+
 def fit_homography(points: Sequence[tuple[float, float, float, float]] | ArrayLike) -> Fit:
     """Return the homography with the least squared error on the floor over pairs of picture and floor points.
 

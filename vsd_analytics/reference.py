@@ -77,6 +77,8 @@ def _toml(value: Any) -> str:
             return str(value).lower()
         case tuple():
             return "[" + ", ".join(_toml(v) for v in value) + "]"
+        case str():
+            return f'"{value}"'
         case float():
             return f"{value:.1f}" if value == int(value) else f"{value:g}"
         case _:
@@ -207,6 +209,36 @@ quarter-hour that starts at the day_starts of vsd.toml, for the days that touch 
     return _page(parts)
 
 
+def figures_markdown() -> str:
+    """Return the generated part of `docs/figures.md`: the thirty figures, from the headers of the SQL files."""
+    from vsd_analytics.warehouse.sqlfiles import figure_headers
+
+    rows = [
+        (
+            f.metric,
+            f"**{f.name}**" if f.metric in ("M0", "M7") else f.name,
+            f.definition,
+            f.unit,
+            f.denominator,
+            f.needs,
+            f.uncertainty,
+            f"[{f.relation.partition('/')[2]}](../sql/{f.relation}.sql)",
+            _python(f.by),
+        )
+        for f in figure_headers()
+    ]
+    head = ("", "figure", "definition", "unit", "denominator", "needs at least", "uncertainty", "SQL", "Python")
+    return _table(head, rows)
+
+
+def _python(name: str) -> str:
+    """Return a link to the file of a function or class, by its dotted name."""
+    module, _, short = name.rpartition(".")
+    path = module.replace(".", "/")
+    where = f"{path}/__init__.py" if (Path(__file__).parent.parent / path).is_dir() else f"{path}.py"
+    return f"[`{short}`](../{where})"
+
+
 def _relation(relation: Relation) -> list[str]:
     where = f"sql/{relation.layer}/{relation.name}.sql"
     told = [f"One row is identified by {_listed(relation.grain)}."]
@@ -214,6 +246,8 @@ def _relation(relation: Relation) -> list[str]:
         told.append(f"Reads {_listed(relation.reads)}.")
     if relation.params:
         told.append(f"Settings: {_listed(relation.params)}.")
+    if relation.figures:
+        told.append(f"Figures made from it: {', '.join(f.metric for f in relation.figures)} ([which](figures.md)).")
     parts = [f"### {relation.name}", relation.description, " ".join([*told, f"File: [{where}](../{where})."])]
     rows = [(f"`{c}`", said or _USUAL.get(c, "")) for c, said in relation.columns.items()]
     parts.append(_table(("column", "what it is"), rows))
@@ -249,11 +283,34 @@ PAGES: Final[Mapping[str, Callable[[], str]]] = {
 }
 
 
+PARTS: Final[Mapping[str, Callable[[], str]]] = {"figures.md": figures_markdown}
+"""Pages written by hand of which a part, between `PART_BEGINS` and `PART_ENDS`, is made from the code."""
+PART_BEGINS: Final = "<!-- Made by `make docs` from the headers of the SQL files; edit there. -->"
+PART_ENDS: Final = "<!-- Written by hand from here on. -->"
+
+
+def with_part(page: str, part: str) -> str:
+    """Return a page with its generated part replaced.
+
+    Raises:
+        ValueError: The page lacks the lines that mark the part.
+    """
+    before, begins, rest = page.partition(PART_BEGINS)
+    _, ends, after = rest.partition(PART_ENDS)
+    if not (begins and ends):
+        raise ValueError("the page lacks the marks of its generated part")
+    return f"{before}{begins}\n\n{part}\n\n{ends}{after}"
+
+
 def write_pages(folder: Path) -> list[Path]:
-    """Write all pages into `folder` and return those that changed."""
+    """Write all pages into `folder` and return those that changed; of `PARTS` only what is there already."""
     changed = []
-    for name, make in PAGES.items():
-        path, text = folder / name, make()
+    made = {name: make() for name, make in PAGES.items()}
+    for name, make in PARTS.items():
+        if (folder / name).exists():
+            made[name] = with_part((folder / name).read_text(encoding="utf-8"), make())
+    for name, text in made.items():
+        path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
             changed.append(path)

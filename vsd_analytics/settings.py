@@ -42,6 +42,7 @@ class Setting:
 # fmt: off
 SETTINGS: tuple[Setting, ...] = (
     Setting("distance_m", "site", 2.0, "metres", 0.1, 10.0, "Two people closer than this are in violation (strictly closer).", True),
+    Setting("distance_unit", "rule", "m", "", None, None, "Unit in which reports write distances: m or ft; settings stay in metres."),
     Setting("pair_max_m", "rule", 2.5, "metres", 0.1, 20.0, "Pairs farther apart than this are not kept.", True),
     Setting("episode_gap_s", "rule", 3.0, "seconds", 0.0, 600.0, "Violation records of one pair at most this far apart are one episode; never less than 2.5 frame intervals.", True),
     Setting("episode_min_s", "rule", 3.0, "seconds", 0.0, 600.0, "Episodes at least this long count as a violation."),
@@ -85,6 +86,9 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("retention_days", "privacy", 30, "days", 1, 36500, "Days raw records are meant to be kept; printed on the report; vsd purge --older-than retention removes what is older."),
 )
 # fmt: on
+
+CHOICES: Mapping[str, tuple[str, ...]] = {"distance_unit": ("m", "ft")}
+"""What a setting that is a word may be."""
 
 BY_NAME: Mapping[str, Setting] = {s.name: s for s in SETTINGS}
 

@@ -82,12 +82,39 @@ class Floor:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A named polygon on a floor, in floor metres."""
+    """A named polygon on a floor, in floor metres; `ask` is what the report is to ask about it, None = by rule."""
 
     area_id: str
     name: str
     floor_id: str
     polygon: tuple[Point, ...]
+    ask: str | None = None
+
+
+FixtureKind = Literal["shelf", "wall", "till", "other"]
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """Something nobody walks through, as a polygon in floor metres.
+
+    Attributes:
+        fixture_id: Identifier.
+        name: Display name; free text, always escaped.
+        floor_id: Floor it stands on.
+        polygon: Its footprint.
+        kind: "shelf" (also counters and displays), "wall" (also closed rooms), "till", or "other".
+        is_movable: True when staff could move it, so that a report may ask whether it should.
+        height_m: Its height, so that a picture shows what it hides; None = unknown.
+    """
+
+    fixture_id: str
+    name: str
+    floor_id: str
+    polygon: tuple[Point, ...]
+    kind: FixtureKind = "shelf"
+    is_movable: bool = False
+    height_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +204,37 @@ class Broker:
     status_topic: str | None = None
 
 
+MailTls = Literal["starttls", "tls", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class MailRoute:
+    """How the weekly mail leaves the house: by an SMTP server, or by a mail program of this machine.
+
+    Attributes:
+        sender: Address it comes from.
+        to: Addresses it goes to.
+        smtp: Name or address of the server; None = `sendmail`.
+        port: TCP port of the server.
+        tls: "starttls" (encrypted before anything is said), "tls" (from the first byte), "none" (no login then).
+        user: None = no login; the password is never in vsd.toml: see `password_file`.
+        password_file: File outside the project with the password on its first line; the environment's
+            VSD_MAIL_PASSWORD wins.
+        ca_file: Certificates to trust; None = the system's.
+        sendmail: Program that takes a mail on its standard input; None = `smtp`.
+    """
+
+    sender: str
+    to: tuple[str, ...] = ()
+    smtp: str | None = None
+    port: int = 587
+    tls: MailTls = "starttls"
+    user: str | None = None
+    password_file: Path | None = None
+    ca_file: Path | None = None
+    sendmail: Path | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class EngineError:
     """How good the site's engine is, by the site's own account: from its data sheet or a check by hand.
@@ -204,12 +262,15 @@ class Site:
         opening: For weekday 0 (Monday) to 6: tuple of (start, end) in minutes after local midnight; None = always open.
         closed: Local dates on which the site is closed.
         day_starts_min: Minutes after local midnight at which a site day starts.
-        floors, cameras, areas: In the order of the file.
+        floors, cameras, areas, fixtures: In the order of the file.
         settings: Values in force.
         broker: `[mqtt]`; None = no live source.
         alarms: `[[alarm]]`, in the order of the file.
         alarm_delivery: `[alarms]`.
         engine: `[engine]`; None = nothing is known of the engine's error.
+        mail: `[mail]`; None = mails are written, not sent.
+        base_url: `[report] base_url`, where the folder of reports can be read, without a slash at its end; None = none.
+        chromium: `[report] chromium`, the browser that prints PDFs; None = looked for on the PATH.
         ingest_map: `[ingest.map]`, ours to theirs.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """
@@ -224,10 +285,14 @@ class Site:
     floors: tuple[Floor, ...] = ()
     cameras: tuple[Camera, ...] = ()
     areas: tuple[Area, ...] = ()
+    fixtures: tuple[Fixture, ...] = ()
     broker: Broker | None = None
     alarms: tuple[AlarmRule, ...] = ()
     alarm_delivery: AlarmDelivery = field(default_factory=AlarmDelivery)
     engine: EngineError | None = None
+    mail: MailRoute | None = None
+    base_url: str | None = None
+    chromium: Path | None = None
     settings: Settings = field(default_factory=Settings)
     ingest_map: dict[str, str] = field(default_factory=dict)
     setting_sources: dict[str, str] = field(default_factory=dict)

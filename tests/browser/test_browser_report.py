@@ -3,52 +3,34 @@
 from __future__ import annotations
 
 import re
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from report import fixtures as weeks
+from report import sections
 
 from vsd_analytics.report.render import render_html
 
 pytestmark = pytest.mark.browser
 
-CHROMIUM = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None)
+ALL = {**weeks.ALL, **sections.MORE}
 MODES = [(scheme, width) for scheme in ("light", "dark") for width in (1280, 390)]
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no chromium, chromium-browser or google-chrome on this machine")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as engine:
-        chromium = engine.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     made = {}
-    for name, week in weeks.ALL.items():
+    for name, week in ALL.items():
         made[name] = folder / f"{name}.html"
         made[name].write_text(render_html(week()), encoding="utf-8")
     return made
 
 
-def axe_script() -> str:
-    package = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python is not installed")
-    return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("name", list(weeks.ALL))
-def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, pages: dict[str, Path], name: str) -> None:
-    axe = axe_script()
+@pytest.mark.parametrize("name", list(ALL))
+def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, axe: str, pages: dict[str, Path], name: str) -> None:
     for scheme, width in MODES:
         context = browser.new_context(
             color_scheme=scheme, viewport={"width": width, "height": 900}, bypass_csp=True, reduced_motion="reduce"
@@ -74,7 +56,13 @@ def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, pages: dict[str,
 
 
 @pytest.mark.parametrize("width", [320, 360, 390, 1280])
-@pytest.mark.parametrize("name", ["normal", "hostile", "always_open_picture", "too_incomplete", "settings_changed"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("complete", "with_tested_spots", "refused", "hostile"),
+        *("always_open_picture", "too_incomplete", "settings_changed"),
+    ],
+)
 def test_nothing_is_wider_than_the_screen(browser: Any, pages: dict[str, Path], name: str, width: int) -> None:
     page = browser.new_page(viewport={"width": width, "height": 800})
     page.goto(pages[name].as_uri())
@@ -93,9 +81,15 @@ def test_the_style_is_let_through_by_the_policy(browser: Any, pages: dict[str, P
     page.close()
 
 
-def test_print_has_at_most_four_tagged_pages_and_a_complete_first_one(browser: Any, pages: dict[str, Path]) -> None:
+@pytest.mark.parametrize("paper", ["a4", "letter"])
+@pytest.mark.parametrize("name", ["complete", "with_tested_spots", "first_week", "settings_changed"])
+def test_print_has_at_most_four_tagged_pages_and_a_complete_first_one(
+    browser: Any, tmp_path: Path, name: str, paper: str
+) -> None:
+    path = tmp_path / "week.html"
+    path.write_text(render_html(ALL[name](), paper=paper), encoding="utf-8")
     page = browser.new_page(color_scheme="dark")
-    page.goto(pages["normal"].as_uri())
+    page.goto(path.as_uri())
     pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
     page.emulate_media(media="print", color_scheme="light")
     page.set_viewport_size({"width": 687, "height": 1000})
@@ -104,5 +98,5 @@ def test_print_has_at_most_four_tagged_pages_and_a_complete_first_one(browser: A
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
     assert b"/MarkInfo" in pdf
     assert len(pdf) <= 1_000_000
-    # the printed area of A4 is 182 x 270 mm: 687 x 1020 px
-    assert bottom <= 1020
+    # the printed area is 182 x 270 mm of A4, 687 x 1020 px; 188 x 252 mm of Letter, 952 px high
+    assert bottom <= (1020 if paper == "a4" else 952)

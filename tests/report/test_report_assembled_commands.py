@@ -93,12 +93,14 @@ def test_strict_tells_a_week_that_is_too_incomplete(shop: Site, tmp_path: Path) 
     assert (tmp_path / "2026-W48.html").exists()
 
 
-def test_csv_is_two_files_and_not_for_standard_output(
+def test_csv_is_three_files_and_not_for_standard_output(
     shop: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     common = ["-C", str(shop.root), "report", "--week", "2026-W46", "--format", "csv", "--out"]
     assert run(cli, [*common, str(tmp_path)]) == 0
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["2026-W46-areas.csv", "2026-W46-hours.csv"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        f"2026-W46-{name}.csv" for name in ("areas", "hotspots", "hours")
+    ]
     assert run(cli, [*common, "-"]) == 2
     assert "--out" in capsys.readouterr().err
 

@@ -10,16 +10,17 @@ import pytest
 from report import fixtures as weeks
 
 from vsd_analytics.report import words
-from vsd_analytics.report.headline import MAX_WORDS, SENTENCES, change_to_name, finish, tell
+from vsd_analytics.report.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, tell
 from vsd_analytics.report.model import Estimate, Story, WeekReport
 from vsd_analytics.report.render import render_html
+from vsd_analytics.report.wording import has
 
 VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02, "too_little_data": None}
 
 GOLDEN = {
     ("clear_fall", "clear_fall"): "Violations fell by about a seventh",
-    ("clear_fall", "clear_rise"): "Violations fell by about a seventh, but rose per person-hour",
+    ("clear_fall", "clear_rise"): "Violations fell by about a seventh, with 15% more people, but rose per person-hour",
     (
         "clear_fall",
         "no_clear_change",
@@ -86,7 +87,9 @@ def test_each_pair_of_verdicts_has_its_sentence(keys: tuple[str, str]) -> None:
 
 
 def test_the_table_is_complete() -> None:
-    assert set(SENTENCES) == set(product(VERDICTS, (*VERDICTS, "not_measurable"))) == set(GOLDEN)
+    assert set(product(OFTEN, RISKY)) == set(product(VERDICTS, (*VERDICTS, "not_measurable"))) == set(GOLDEN)
+    for keys in GOLDEN:
+        assert has(f"headline.pair.{keys[0]}.{keys[1]}")
 
 
 @pytest.mark.parametrize("keys", list(GOLDEN), ids="/".join)
@@ -244,5 +247,5 @@ def test_a_change_is_named_by_the_nearest_fraction(change: float, said: str) -> 
 
 def test_large_rises_are_multiples_and_large_falls_end() -> None:
     assert words.moved(1.0) == "about doubled"
-    assert words.moved(1.6) == "rose to about 2.6 times last week's"
+    assert words.moved(1.6) == "rose to about 2.6 times last week’s"
     assert words.moved(-0.99) == "almost stopped"

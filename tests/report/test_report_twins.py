@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from report import fixtures as weeks
+from report import sections
 
 from vsd_analytics.report.model import Estimate
 from vsd_analytics.report.render import render_html
@@ -85,6 +86,24 @@ def test_areas_hold_the_figures_and_hide_what_is_masked() -> None:
     shown = {k: v for k, v in rows["Pharmacy counter"].items() if v}
     assert set(shown) == {"site", "floor", "week", "area", "name", "recorded_share", "state"}
     assert shown["state"] == "masked"
+
+
+def test_hotspots_are_the_cards_and_hide_the_rate_of_an_area_that_is_hidden() -> None:
+    report = sections.MORE["complete"]()
+    assert report.spots is not None
+    cards = report.spots.cards
+    rows = list(csv.DictReader(io.StringIO(to_csv(report)["hotspots.csv"])))
+    assert [(int(r["number"]), r["name"], r["area"]) for r in rows] == [
+        (c.number, c.name, c.area_id or "") for c in cards
+    ]
+    card = next(c for c in cards if c.often is not None and c.area_id is not None)
+    row = rows[cards.index(card)]
+    assert card.often is not None
+    assert float(row["per_open_hour"]) == pytest.approx(card.often.value, rel=1e-5)
+    areas = tuple(replace(a, is_held_back=a.area_id == card.area_id) for a in report.areas)
+    hidden = list(csv.DictReader(io.StringIO(to_csv(replace(report, areas=areas))["hotspots.csv"])))[cards.index(card)]
+    assert (hidden["per_open_hour"], hidden["lo"], hidden["hi"]) == ("", "", "")
+    assert to_csv(weeks.ALL["no_data"]())["hotspots.csv"].count("\n") == 1
 
 
 def test_no_name_becomes_a_formula() -> None:

@@ -30,6 +30,8 @@ COMMANDS: dict[str, str] = {
     "compare": "comparing:compare",
     "forecast": "outlook:forecast",
     "report": "reports:report",
+    "planner": "planning:planner",
+    "site": "site_index:site",
     "export": "keeping:export",
     "purge": "keeping:purge",
     "sql": "analyst:sql",

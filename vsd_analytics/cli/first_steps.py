@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from vsd_analytics.cli.shared import Project, pass_project, progress
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 @click.command()
@@ -14,7 +19,14 @@ from vsd_analytics.cli.shared import Project, pass_project, progress
     type=click.IntRange(1, 104),
     default=2,
     show_default=True,
-    help="Weeks to make; all but the last two are drawn coarsely.",
+    help="Weeks to make; eight or more have a history.",
+)
+@click.option(
+    "--reports",
+    type=click.Choice(["last", "all"]),
+    default="last",
+    show_default=True,
+    help="Reports to write: of the last week, or of all and the site index over them.",
 )
 @click.option(
     "--last-week",
@@ -26,21 +38,24 @@ from vsd_analytics.cli.shared import Project, pass_project, progress
 @click.option("--seed", type=int, default=4, show_default=True, help="Another seed is another shop week.")
 @click.option("--open", "is_opened", is_flag=True, help="Open the report in a browser.")
 @pass_project
-def demo(project: Project, folder: str, weeks: int, last_week: str, seed: int, is_opened: bool) -> None:
+def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str, seed: int, is_opened: bool) -> None:
     """Make a shop with four cameras and two weeks of made-up people, and its weekly report.
 
     The folder is a whole project: vsd.toml, plan, calibrations, engine output, change log. Everything the report shows
     went the way real data go; what was planted stands in truth.json.
 
+    Eight weeks or more have a history: a slow rise, a redesign, a change that does nothing, a week mostly lost and a
+    holiday.
+
     \b
     Example:
       vsd demo
-      vsd demo my-demo --weeks 12
+      vsd demo my-demo --weeks 12 --reports all
     """
     import time
     from pathlib import Path
 
-    from vsd_analytics.cli.reports import write_report
+    from vsd_analytics.cli.site_index import write_week
     from vsd_analytics.errors import UsageError
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
@@ -70,10 +85,23 @@ def demo(project: Project, folder: str, weeks: int, last_week: str, seed: int, i
     n_new = sum(c.n_new for c in result.fold.tables.values())
     read = time.perf_counter()
     click.echo(f"  Read into the store: {n_new:,} records in {read - made:.1f} s")
-    written = write_report(inner, week=last_week, kind="html", out=str(root / "reports"), floor_id=None)
+    pages = []
+    for week in truth.weeks if reports == "all" else truth.weeks[-1:]:
+        pages += [root / "reports" / path.name for path in write_week(inner, week) if path.suffix == ".html"]
     click.echo(f"  Counted, mapped, written in {time.perf_counter() - read:.1f} s")
-    for path in written:
+    if reports == "all":
+        pages.append(root / "reports" / _index(inner).name)
+    for path in pages:
         click.echo(f"  {path}   {path.stat().st_size / 1000:.0f} KB   open it in any browser")
     click.echo(f"  Next: cd {folder} && vsd coverage --week {last_week}")
     if is_opened:
-        click.launch(str(written[0]))
+        click.launch(str(pages[-1]))
+
+
+def _index(project: Project) -> Path:
+    from vsd_analytics.index.floors import catalogue
+    from vsd_analytics.index.render import render_index
+    from vsd_analytics.index.shelves import gather, sources_of, write_index
+
+    sources = sources_of([project.root])
+    return write_index(sources[0].reports, render_index(catalogue(gather(sources, sources[0].reports).entries)))

@@ -1,4 +1,4 @@
-"""Floors, cameras with their calibrations, and areas of `vsd.toml`."""
+"""Floors, cameras with their calibrations, areas and fixtures of `vsd.toml`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from vsd_analytics.calibration import load_calibration
 from vsd_analytics.config.lines import read_toml
@@ -15,7 +15,7 @@ from vsd_analytics.config.reader import Mistakes, TableReader, nearest
 from vsd_analytics.config.values import parse_instant, parse_picture_px, zone
 from vsd_analytics.errors import CalibrationError
 from vsd_analytics.pictures import picture_size
-from vsd_analytics.site import Area, Calibration, Camera, Floor, Point
+from vsd_analytics.site import Area, Calibration, Camera, Fixture, FixtureKind, Floor, Point
 
 PLAN_SUFFIXES = (".svg", ".png", ".jpg", ".jpeg")
 HISTORY_FOLDER = "calibration"
@@ -91,10 +91,44 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Area,
         name = table.text("name", example='"Checkout queue"', required=True)
         floor_id = _floor(table, floors)
         polygon = _polygon(table, "polygon", required=True)
+        ask = table.text("ask", example='"Could the queue end at the other wall?"')
         table.close()
         if area_id is not None:
-            areas[area_id] = Area(area_id, name or "", floor_id, polygon or ())
+            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask)
     return tuple(areas.values())
+
+
+def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Fixture, ...]:
+    """Return the fixtures in the order of the file: what nobody walks through, and the maps show."""
+    fixtures: dict[str, Fixture] = {}
+    for table in root.each("fixture"):
+        fixture_id = _unique(table, table.id("id", example='"shelf-1"'), fixtures, kind="fixture")
+        name = table.text("name", example='"Shelf 1"', required=True)
+        floor_id = _floor(table, floors)
+        polygon = _polygon(table, "polygon", required=True)
+        kind = _fixture_kind(table)
+        is_movable = table.flag("movable") or False
+        height_m = table.number("height_m", minimum=0.01, maximum=100, unit="metres", example="1.6")
+        table.close()
+        if fixture_id is not None:
+            fixtures[fixture_id] = Fixture(fixture_id, name or "", floor_id, polygon or (), kind, is_movable, height_m)
+    return tuple(fixtures.values())
+
+
+def _fixture_kind(table: TableReader) -> FixtureKind:
+    value = table.text("kind", example='"shelf"')
+    known: tuple[FixtureKind, ...] = get_args(FixtureKind)
+    for kind in known:
+        if value in (None, kind):
+            return kind
+    close = nearest(str(value), known)
+    table.fault(
+        "kind",
+        f"{table.label} kind {value!r} is not one of {', '.join(known)}",
+        note=f"did you mean {close}?" if close else None,
+        mend=f'kind = "{close or "other"}"',
+    )
+    return known[0]
 
 
 def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind: str) -> str | None:
@@ -111,7 +145,7 @@ def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind
 
 
 def _floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
-    """Return the floor a camera or area is on; with one floor nothing need be said."""
+    """Return the floor a camera, area or fixture is on; with one floor nothing need be said."""
     only = next(iter(floors))
     value = table.text("floor", example=f'"{only}"')
     if value is None:

@@ -10,8 +10,9 @@ from typing import Any
 from vsd_analytics.config.engine import read_engine
 from vsd_analytics.config.lines import TomlText, read_toml
 from vsd_analytics.config.live import read_alarms, read_broker, read_delivery
+from vsd_analytics.config.mail import read_base_url, read_chromium, read_mail
 from vsd_analytics.config.opening import Spans, parse_opening
-from vsd_analytics.config.places import read_areas, read_cameras, read_floors
+from vsd_analytics.config.places import read_areas, read_cameras, read_fixtures, read_floors
 from vsd_analytics.config.reader import Mistakes, TableReader
 from vsd_analytics.config.settings import read_settings
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
@@ -114,13 +115,16 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     settings = read_settings(tables, environ=environ, mistakes=mistakes)
     ingest_map = _ingest_map(tables["ingest"], mistakes)
     delivery = read_delivery(tables["alarms"], has_broker="mqtt" in values)
+    base_url, chromium = read_base_url(tables["report"]), read_chromium(tables["report"])
     for table in tables.values():
         table.close()
     floors = read_floors(root)
     cameras = read_cameras(root, floors=floors, timezone=timezone)
     areas = read_areas(root, floors=floors)
+    fixtures = read_fixtures(root, floors=floors)
     broker = read_broker(root)
     engine = read_engine(root)
+    mail = read_mail(root)
     alarms = read_alarms(root, areas=areas, cameras=cameras)
     root.close()
     if mistakes.all or site_id is None or name is None:
@@ -136,10 +140,14 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
         floors=tuple(floors.values()),
         cameras=cameras,
         areas=areas,
+        fixtures=fixtures,
         broker=broker,
         alarms=alarms,
         alarm_delivery=delivery,
         engine=engine,
+        mail=mail,
+        base_url=base_url,
+        chromium=chromium,
         settings=Settings().with_values(settings.values),
         ingest_map=ingest_map,
         setting_sources=settings.sources,

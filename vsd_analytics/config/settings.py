@@ -11,7 +11,7 @@ from typing import Any
 
 from vsd_analytics.config.lines import TomlText
 from vsd_analytics.config.reader import Mistakes, TableReader
-from vsd_analytics.settings import SETTINGS, Setting
+from vsd_analytics.settings import CHOICES, SETTINGS, Setting
 
 ENVIRONMENT_PREFIX = "VSD_"
 
@@ -58,6 +58,8 @@ def _read(table: TableReader, setting: Setting) -> Any:
     default = setting.default
     if isinstance(default, bool):
         return table.flag(setting.name)
+    if isinstance(default, str):
+        return table.parsed(setting.name, example=f'"{default}"', parse=lambda value: _choice(value, setting))
     assert setting.minimum is not None
     assert setting.maximum is not None
     if isinstance(default, tuple):
@@ -82,6 +84,13 @@ def _from_environment(setting: Setting, variable: str, text: str, mistakes: Mist
     value = _read(TableReader(values, path=(), label=variable, mistakes=apart, folder=Path()), setting)
     mistakes.take(apart.all)
     return value
+
+
+def _choice(value: Any, setting: Setting) -> str:
+    """Return one of the words a setting may be."""
+    if value not in CHOICES[setting.name]:
+        raise ValueError(f"must be {' or '.join(CHOICES[setting.name])}")
+    return str(value)
 
 
 def _steps(value: Any, setting: Setting) -> tuple[float, ...]:

@@ -13,8 +13,9 @@ from vsd_analytics.report import estimates, recorded
 from vsd_analytics.report.model import AreaRow, BusiestSpot
 from vsd_analytics.report.privacy import GIVES_AWAY, held_back, too_few
 from vsd_analytics.report.weekdata import WeekData
+from vsd_analytics.report.wording import say
 
-REST = "Rest of the floor"
+REST = say("words.rest")
 MIN_CAMERA_SHARE = 0.01
 """A camera that counts less of an area than this is not named as one that sees it."""
 

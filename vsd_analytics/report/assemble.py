@@ -23,6 +23,8 @@ from vsd_analytics.report.model import (
     WeekReport,
     WeekState,
 )
+from vsd_analytics.report.more import with_more
+from vsd_analytics.report.more_maps import with_more_maps
 from vsd_analytics.report.privacy import GIVES_AWAY, is_small, too_few
 from vsd_analytics.report.weekdata import WeekData
 from vsd_analytics.site import Floor, Site
@@ -64,14 +66,11 @@ def week_report(
     if floor is None:
         raise KeyError(floor_id)
     first, last = _first_day(site, monday), monday + timedelta(days=6)
-    with (
-        open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse,
-        open_warehouse(site, monday, last) as week,
-    ):
-        warehouse.keep("episodes", "violations", "camera_hours", "area_hours")
+    with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
+        warehouse.keep("episodes", "violations", "camera_hours", "area_hours", "cell_hours", "distances")
         data = WeekData(warehouse, floor=floor, monday=monday)
-        found = Findings(data, week=week)
-        return headline.finish(_report(data, floor, found, now))
+        found = Findings(data)
+        return headline.finish(with_more_maps(with_more(_report(data, floor, found, now), data, found), data))
 
 
 def _first_day(site: Site, monday: date) -> date:
@@ -131,7 +130,15 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         maps=floor_maps(data, areas=areas.rows, is_ranked=is_ranked) if state != "no_data" else (),
         log=changes.log_lines(data, coverage, is_compared=is_compared),
         settings_change=change if state == "settings_changed" else None,
-        figures=figures(data, coverage=coverage, level=level, areas=areas.rows),
+        figures=figures(
+            data,
+            found,
+            coverage=coverage,
+            level=level,
+            areas=areas.rows,
+            when=timetable.when,
+            is_ranked=is_ranked,
+        ),
     )
 
 

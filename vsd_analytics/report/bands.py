@@ -74,6 +74,30 @@ def heat_bands(
     return tuple(bands)
 
 
+def sampled(ring: Ring, *, sharp: Sequence[bool], per_curve: int = 3) -> Ring:
+    """Return points of the curve that the page draws through a ring: quadratic pieces between midpoints of its edges.
+
+    Args:
+        ring: The ring.
+        sharp: For each point, whether the curve runs straight to it and on, as along a wall.
+        per_curve: Points on each curved piece.
+    """
+    n = len(ring)
+    found: list[Point] = []
+    for k, (control, is_sharp) in enumerate(zip(ring, sharp, strict=True)):
+        if is_sharp:
+            found.append(control)
+            continue
+        ends = [((control[0] + p[0]) / 2, (control[1] + p[1]) / 2) for p in (ring[k - 1], ring[(k + 1) % n])]
+        for i in range(per_curve):
+            t = (i + 0.5) / per_curve
+            weights = ((1 - t) ** 2, 2 * t * (1 - t), t**2)
+            points = (ends[0], control, ends[1])
+            x, y = (sum(w * p[axis] for w, p in zip(weights, points, strict=True)) for axis in (0, 1))
+            found.append((x, y))
+    return tuple(found)
+
+
 def project_polygons(
     polygons: Sequence[Polygon], *, homography: ArrayLike, size_px: tuple[int, int]
 ) -> tuple[Polygon, ...]:

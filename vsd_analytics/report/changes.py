@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import timedelta
+from datetime import date, timedelta
 
 from vsd_analytics.analysis import comparable
 from vsd_analytics.analysis.panels import WEEK, Place
@@ -13,6 +13,7 @@ from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Coverage, Estimate, LogLine, Outage, SettingsChange
 from vsd_analytics.report.privacy import is_small
 from vsd_analytics.report.weekdata import WeekData
+from vsd_analytics.report.wording import say
 from vsd_analytics.site import LogEntry
 
 DETECTED_MIN_H = 2.0
@@ -53,10 +54,11 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
 
 
 def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str, ...]) -> SettingsChange | None:
-    """Return the change inside the two weeks that forbids any comparison: calibrations, the engine, other rules.
+    """Return the change inside the two weeks that forbids any comparison: calibrations, cameras, the engine, rules.
 
-    A calibration does when it leaves no camera that can be compared. Hours that were purged after they had been
-    computed by other rules (SQL, settings) stay as they are, so they cannot be compared with others.
+    A calibration does when it leaves no camera that can be compared, other cameras when none recorded both weeks. Hours
+    that were purged after they had been computed by other rules (SQL, settings) stay as they are, so they cannot be
+    compared with others.
 
     Args:
         data: The week.
@@ -69,10 +71,14 @@ def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str,
         change = SettingsChange(name="calibration", before=latest.before, after=latest.after)
         at = data.local(latest.at_ms)
         return _with_parts(data, replace(change, at=at)) if at >= start else change
+    was, is_now = (_recorded(data, first) for first in (data.monday - WEEK, data.monday))
+    if was and is_now and not was & is_now:
+        names = [words.joined(c.name for c in data.cameras if c.camera_id in ids) for ids in (was, is_now)]
+        return SettingsChange(name="cameras", before=names[0], after=names[1])
     if engines and before and engines != before:
         return SettingsChange(name="engine", before=", ".join(before), after=", ".join(engines))
     if comparable.has_other_rules(data.warehouse, first_ms=first_ms, end_ms=end_ms):
-        return SettingsChange(name="rules", before="those of the time", after="today's")
+        return SettingsChange(name="rules", before=say("changed.rules_before"), after=say("changed.rules_after"))
     return None
 
 
@@ -81,21 +87,35 @@ def not_compared(data: WeekData) -> dict[str, str]:
     if not (data.is_comparable & data.whole.cameras).any():
         return {}
     since = {r.camera_id: fmt.instant_short(data.local(r.at_ms)) for r in data.recalibrated}
-    return {camera_id: f"it was calibrated anew on {at}" for camera_id, at in since.items()}
+    was, is_now = (_recorded(data, first) for first in (data.monday - WEEK, data.monday))
+    new = {c: say("changed.new_camera") for c in data.ids if was and c in is_now - was}
+    return new | {camera_id: say("changed.calibrated", at=at) for camera_id, at in since.items()}
+
+
+def _recorded(data: WeekData, monday: date) -> set[str]:
+    """Return the cameras that recorded any opening time of a week."""
+    hours = data.hours.recorded_s[:, data.week(monday)]
+    return {c for i, c in enumerate(data.ids) if hours[i].any()}
 
 
 def _other_frame_rates(data: WeekData) -> list[LogLine]:
-    """Return a line for each camera whose frames come at another rate since some day; it is compared all the same."""
+    """Return a line for the cameras whose frames come at another rate since some day; they are compared all the same.
+
+    Cameras that changed alike on one day share a line.
+    """
     first_ms, end_ms = data.both_weeks_ms
     names = {c.camera_id: words.camera_name(c.name) for c in data.cameras}
+    alike: dict[tuple[date, str, str], list[str]] = {}
+    for o in comparable.other_intervals(data.warehouse, cameras=data.cameras, first_ms=first_ms, end_ms=end_ms):
+        before, after = (fmt.seconds(ms / 1000) for ms in (o.before_ms, o.after_ms))
+        alike.setdefault((data.local(o.since_ms).date(), before, after), []).append(names[o.camera_id])
     return [
         LogLine(
-            at=data.midnight(data.local(o.since_ms).date()),
-            text=f"{names[o.camera_id]}: a frame every {fmt.seconds(o.after_ms / 1000)} instead of every "
-            f"{fmt.seconds(o.before_ms / 1000)}, which alone moves counts by some percent.",
+            at=data.midnight(day),
+            text=say("changed.log_frames", camera=words.joined(cameras), after=after, before=before),
             kind="detected",
         )
-        for o in comparable.other_intervals(data.warehouse, cameras=data.cameras, first_ms=first_ms, end_ms=end_ms)
+        for (day, before, after), cameras in alike.items()
     ]
 
 
@@ -140,6 +160,6 @@ def _is_news(outage: Outage, entries: list[LogEntry]) -> bool:
 def _detected(data: WeekData, outage: Outage) -> LogLine:
     names = {c.camera_id: c.name for c in data.cameras}
     is_all = len(outage.camera_ids) == len(names) > 1
-    who = "All cameras" if is_all else words.joined(words.camera_name(names[c]) for c in outage.camera_ids)
-    text = f"{who}: no data until {fmt.instant_short(outage.end)}."
+    who = say("changed.all_cameras") if is_all else words.joined(words.camera_name(names[c]) for c in outage.camera_ids)
+    text = say("changed.log_no_data", who=who, end=fmt.instant_short(outage.end))
     return LogLine(at=outage.start, text=text, kind="detected")

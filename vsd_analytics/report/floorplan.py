@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 from markupsafe import Markup
 
 from vsd_analytics.report import format as fmt
-from vsd_analytics.report.model import FloorMap, MapArea, Point, Polygon, Ring, Rules
-from vsd_analytics.report.svg import ACCENT, BAR, HATCH, INK, MUTED, RAMP_LIGHT, WHITE, el, smooth_path, straight_path
+from vsd_analytics.report import frame as draw
+from vsd_analytics.report.frame import FONT, Frame
+from vsd_analytics.report.model import FloorMap, MapArea, Point, Rules
+from vsd_analytics.report.svg import ACCENT, BAR, INK, MUTED, WHITE, el, straight_path
+from vsd_analytics.report.wording import say
 
 MAP_WIDTH: Final = 960
 MAP_MAX_HEIGHT: Final = 900
 PAD: Final = 12
-FONT: Final = 15
 FONT_PHONE: Final = 34
 _FOOT: Final = 52
 MAX_FOOT_RADIUS: Final = 45
@@ -24,30 +26,8 @@ MARK_RADIUS_PHONE: Final = 30
 _Box = tuple[float, float, float, float]
 
 
-class _Frame:
-    """Maps the unit of a `FloorMap` to SVG units."""
-
-    def __init__(self, shown: FloorMap) -> None:
-        x0, y0, x1, y1 = shown.extent
-        self.is_metric = shown.kind != "picture"
-        self.scale = min(MAP_WIDTH / max(x1 - x0, 1e-9), MAP_MAX_HEIGHT / max(y1 - y0, 1e-9))
-        self.x0, self.y0, self.y1 = x0, y0, y1
-        self.width = max(1, round((x1 - x0) * self.scale))
-        self.height = max(1, round((y1 - y0) * self.scale))
-
-    def at(self, point: Point) -> Point:
-        y = self.y1 - point[1] if self.is_metric else point[1] - self.y0
-        return (point[0] - self.x0) * self.scale, y * self.scale
-
-    def ring(self, ring: Ring) -> list[Point]:
-        return [self.at(p) for p in ring]
-
-    def rings(self, polygons: Iterable[Polygon]) -> list[list[Point]]:
-        return [self.ring(r) for polygon in polygons for r in polygon]
-
-
 def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Markup:
-    """Draw a map: floor, bands, unseen floor, plan, areas, cameras, numbered spots, scale bar and legal distance.
+    """Draw a map: floor, bands, unseen floor, plan, fixtures, areas, cameras, spots, scale bar and legal distance.
 
     Args:
         shown: What to draw; metres with y up, or pixels with y down on a picture.
@@ -55,40 +35,19 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
         rules: For the legal distance and the number of steps.
         label: Text alternative.
     """
-    frame = _Frame(shown)
-    hatch = f"hat{index}"
+    frame = Frame(shown, width=MAP_WIDTH, height=MAP_MAX_HEIGHT)
+    hatch, clip = f"hat{index}", f"clip{index}"
     foot = _foot_height(frame, rules) if frame.is_metric else PAD
     box = f"{-PAD} {-PAD} {frame.width + 2 * PAD} {frame.height + PAD + foot}"
-    clip = f"clip{index}"
-    whole: dict[str, float] = {"x": 0, "y": 0, "width": frame.width, "height": frame.height}
-    parts = [
-        el(
-            "defs",
-            el(
-                "pattern",
-                el("line", class_="hl", stroke=HATCH, stroke_width=1.4, x1=0, y1=0, x2=0, y2=9),
-                id=hatch,
-                width=9,
-                height=9,
-                patternUnits="userSpaceOnUse",
-                patternTransform="rotate(45)",
-            )
-            + el("clipPath", el("rect", **whole), id=clip),
-        ),
-        el("rect", class_="fl", fill=WHITE, **whole),
-    ]
-    image = _image(shown, frame)
+    parts = [draw.hatch_defs(frame, hatch=hatch, clip=clip), draw.ground(frame)]
+    image = None if shown.image is None else draw.image(shown.image, frame, name=f"plan{index}")
     drawn = [] if image is None or frame.is_metric else [image]
-    steps = {lower: min(i, 4) for i, lower in enumerate(rules.heat_steps)}
-    for i, band in enumerate(shown.bands):
-        step = steps.get(band.lower, min(i, 4))
-        path = smooth_path(frame.rings(band.polygons))
-        drawn.append(el("path", class_=f"c{step + 1}", fill=RAMP_LIGHT[step], fill_rule="evenodd", d=path))
+    drawn += draw.heat(shown.bands, frame, steps=rules.heat_steps, edges=draw.edges_of(shown))
     if shown.unseen:
-        path = straight_path(frame.rings(shown.unseen))
-        drawn.append(el("path", class_="nv", fill=f"url(#{hatch})", fill_rule="evenodd", d=path))
+        drawn.append(draw.unseen(shown.unseen, frame, hatch=hatch))
     if image is not None and frame.is_metric:
         drawn.append(image)
+    drawn += draw.fixtures(shown.fixtures, frame)
     drawn += [
         el(
             "path",
@@ -102,7 +61,7 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
         for a in shown.areas
     ]
     parts.append(el("g", Markup("").join(drawn), clip_path=f"url(#{clip})"))
-    parts.append(el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1.5, **whole))
+    parts.append(el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1.5, **frame.whole))
     labels, boxes = _area_labels(shown.areas, frame)
     parts += labels
     for camera in shown.cameras:
@@ -116,30 +75,13 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     return el("svg", Markup("").join(parts), class_=kind, viewBox=box, role="img", aria_label=label)
 
 
-def _image(shown: FloorMap, frame: _Frame) -> Markup | None:
-    if shown.image is None:
-        return None
-    x0, y0, x1, y1 = shown.image.extent
-    left, top = frame.at((x0, y1 if frame.is_metric else y0))
-    return el(
-        "image",
-        class_=("planpic paper" if shown.image.is_opaque else "planpic") if frame.is_metric else "scene",
-        href=shown.image.data_uri,
-        x=round(left, 1),
-        y=round(top, 1),
-        width=round((x1 - x0) * frame.scale, 1),
-        height=round((y1 - y0) * frame.scale, 1),
-        preserveAspectRatio="none",
-    )
-
-
 def _text(
     text: str, x: float, y: float, *, class_: str, fill: str = MUTED, anchor: str = "start", size: int = FONT
 ) -> Markup:
     return el("text", text, class_=class_, fill=fill, font_size=size, text_anchor=anchor, x=round(x), y=round(y))
 
 
-def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> tuple[list[Markup], list[tuple[_Box, float]]]:
+def _area_labels(areas: Sequence[MapArea], frame: Frame) -> tuple[list[Markup], list[tuple[_Box, float]]]:
     """Name each area at its upper left; a name that would run into another or off the map is left to the table.
 
     Returns:
@@ -170,7 +112,7 @@ def _area_labels(areas: Sequence[MapArea], frame: _Frame) -> tuple[list[Markup],
     return labels, small + large
 
 
-def _spots(shown: FloorMap, frame: _Frame, boxes: Sequence[tuple[_Box, float]]) -> list[Markup]:
+def _spots(shown: FloorMap, frame: Frame, boxes: Sequence[tuple[_Box, float]]) -> list[Markup]:
     """Draw the numbered spots: a dot at the peak, a line, and the number where it covers least."""
     peaks = [frame.at(s.at) for s in shown.spots]
     heat = [[frame.ring(polygon[0]) for polygon in band.polygons] for band in shown.bands]
@@ -233,18 +175,18 @@ def _crosses(start: Point, end: Point, box: _Box) -> bool:
     return any(box[0] <= a <= box[2] and box[1] <= b <= box[3] for a, b in on_line)
 
 
-def _circle_radius(frame: _Frame, rules: Rules) -> float:
+def _circle_radius(frame: Frame, rules: Rules) -> float:
     """Return the radius of a circle whose diameter is the legal distance."""
     return rules.distance_m * frame.scale / 2
 
 
-def _foot_height(frame: _Frame, rules: Rules) -> int:
+def _foot_height(frame: Frame, rules: Rules) -> int:
     """Return the height of the strip below the map that holds scale bar and circle."""
     radius = _circle_radius(frame, rules)
     return max(_FOOT, round(2 * radius) + 24) if radius <= MAX_FOOT_RADIUS else _FOOT
 
 
-def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
+def _scale(shown: FloorMap, frame: Frame, rules: Rules) -> list[Markup]:
     """Draw the scale bar and the circle of the legal distance; a large circle lies inside the map's corner."""
     y = frame.height + _foot_height(frame, rules) // 2
     radius = _circle_radius(frame, rules)
@@ -253,7 +195,7 @@ def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
     if radius > MAX_FOOT_RADIUS:
         x, centre = frame.width - radius - 8, frame.height - radius - 8
     parts = [el("circle", cx=round(x, 1), cy=round(centre, 1), r=round(max(radius, 1.5), 1), **line)]
-    said = f"{fmt.metres(rules.distance_m)} across"
+    said = say("where.across", distance=fmt.distance(rules.distance_m, rules.distance_unit))
     words = "pt i" if frame.width > 0.6 * MAP_WIDTH else "pt i nar"  # a narrow floor is not shrunk on a phone
     if radius > MAX_FOOT_RADIUS:
         parts.append(_text(said, x - radius - 10, centre + 5, class_="pt i halo", fill=INK, anchor="end"))
@@ -266,9 +208,21 @@ def _scale(shown: FloorMap, frame: _Frame, rules: Rules) -> list[Markup]:
         right = frame.width - 1
         parts.append(el("path", d=f"M{right - width:.1f} {y - 6}v8h{width:.1f}v-8", **line))
         parts.append(
-            _text(fmt.metres(shown.scale_bar_m), right - width - 10, y + 5, class_=words, fill=INK, anchor="end")
+            _text(
+                fmt.distance(shown.scale_bar_m, rules.distance_unit),
+                right - width - 10,
+                y + 5,
+                class_=words,
+                fill=INK,
+                anchor="end",
+            )
         )
     return parts
+
+
+def nice_length_m(width_m: float, *, unit: str) -> float:
+    """Return a length that is round in the unit in which the page writes distances, m or ft; see `nice_metres`."""
+    return nice_metres(width_m) if unit == "m" else nice_metres(width_m / fmt.M_PER_FT) * fmt.M_PER_FT
 
 
 def nice_metres(width_m: float) -> float:

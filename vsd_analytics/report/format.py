@@ -11,14 +11,13 @@ from datetime import date, datetime
 from typing import Final
 
 from vsd_analytics.report.model import Estimate
+from vsd_analytics.report.wording import say
 
 MINUS: Final = "\u2212"
 MISSING: Final = "\u2013"
-DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
-MONTHS: Final = (
-    *("January", "February", "March", "April", "May", "June", "July"),
-    *("August", "September", "October", "November", "December"),
-)
+DAYS: Final = tuple(say("format.days").split())
+MONTHS: Final = tuple(say("format.months").split())
+M_PER_FT: Final = 0.3048
 
 
 def number(value: float | None) -> str:
@@ -38,7 +37,7 @@ def number(value: float | None) -> str:
     elif size >= 0.0005:
         text = f"{size:.2g}"
     else:
-        text = "under 0.001"
+        text = say("format.tiny")
     return (MINUS if value < 0 and text != "0" else "") + text
 
 
@@ -58,13 +57,15 @@ def percent(share: float | None) -> str:
         return MISSING
     text = f"{share * 100:,.0f}%"
     if text == "0%" and share > 0:
-        return "under 1%"
-    return "over 99%" if text == "100%" and share < 1 else text
+        return say("format.nearly_none", percent="1%")
+    return say("format.nearly_all", percent="99%") if text == "100%" and share < 1 else text
 
 
 def percent_short(share: float | None) -> str:
     """Write a share as in `percent`, short enough for a narrow column: >99%, <1%."""
-    return percent(share).replace("over ", ">").replace("under ", "<")
+    if share is not None and 0 < share < 0.005:
+        return "<1%"
+    return ">99%" if share is not None and 0.995 <= share < 1 else percent(share)
 
 
 def signed(change: float | None) -> str:
@@ -81,8 +82,8 @@ def fewer_more(change: float | None) -> str:
         return MISSING
     points = round(change * 100)
     if points == 0:
-        return "about the same"
-    return f"{abs(points):,}% {'fewer' if points < 0 else 'more'}"
+        return say("format.same")
+    return say("format.fewer" if points < 0 else "format.more", percent=f"{abs(points):,}%")
 
 
 def likely_change(estimate: Estimate) -> str:
@@ -92,36 +93,47 @@ def likely_change(estimate: Estimate) -> str:
         return ""
     low, high = round(lo * 100), round(hi * 100)
     if low == high:
-        return f"likely {'no change' if low == 0 else fewer_more(lo)}"
+        return say("format.likely", change=say("format.no_change") if low == 0 else fewer_more(lo))
     if low < 0 and high < 0:
-        return f"likely between {-high:,}% and {-low:,}% fewer"
+        return say("format.likely_fewer", low=f"{-high:,}%", high=f"{-low:,}%")
     if low > 0 and high > 0:
-        return f"likely between {low:,}% and {high:,}% more"
-    return "likely between " + " and ".join("no change" if round(v * 100) == 0 else fewer_more(v) for v in (lo, hi))
+        return say("format.likely_more", low=f"{low:,}%", high=f"{high:,}%")
+    ends = [say("format.no_change") if round(v * 100) == 0 else fewer_more(v) for v in (lo, hi)]
+    return say("format.likely_between", low=ends[0], high=ends[1])
 
 
 def likely_signed(estimate: Estimate) -> str:
     """Write the interval of a change shortly: likely −49% to −37%; empty when there is none."""
     if estimate.change_lo is None or estimate.change_hi is None:
         return ""
-    return f"likely {signed(estimate.change_lo)} to {signed(estimate.change_hi)}"
+    return say("format.likely_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
 
 
 def likely_level(estimate: Estimate) -> str:
     """Write the interval of a level: likely between 116 and 126; empty when there is none."""
     if estimate.lo is None or estimate.hi is None:
         return ""
-    return f"likely between {number(estimate.lo)} and {number(estimate.hi)}"
+    return say("format.likely_between", low=number(estimate.lo), high=number(estimate.hi))
 
 
 def one_in(rate: float) -> str:
     """Write a small rate as one in so many: 0.035 is "1 in 28"."""
-    return f"1 in {math.floor(1 / rate):,}" if 0 < rate <= 0.5 else number(rate)
+    return say("format.one_in", n=f"{math.floor(1 / rate):,}") if 0 < rate <= 0.5 else number(rate)
 
 
 def metres(value: float) -> str:
     """Write a distance to the centimetre: 2 m, 1.83 m (six feet), 5 m."""
-    return f"{round(value, 2):g} m"
+    return say("format.metres", n=f"{round(value, 2):g}")
+
+
+def distance(value_m: float, unit: str = "m") -> str:
+    """Write a distance in the site's unit: 2 m; in feet to a tenth: 6 ft, 1.6 ft.
+
+    Example:
+        >>> distance(2.0), distance(1.8288, "ft"), distance(0.5, "ft")
+        ('2 m', '6 ft', '1.6 ft')
+    """
+    return metres(value_m) if unit == "m" else say("format.feet", n=f"{round(value_m / M_PER_FT, 1):g}")
 
 
 def metres_unbroken(value: float) -> str:
@@ -129,17 +141,22 @@ def metres_unbroken(value: float) -> str:
     return metres(value).replace(" ", "\u00a0")
 
 
+def distance_unbroken(value_m: float, unit: str = "m") -> str:
+    """Write a distance in the site's unit that stays on one line."""
+    return distance(value_m, unit).replace(" ", "\u00a0")
+
+
 def seconds(value: float) -> str:
     """Write a duration: 3 seconds, 1 second, 2.5 seconds."""
-    return f"{value:g} second{'' if value == 1 else 's'}"
+    return say("format.seconds", plural=value, n=f"{value:g}")
 
 
 def hours(value: float) -> str:
     """Write a number of hours with its word: 10 hours, 1 hour, 2.5 hours, under an hour."""
     if 0 < value < 0.95:
-        return "under an hour"
+        return say("format.under_an_hour")
     text = f"{value:,.1f}".removesuffix(".0") if value < 10 else f"{value:,.0f}"
-    return f"{text} hour{'' if text == '1' else 's'}"
+    return say("format.hours", plural=1 if text == "1" else 2, n=text)
 
 
 def ended(text: str) -> str:
@@ -160,12 +177,12 @@ def day_short(day: date) -> str:
 
 def date_short(day: date) -> str:
     """Write a date shortly: Mon 9 Nov."""
-    return f"{day_short(day)} {day.day} {MONTHS[day.month - 1][:3]}"
+    return say("format.day_date", day=day_short(day), date=day.day, month=MONTHS[day.month - 1][:3])
 
 
 def date_long(day: date) -> str:
     """Write a date in full: Monday 9 November 2026."""
-    return f"{weekday(day)} {day.day} {MONTHS[day.month - 1]} {day.year}"
+    return say("format.date_long", day=weekday(day), date=day.day, month=MONTHS[day.month - 1], year=day.year)
 
 
 def date_span(first: date, last: date) -> tuple[str, str]:
@@ -190,12 +207,12 @@ def hour_label(hour: int) -> str:
 
 def instant_short(at: datetime) -> str:
     """Write an instant shortly: Wed 11 Nov, 12:00."""
-    return f"{date_short(at.date())}, {clock(at)}"
+    return say("format.instant", date=date_short(at.date()), clock=clock(at))
 
 
 def instant_long(at: datetime) -> str:
     """Write an instant in full: Monday 16 November 2026, 06:00."""
-    return f"{date_long(at.date())}, {clock(at)}"
+    return say("format.instant", date=date_long(at.date()), clock=clock(at))
 
 
 def masked(mask_below: int) -> str:
@@ -205,7 +222,8 @@ def masked(mask_below: int) -> str:
 
 _FILTERS: Final = (
     *(number, count, percent, percent_short, signed, fewer_more, likely_change, likely_signed, likely_level),
-    *(metres, metres_unbroken, seconds, hours, ended, weekday, day_short, date_short, date_long, clock, hour_label),
+    *(metres, metres_unbroken, distance, distance_unbroken, seconds),
+    *(hours, ended, weekday, day_short, date_short, date_long, clock, hour_label),
     *(instant_short, instant_long, masked),
 )
 FILTERS: Final = {f.__name__: f for f in _FILTERS}

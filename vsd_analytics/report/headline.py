@@ -1,7 +1,8 @@
 """The words of the page, made by rule from the figures: headline, lead, three things to know, one question.
 
-The headline reads the two verdicts, never a point estimate alone. `SENTENCES` is the whole 4 x 5 table of verdicts
-(how often x how risky); abnormal weeks have their own sentence each. "After" is allowed, "because" is not.
+The headline reads the two verdicts, never a point estimate alone. The catalogue's table `headline.pair` is the whole
+4 x 5 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
+"because" is not.
 """
 
 from __future__ import annotations
@@ -15,33 +16,12 @@ from vsd_analytics.report import words
 from vsd_analytics.report.model import AreaRow, LogLine, Span, Story, WeekReport
 from vsd_analytics.report.nothing import nothing
 from vsd_analytics.report.things import question, things
+from vsd_analytics.report.wording import has, say
 
 MAX_WORDS: Final = 15
-_SAME: Final = "Violations about the same as last week"
-
-# (how often, how risky) -> sentence. {moved} is "fell by about a seventh", {people} is ", with 15% more people" or "".
-SENTENCES: Final[dict[tuple[str, str], str]] = {
-    ("clear_fall", "clear_fall"): "Violations {moved}",
-    ("clear_fall", "clear_rise"): "Violations {moved}, but rose per person-hour",
-    ("clear_fall", "no_clear_change"): "Violations {moved}{people}: no clear change per person-hour",
-    ("clear_fall", "too_little_data"): "Violations {moved}",
-    ("clear_fall", "not_measurable"): "Violations {moved}",
-    ("clear_rise", "clear_fall"): "Violations {moved}{people}, but fell per person-hour",
-    ("clear_rise", "clear_rise"): "Violations {moved}, and per person-hour too",
-    ("clear_rise", "no_clear_change"): "Violations {moved}{people}: no clear change per person-hour",
-    ("clear_rise", "too_little_data"): "Violations {moved}",
-    ("clear_rise", "not_measurable"): "Violations {moved}",
-    ("no_clear_change", "clear_fall"): f"{_SAME}, but fewer per person-hour",
-    ("no_clear_change", "clear_rise"): f"{_SAME}, but more per person-hour",
-    ("no_clear_change", "no_clear_change"): _SAME,
-    ("no_clear_change", "too_little_data"): _SAME,
-    ("no_clear_change", "not_measurable"): _SAME,
-    ("too_little_data", "clear_fall"): "Fewer violations per person-hour; too little data on how often",
-    ("too_little_data", "clear_rise"): "More violations per person-hour; too little data on how often",
-    ("too_little_data", "no_clear_change"): "Too little data to say whether violations changed",
-    ("too_little_data", "too_little_data"): "Too little data to say whether violations changed",
-    ("too_little_data", "not_measurable"): "Too little data to say whether violations changed",
-}
+OFTEN: Final = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
+RISKY: Final = (*OFTEN, "not_measurable")
+"""The two keys of the table `headline.pair` of the catalogue: how often, how risky."""
 
 
 def finish(report: WeekReport) -> WeekReport:
@@ -71,7 +51,7 @@ def tell(report: WeekReport) -> Story:
 
 
 def risk_key(report: WeekReport) -> str:
-    """Return the second key of `SENTENCES`: the verdict on how risky, or not_measurable."""
+    """Return the second key of the table: the verdict on how risky, or not_measurable."""
     risky = report.level.risky
     if risky.state == "not_measurable":
         return "not_measurable"
@@ -79,7 +59,7 @@ def risk_key(report: WeekReport) -> str:
 
 
 def often_key(report: WeekReport) -> str:
-    """Return the first key of `SENTENCES`: the verdict on how often."""
+    """Return the first key of the table: the verdict on how often."""
     return report.level.often.verdict or "too_little_data"
 
 
@@ -90,53 +70,43 @@ def _headline(report: WeekReport) -> tuple[str, str]:
             told = nothing(report)
             return told.rule, told.headline
         case "too_incomplete":
-            return "too_incomplete", f"Week {week.number} is too incomplete to compare"
+            return "too_incomplete", say("headline.too_incomplete", week=week.number)
         case "empty":
-            return "empty", f"No violations were recorded in week {week.number}"
+            return "empty", say("headline.empty", week=week.number)
         case _ if often.state == "not_measurable":
-            return "not_measurable", "Violations cannot be counted on this floor"
+            return "not_measurable", say("headline.not_measurable")
         case _ if often.value is None:
-            return "few", f"Very few violations in week {week.number}"
+            return "few", say("headline.few", week=week.number)
         case "first_week":
-            return "first_week", f"{fmt.number(often.value)} violations per open hour in the first week"
+            return "first_week", say("headline.first_week", rate=fmt.number(often.value))
         case "settings_changed":
             return "settings_changed", _settings_headline(report)
         case _:
             pass
     keys = often_key(report), risk_key(report)
-    rule = "/".join(k.removeprefix("clear_") for k in keys)
+    rule, key = "/".join(k.removeprefix("clear_") for k in keys), f"headline.pair.{keys[0]}.{keys[1]}"
     people = words.with_people(report.level.people.change, report.level.people.verdict)
-    said = f", {people}" if people and "about as many" not in people else ""
-    moved = words.moved(often.change) if often.change is not None else "changed"
-    text = SENTENCES[keys].format(moved=moved, people=said)
+    said = say("headline.people", people=people) if people and people != say("words.with_as_many") else ""
+    moved = words.moved(often.change) if often.change is not None else say("headline.changed")
+    text = say(key, moved=moved, people=said)
     if words.n_words(text) > MAX_WORDS:
-        text = SENTENCES[keys].format(moved=moved, people="")
+        text = say(key, moved=moved, people="")
     entry = change_to_name(report)
-    if entry is not None:
+    if entry is not None and ":" not in text:
         for words_after in _after(entry):
-            longer = f"{text} after {words_after}"
-            if words.n_words(longer) <= MAX_WORDS and ":" not in text:
+            longer = say("headline.after", headline=text, entry=words_after)
+            if words.n_words(longer) <= MAX_WORDS:
                 return f"{rule}/after", longer
     return rule, text
 
 
 def _settings_headline(report: WeekReport) -> str:
     change = report.settings_change
-    since = f"since week {report.previous.number}" if report.previous else "since last week"
-    when = since
+    when = say("headline.since", week=words.week_before(report))
     if change is not None and change.at is not None:
-        when = f"on {fmt.weekday(change.at.date())}"
-    match change.name if change is not None else "":
-        case "distance_m":
-            return f"A new distance limit was set {when}"
-        case "calibration":
-            return f"A camera was calibrated anew {when}"
-        case "engine":
-            return f"The engine changed {when}"
-        case "rules":
-            return "The two weeks were computed by different rules, so nothing is compared"
-        case _:
-            return f"A setting changed {when}, so nothing is compared"
+        when = say("headline.on_day", day=fmt.weekday(change.at.date()))
+    key = f"headline.setting_{change.name if change is not None else 'other'}"
+    return say(key if has(key) else "headline.setting_other", when=when)
 
 
 def change_to_name(report: WeekReport) -> LogLine | None:
@@ -162,41 +132,40 @@ def change_to_name(report: WeekReport) -> LogLine | None:
 
 def _after(entry: LogLine) -> list[str]:
     text = entry.text.strip().rstrip(".")
-    quoted = [f"\u201c{text}\u201d"] if 0 < words.n_words(text) <= 6 and len(text) <= 48 else []
-    return [*quoted, f"the change at {entry.area_name or entry.area_id}"]
+    quoted = [say("format.quoted", text=text)] if 0 < words.n_words(text) <= 6 and len(text) <= 48 else []
+    return [*quoted, say("headline.after_area", area=entry.area_name or entry.area_id)]
 
 
 def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     coverage, rules = report.coverage, report.rules
-    distance, pause = fmt.metres(rules.distance_m), fmt.seconds(rules.episode_min_s)
+    distance, pause = fmt.distance(rules.distance_m, rules.distance_unit), fmt.seconds(rules.episode_min_s)
     often = report.level.often
     match report.state:
         case "no_data":
             told = nothing(report)
             return [Span(text=told.lead)], list(told.notes)
         case "too_incomplete":
-            text = (
-                f"Cameras recorded {fmt.percent(coverage.share)} of open hours. We show what was seen but give no "
-                f"change and no ranking below {fmt.percent(rules.min_coverage)}."
-            )
-            return [Span(text=text)], _missing_notes(report)
+            share, limit = fmt.percent(coverage.share), fmt.percent(rules.min_coverage)
+            return [Span(text=say("lead.too_incomplete", share=share, limit=limit))], _missing_notes(report)
         case "empty":
             seen = ""
             if coverage.seen_h is not None:
-                seen = f" and saw people in {fmt.number(coverage.seen_h)} of {fmt.number(coverage.open_h)} open hours"
-            text = (
-                f"Cameras recorded {fmt.number(coverage.recorded_h)} of {fmt.number(coverage.scheduled_h)} camera-hours"
-                f"{seen}. No two people stood closer than {distance} for {pause} or more."
+                seen = say("lead.empty_seen", seen=fmt.number(coverage.seen_h), open=fmt.number(coverage.open_h))
+            text = say(
+                "lead.empty",
+                recorded=fmt.number(coverage.recorded_h),
+                scheduled=fmt.number(coverage.scheduled_h),
+                seen=seen,
+                distance=distance,
+                time=pause,
             )
-            return [Span(text=text)], [f"If this surprises you, ask whether the {distance} distance was calibrated."]
+            return [Span(text=text)], [say("lead.empty_note", distance=distance)]
         case _ if often.value is None:
             return _unknown_lead(report)
         case "first_week":
             level = fmt.likely_level(often)
-            tail = (f" ({level})" if level else "") + ". There is no earlier week to compare with. "
-            tail += "Use this week to learn where and when, not whether it is getting better."
-            opening = Span(text=f"People came closer than {distance} to each other ")
-            return [opening, _times(report), Span(text=tail)], ["Comparisons start next week."]
+            tail = say("lead.first_week", level=say("lead.in_brackets", text=level) if level else "")
+            return [_people_came(report), _times(report), Span(text=tail)], [say("lead.first_week_note")]
         case "settings_changed":
             return _settings_lead(report)
         case _:
@@ -206,92 +175,90 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
 def _unknown_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     """Say why how often is not given, and what is known all the same."""
     often, level, coverage = report.level.often, report.level, report.coverage
-    parts = [
-        often.reason or "There is too little data",
-        f"cameras recorded {fmt.percent(coverage.share)} of open hours",
-    ]
+    parts = [often.reason or say("lead.little_data"), say("lead.recorded", share=fmt.percent(coverage.share))]
     if level.people.value is not None:
-        parts.append(f"on average {fmt.number(level.people.value)} people were in view")
-    mend = "Let the engine send an id for each person it follows, and the next report counts violations."
-    notes = [mend] if often.reason == NO_IDS else []
-    if often.reason == NO_FLOOR:
-        notes = ["Calibrate its cameras (vsd calibrate), and the next report counts violations in this week too."]
+        parts.append(say("lead.in_view", people=fmt.number(level.people.value)))
+    notes = {NO_IDS: [say("lead.mend_ids")], NO_FLOOR: [say("lead.mend_floor")]}.get(often.reason or "", [])
     return [Span(text=" ".join(words.sentence(p) for p in parts))], notes
 
 
+def _people_came(report: WeekReport) -> Span:
+    rules = report.rules
+    return Span(text=say("lead.people_came", distance=fmt.distance(rules.distance_m, rules.distance_unit)))
+
+
 def _times(report: WeekReport) -> Span:
-    return Span(text=f"{fmt.number(report.level.often.value)} times in an average open hour", is_strong=True)
+    return Span(text=say("lead.times", rate=fmt.number(report.level.often.value)), is_strong=True)
 
 
 def _normal_lead(report: WeekReport) -> list[Span]:
-    level, often = report.level, report.level.often
-    spans = [Span(text=f"People came closer than {fmt.metres(report.rules.distance_m)} to each other "), _times(report)]
-    since = f"week {report.previous.number}" if report.previous else "last week"
-    likely = fmt.likely_change(often)
+    often = report.level.often
+    spans = [_people_came(report), _times(report)]
+    since, likely = words.week_before(report), fmt.likely_change(often)
     match often.verdict:
         case "clear_fall" | "clear_rise":
-            spans.append(Span(text=f", {fmt.fewer_more(often.change)} than in {since} ({likely}). "))
+            spans.append(Span(text=say("lead.clear", change=fmt.fewer_more(often.change), since=since, likely=likely)))
         case "no_clear_change":
-            spans.append(Span(text=f": no clear change since {since}" + (f" ({likely}). " if likely else ". ")))
+            said = say("lead.in_brackets", text=likely) if likely else ""
+            spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
-            spans.append(Span(text=f". There is too little data to compare it with {since}. "))
+            spans.append(Span(text=say("lead.unknown", since=since)))
     spans += _risk_spans(report)
     clear = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
     same_way.sort(key=lambda a: -abs(a.often.change or 0.0))
     if same_way and len(clear) <= 3:
-        noun = "fall" if often.verdict == "clear_fall" else "rise"
-        where = words.joined(_with_change(a) for a in same_way)
-        are = f"{noun}s are" if len(same_way) > 1 else f"{noun} is"
-        spans.append(Span(text=f"The clear {are} at {where}. "))
+        areas = words.joined(_with_change(a) for a in same_way)
+        spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
     spot = report.busiest_spot
     if spot is not None and spot.area_id is not None and spot.area_id not in {a.area_id for a in same_way}:
-        spans.append(Span(text=f"{spot.name} is the place to look at."))
-    if level.people.value is None and level.risky.state == "ok":
-        return spans
+        spans.append(Span(text=say("lead.look_at", area=spot.name)))
     return [*spans[:-1], replace(spans[-1], text=spans[-1].text.rstrip())]
 
 
 def _with_change(area: AreaRow) -> str:
-    return area.name if area.often.change is None else f"{area.name} ({fmt.fewer_more(area.often.change)})"
+    if area.often.change is None:
+        return area.name
+    return say("lead.area_change", area=area.name, change=fmt.fewer_more(area.often.change))
 
 
 def _risk_spans(report: WeekReport) -> list[Span]:
     risky, people = report.level.risky, report.level.people
     said = words.with_people(people.change, people.verdict)
-    with_people = f", {said}" if said else ""
+    with_people = say("headline.people", people=said) if said else ""
     if risky.state == "not_measurable":
-        return [Span(text=f"How risky is not measurable: {risky.reason or 'the engine sends no positions'}. ")]
+        return [Span(text=say("lead.risky_unknown", reason=risky.reason or say("lead.no_positions")))]
     if risky.state == "not_enough_data" or risky.value is None:
-        return [Span(text=f"There is too little data to say how risky: {risky.reason or 'few people were seen'}. ")]
-    spans = [Span(text="Per person-hour there were "), Span(text=fmt.number(risky.value), is_strong=True)]
+        return [Span(text=say("lead.risky_little", reason=risky.reason or say("lead.few_seen")))]
+    spans = [Span(text=say("lead.per_person_hour")), Span(text=fmt.number(risky.value), is_strong=True)]
     match risky.verdict:
         case "clear_fall" | "clear_rise":
-            tail = f", {fmt.fewer_more(risky.change)} ({fmt.likely_change(risky)}){with_people}. "
+            change, likely = fmt.fewer_more(risky.change), fmt.likely_change(risky)
+            tail = say("lead.risky_clear", change=change, likely=likely, people=with_people)
         case "no_clear_change":
-            tail = f": no clear change{with_people}. "
+            tail = say("lead.risky_same", people=with_people)
         case _:
-            tail = f"{with_people}. "
+            tail = say("lead.risky_other", people=with_people)
     return [*spans, Span(text=tail)]
 
 
 def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     change = report.settings_change
     if change is None:
-        return [Span(text="A setting changed, so the change column is blank.")], []
-    when = f" on {fmt.date_long(change.at.date())}, {fmt.clock(change.at)}" if change.at is not None else ""
-    if change.name == "calibration":
-        text = f"A camera got a new calibration{when}, so positions and distances are measured anew. "
-    elif change.name == "rules":
-        text = "Hours whose records were purged keep the figures of their time, made by other rules than today's. "
-    else:
-        what = {"distance_m": "The distance limit", "engine": "The engine"}.get(
-            change.name, f"The setting {change.name}"
-        )
-        text = f"{what} changed from {change.before} to {change.after}{when}. "
-    text += "Figures before and after cannot be compared, so the change column is blank."
-    notes = [f"To compare, run the week again with one setting: {change.command}"] if change.command else []
-    return [Span(text=text)], notes
+        return [Span(text=say("lead.setting_blank"))], []
+    when = ""
+    if change.at is not None:
+        when = say("lead.setting_when", date=fmt.date_long(change.at.date()), clock=fmt.clock(change.at))
+    key = f"lead.setting_{change.name}"
+    text = say(
+        key if has(key) else "lead.setting_other",
+        name=change.name,
+        before=change.before,
+        after=change.after,
+        when=when,
+    )
+    notes = [say("lead.setting_command", command=change.command)] if change.command else []
+    return [Span(text=text + say("lead.setting_end"))], notes
 
 
 def _missing_notes(report: WeekReport) -> list[str]:
@@ -299,8 +266,9 @@ def _missing_notes(report: WeekReport) -> list[str]:
     names = {c.camera_id: c.name for c in report.coverage.cameras}
     lines = []
     for outage in sorted(longest, key=lambda o: o.start):
-        who = ", " + words.joined(words.camera_name(names.get(c, c)) for c in outage.camera_ids)
+        start, end = fmt.instant_short(outage.start), fmt.instant_short(outage.end)
+        who = words.joined(words.camera_name(names.get(c, c)) for c in outage.camera_ids)
         if len(outage.camera_ids) == len(names):
-            who = ", all cameras" if len(names) > 1 else ""
-        lines.append(f"{fmt.instant_short(outage.start)} to {fmt.instant_short(outage.end)}{who}")
-    return [f"Missing: {'; '.join(lines)}."] if lines else []
+            who = say("lead.all_cameras") if len(names) > 1 else ""
+        lines.append(say("lead.outage_who" if who else "lead.outage", start=start, end=end, who=who))
+    return [say("lead.missing", outages="; ".join(lines))] if lines else []

@@ -10,12 +10,22 @@ import shapely
 from numpy.typing import NDArray
 
 from vsd_analytics import geometry
-from vsd_analytics.analysis.panels import Array, Flags, positions
+from vsd_analytics.analysis.panels import Array
 from vsd_analytics.report import bands as heat
-from vsd_analytics.report.floorplan import nice_metres
-from vsd_analytics.report.model import AreaRow, Extent, FloorMap, MapArea, MapBand, MapImage, MapSpot, Polygon
+from vsd_analytics.report.density import FloorGrid, floor_fixtures
+from vsd_analytics.report.floorplan import nice_length_m
+from vsd_analytics.report.model import (
+    AreaRow,
+    Extent,
+    FloorMap,
+    MapArea,
+    MapBand,
+    MapFixture,
+    MapImage,
+    MapSpot,
+    Polygon,
+)
 from vsd_analytics.report.pictures import has_paper, picture_image, plan_image
-from vsd_analytics.report.privacy import is_small
 from vsd_analytics.report.weekdata import WeekData
 
 MARGIN_M = 1.0
@@ -39,16 +49,17 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
     Returns:
         No map where violations have no place on the floor, or the floor is too large to draw.
     """
-    extent = _extent(data)
+    extent = floor_extent(data)
     if extent is None or data.why_no_violations is not None or data.why_no_places is not None:
         return ()
-    grid = _Grid(data, extent, used=data.hours.is_counted if is_ranked else data.hours.recorded_s > 0)
-    density = grid.density()
-    polygons = heat.heat_bands(density, cell_m=grid.cell_m, origin_m=grid.origin, steps=data.site.settings.heat_steps)
+    grid = FloorGrid(data, extent)
+    used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
+    density = grid.density(data.this, used=used).without_small()
+    polygons = grid.bands(density, steps=data.site.settings.heat_steps)
     pictured = _picture_map(data, polygons) if data.floor.plan is None else None
     if pictured is not None:
         return (pictured,)
-    image = _plan(data)
+    image = plan_of(data)
     unseen = geometry.unseen(data.floor, cameras=data.cameras, bounds=extent)
     return (
         FloorMap(
@@ -57,86 +68,16 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
             extent=extent,
             image=image,
             bands=polygons,
-            unseen=tuple(_polygon(p) for p in unseen or ()),
+            unseen=tuple(as_rings(p) for p in unseen or ()),
+            fixtures=map_fixtures(data),
             areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in data.areas),
             spots=_spots(data, grid, density, areas) if is_ranked else (),
-            scale_bar_m=nice_metres(extent[2] - extent[0]),
+            scale_bar_m=nice_length_m(extent[2] - extent[0], unit=data.site.settings.distance_unit),
         ),
     )
 
 
-class _Grid:
-    """Violations of the week on the floor grid, over the camera-hours `used`."""
-
-    def __init__(self, data: WeekData, extent: Extent, *, used: Flags) -> None:
-        self._data, self._used = data, used
-        self.cell_m = data.site.settings.cell_m
-        x0, y0, x1, y1 = extent
-        self._first = (int(np.floor(x0 / self.cell_m)), int(np.floor(y0 / self.cell_m)))
-        self.shape = (
-            int(np.ceil(y1 / self.cell_m)) - self._first[1],
-            int(np.ceil(x1 / self.cell_m)) - self._first[0],
-        )
-        self.origin = (self._first[0] * self.cell_m, self._first[1] * self.cell_m)
-
-    def density(self) -> Array:
-        """Return violations per m2 per open hour, shape (n_y, n_x), smoothed; patches of few violations are blank."""
-        from scipy.ndimage import gaussian_filter
-
-        counts, rates = self._sums()
-        sigma = self._data.site.settings.smoothing_m / self.cell_m
-        smooth = np.asarray(gaussian_filter(rates / self.cell_m**2, sigma, mode="constant"))
-        return self._without_small(smooth, counts, reach=3 * sigma)
-
-    def axes(self) -> tuple[Array, Array]:
-        """Return the floor x of each column's middle and the floor y of each row's."""
-        x, y = (
-            (first + 0.5 + np.arange(n)) * self.cell_m for first, n in zip(self._first, self.shape[::-1], strict=True)
-        )
-        return x, y
-
-    def _sums(self) -> tuple[Array, Array]:
-        """Return violations, and violations per recorded open hour, by cell."""
-        data = self._data
-        rows = data.warehouse.table(
-            "select camera_id, hour_start_ms, cx, cy, count(*)::double as n from violations "
-            "where floor_id = $floor and is_open and cx is not null and local_date between $first and $last "
-            "group by all order by all",
-            {"floor": data.floor.floor_id, "first": data.monday, "last": data.sunday},
-        )
-        camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-        hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-        x = rows["cx"].to_numpy() - self._first[0]
-        y = rows["cy"].to_numpy() - self._first[1]
-        inside = (x >= 0) & (y >= 0) & (x < self.shape[1]) & (y < self.shape[0])
-        inside &= self._used[camera, hour] & data.whole.cameras[camera]
-        recorded_h = (data.hours.recorded_s * self._used)[:, data.week()].sum(axis=1) / 3600
-        n = rows["n"].to_numpy()[inside]
-        counts, rates = np.zeros(self.shape), np.zeros(self.shape)
-        at = (y[inside], x[inside])
-        np.add.at(counts, at, n)
-        np.add.at(rates, at, n / recorded_h[camera[inside]])
-        return counts, rates
-
-    def _without_small(self, density: Array, counts: Array, *, reach: float) -> Array:
-        """Blank coloured patches of floor made by fewer violations than may be printed."""
-        from scipy.ndimage import binary_dilation, label
-
-        settings = self._data.site.settings
-        if counts.sum() >= settings.mask_below and density.max() < settings.heat_steps[0]:
-            return density
-        patches, n_patches = label(density >= settings.heat_steps[0])
-        kept = density.copy()
-        for k in range(1, n_patches + 1):
-            own = patches == k
-            rows, columns = (slice(max(0, int(i.min() - reach)), int(i.max() + reach) + 1) for i in np.nonzero(own))
-            near = binary_dilation(own[rows, columns], iterations=max(1, round(reach)))
-            if is_small(counts[rows, columns][near].sum(), below=settings.mask_below):
-                kept[own] = 0.0
-        return kept
-
-
-def _extent(data: WeekData) -> Extent | None:
+def floor_extent(data: WeekData) -> Extent | None:
     """Return the floor to draw: the plan, else what was walked on and the areas; None when unknown or too large."""
     extent = geometry.plan_bounds(data.floor)
     cell_m = data.site.settings.cell_m
@@ -162,7 +103,8 @@ def _at_least(bounds: Extent) -> Extent:
     return x0 - dx, y0 - dy, x1 + dx, y1 + dy
 
 
-def _plan(data: WeekData) -> MapImage | None:
+def plan_of(data: WeekData) -> MapImage | None:
+    """Return the floor's plan; None without one."""
     bounds = geometry.plan_bounds(data.floor)
     if data.floor.plan is None or bounds is None:
         return None
@@ -170,7 +112,15 @@ def _plan(data: WeekData) -> MapImage | None:
     return MapImage(data_uri=uri, extent=bounds, is_opaque=has_paper(data.floor.plan))
 
 
-def _spots(data: WeekData, grid: _Grid, density: Array, areas: Sequence[AreaRow]) -> tuple[MapSpot, ...]:
+def map_fixtures(data: WeekData) -> tuple[MapFixture, ...]:
+    """Return what stands on the floor, for drawing."""
+    return tuple(
+        MapFixture(fixture_id=f.fixture_id, name=f.name, kind=f.kind, is_movable=f.is_movable, ring=f.polygon)
+        for f in floor_fixtures(data)
+    )
+
+
+def _spots(data: WeekData, grid: FloorGrid, density: Array, areas: Sequence[AreaRow]) -> tuple[MapSpot, ...]:
     """Return the peaks of the three busiest areas that show any band."""
     polygons = {a.area_id: shapely.Polygon(a.polygon) for a in data.areas}
     x, y = grid.axes()
@@ -215,6 +165,7 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...]) -> FloorMap | No
     )
 
 
-def _polygon(shape: shapely.Polygon) -> Polygon:
+def as_rings(shape: shapely.Polygon) -> Polygon:
+    """Return the outer ring of a polygon and its holes, each corner once."""
     rings = [shape.exterior, *shape.interiors]
     return tuple(tuple((float(x), float(y)) for x, y in list(ring.coords)[:-1]) for ring in rings)

@@ -17,59 +17,71 @@ from datetime import date, datetime
 from typing import Any, Final, Literal
 
 from vsd_analytics.report.fields import described as _f
+from vsd_analytics.report.model_estimate import Estimate, FigureState, Verdict
 from vsd_analytics.report.model_map import (
+    ChangedPlace,
+    ChangeMaps,
     Extent,
     FloorMap,
+    Footsteps,
     MapArea,
     MapBand,
     MapCamera,
+    MapFixture,
     MapImage,
     MapKind,
     MapSpot,
+    MapView,
+    MapViews,
     Point,
     Polygon,
     Ring,
+    SpotPicture,
 )
+from vsd_analytics.report.model_more import (
+    AreaReading,
+    Causes,
+    Evidence,
+    Outlook,
+    OutlookHour,
+    OutlookScore,
+    Reading,
+    Readings,
+    Redesign,
+    RedesignDesign,
+    SpotCard,
+    SpotKind,
+    Spots,
+    Sureness,
+    Trend,
+    TrendMark,
+    TrendWeek,
+    UnusualHour,
+    UnusualHours,
+    UsualHours,
+)
+from vsd_analytics.report.model_recorded import CameraDay, CameraRecord, Coverage, Outage
 
 # fmt: off
 __all__ = [
-    "SCHEMA", "AreaRow", "BusiestHour", "BusiestSpot", "CameraDay", "CameraRecord", "Coverage", "DayMean", "Estimate",
-    "Extent", "Figure", "FigureState", "FloorMap", "HourCell", "HourMean", "HourState", "Level", "LogKind", "LogLine",
-    "MapArea", "MapBand", "MapCamera", "MapImage", "MapKind", "MapSpot", "Outage", "Point", "Polygon", "Provenance",
-    "Ring", "Rules", "SettingsChange", "SiteRef", "Span", "Story", "Thing", "ThingKind", "Verdict", "WeekRef",
-    "WeekReport", "WeekState", "When",
+    "SCHEMA", "AreaReading", "AreaRow", "BusiestHour", "BusiestSpot", "CameraDay", "CameraRecord", "Causes",
+    "ChangeMaps", "ChangedPlace", "Coverage", "DayMean", "DistanceUnit", "Estimate", "Evidence", "Extent", "Figure",
+    "FigureState", "FloorMap", "Footsteps", "HourCell", "HourMean", "HourState", "Level", "LogKind", "LogLine",
+    "MapArea", "MapBand", "MapCamera", "MapFixture", "MapImage", "MapKind", "MapSpot", "MapView", "MapViews",
+    "Outage", "Outlook", "OutlookHour", "OutlookScore", "Point", "Polygon", "Provenance", "Reading", "Readings",
+    "Redesign", "RedesignDesign", "Ring", "Rules", "SettingsChange", "SiteRef", "Span", "SpotCard", "SpotKind",
+    "SpotPicture", "Spots", "Story", "Sureness", "Thing", "ThingKind", "Trend", "TrendMark", "TrendWeek",
+    "UnusualHour", "UnusualHours", "UsualHours", "Verdict", "WeekRef", "WeekReport", "WeekState", "When",
 ]
 # fmt: on
 
 SCHEMA: Final = "vsd.report.week/1"
 
-Verdict = Literal["clear_fall", "clear_rise", "no_clear_change", "too_little_data"]
-FigureState = Literal["ok", "not_enough_data", "not_measurable"]
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
 HourState = Literal["full", "partial", "low_data", "no_data", "closed"]
 LogKind = Literal["logged", "detected"]
+DistanceUnit = Literal["m", "ft"]
 ThingKind = Literal["worked", "watch", "distrust"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """A figure of this week with its interval, last week's value over the same hours, and the change between them."""
-
-    value: float | None = _f("This week's value over all its recorded open hours; None when `state` is not ok.")
-    lo: float | None = _f("Lower end of the confidence interval of `value`.", default=None)
-    hi: float | None = _f(
-        "Upper end of the confidence interval of `value`; for 0 the rule-of-three bound.", default=None
-    )
-    previous: float | None = _f("The week before; None when it is not compared.", default=None)
-    change: float | None = _f(
-        "Relative change over the hours recorded in both weeks: -0.14 is 14 % fewer.", "share", default=None
-    )
-    change_lo: float | None = _f("Lower end of the interval of `change`.", "share", default=None)
-    change_hi: float | None = _f("Upper end of the interval of `change`.", "share", default=None)
-    verdict: Verdict | None = _f("Read from the interval of `change`; None when nothing is compared.", default=None)
-    hours_compared: float | None = _f("Camera-hours recorded in both weeks that `change` uses.", "h", default=None)
-    state: FigureState = _f("Whether the value can be given.", default="ok")
-    reason: str | None = _f("In words, why not.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +97,7 @@ class Figure:
     verdict: Verdict | None = _f("Verdict on its change, if it is compared.", default=None)
     state: FigureState = _f("Whether the figure can be given.", default="ok")
     reason: str | None = _f("In words, why not.", default=None)
+    note: str | None = _f("What a reader must know beside it.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +128,7 @@ class Rules:
     """The settings that the words of the page depend on; same names as in the settings table."""
 
     distance_m: float = _f("Two people strictly closer than this are in violation.", "m")
+    distance_unit: DistanceUnit = _f("Unit in which the page writes distances.", default="m")
     episode_min_s: float = _f("For at least this long.", "s", default=3.0)
     confidence: float = _f("Confidence level of every interval.", "share", default=0.95)
     mask_below: int = _f("Counts from 1 to just under this are shown as fewer than it.", default=5)
@@ -146,71 +160,6 @@ class Provenance:
     inputs_digest: str = _f("Hash of the facts the page was made from.", default="")
     is_made_up: bool = _f("True for `vsd demo`: the page says so.", default=False)
     notes: tuple[str, ...] = _f("What does not compare: purged hours that were computed by other rules.", default=())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraDay:
-    """What one camera recorded on one local day."""
-
-    day: date = _f("Local date.")
-    scheduled_h: float = _f("Open hours of the day; 0 when closed.", "h")
-    recorded_h: float = _f("Open hours recorded.", "h", "M1")
-    share: float | None = _f("Recorded over scheduled; None when closed all day.", "share", "M1")
-    hourly_share: tuple[float | None, ...] = _f(
-        "24 values, local hours 0 to 23: share of the hour recorded; None where closed.", "share", "M1"
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CameraRecord:
-    """What one camera recorded in the week."""
-
-    camera_id: str = _f("Identifier.")
-    name: str = _f("Display name; free text.")
-    label: str = _f("Short label on the map and in tables, such as 1 or C1.")
-    days: tuple[CameraDay, ...] = _f("Monday to Sunday.", metric="M1")
-    scheduled_h: float = _f("Open hours of the week.", "h")
-    recorded_h: float = _f("Open hours recorded.", "h", "M1")
-    share: float | None = _f("Recorded over scheduled.", "share", "M1")
-    last_record: datetime | None = _f(
-        "Instant of the last record up to this week, in the site's zone; None: none in the sixty days before.",
-        default=None,
-    )
-    not_counted: str | None = _f("Why its violations cannot be counted, so that rates leave it out.", default=None)
-    not_compared: str | None = _f("Why the comparison with the week before leaves it out.", default=None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outage:
-    """An interval of open hours without data."""
-
-    camera_ids: tuple[str, ...] = _f("Cameras that were silent together.", metric="M2")
-    start: datetime = _f("First missing instant, in the site's zone.", metric="M2")
-    end: datetime = _f("End of the interval, in the site's zone.", metric="M2")
-    open_h: float = _f("Open hours lost, per camera.", "h", "M2")
-    is_inferred: bool = _f("True when the engine sends no heartbeat.", default=False)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Coverage:
-    """How much of the open hours was recorded."""
-
-    share: float = _f("Recorded over scheduled camera-hours.", "share", "M1")
-    recorded_h: float = _f("Recorded open camera-hours.", "camera-hours", "M1")
-    scheduled_h: float = _f("Open camera-hours.", "camera-hours", "M1")
-    open_h: float = _f("Open hours of the site in the week.", "h")
-    seen_h: float | None = _f("Open clock hours in which at least one person was seen.", "h", default=None)
-    cameras: tuple[CameraRecord, ...] = _f("In the order of vsd.toml.", default=())
-    outages: tuple[Outage, ...] = _f("In order of start.", metric="M2", default=())
-    is_inferred: bool = _f(
-        "True when any camera's engine sends no heartbeat: coverage is guessed from gaps.", default=False
-    )
-    missing_messages: int | None = _f(
-        "Messages that never arrived or are in quarantine, by the engine's running numbers; None: it numbers nothing.",
-        "messages",
-        default=None,
-    )
-    message_gaps: int = _f("Gaps these are in.", default=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -359,7 +308,7 @@ class LogLine:
 class SettingsChange:
     """A setting or calibration that changed inside the comparison window, so that nothing is compared."""
 
-    name: str = _f("Setting, such as distance_m; or calibration, engine, rules (of purged hours).")
+    name: str = _f("Setting, such as distance_m; or calibration, cameras, engine, rules (of purged hours).")
     before: str = _f("Value before, with unit.")
     after: str = _f("Value after, with unit.")
     at: datetime | None = _f(
@@ -425,7 +374,18 @@ class WeekReport:
     areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
     when: When = _f("The timetable.", metric="M8")
     maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
+    change_maps: ChangeMaps | None = _f("None when nothing is compared.", metric="M17", default=None)
+    spot_pictures: tuple[SpotPicture, ...] = _f("Where a camera's picture shows a numbered spot.", default=())
+    footsteps: Footsteps | None = _f("None where the engine sends no positions or no track ids.", default=None)
+    views: MapViews | None = _f("None where what some camera sees is unknown.", default=None)
     log: tuple[LogLine, ...] = _f("In order of time.", default=())
     settings_change: SettingsChange | None = _f("Set when `state` is settings_changed.", default=None)
+    spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
+    readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
+    redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
+    causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
+    trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
+    outlook: Outlook | None = _f("The week to come.", metric="M25", default=None)
+    unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
     story: Story | None = _f("Filled by `headline.tell`; None until then.", default=None)

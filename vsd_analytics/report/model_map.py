@@ -13,6 +13,7 @@ Ring = tuple[Point, ...]
 Polygon = tuple[Ring, ...]
 Extent = tuple[float, float, float, float]
 MapKind = Literal["plan", "floor", "picture"]
+FixtureKind = Literal["shelf", "wall", "till", "other"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +43,17 @@ class MapArea:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MapFixture:
+    """Something nobody walks through."""
+
+    fixture_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    kind: FixtureKind = _f("shelf, wall, till or other.")
+    is_movable: bool = _f("True: staff could move it.", default=False)
+    ring: Ring = _f("Footprint in the map's unit.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MapCamera:
     """Where a camera stands, if known."""
 
@@ -60,6 +72,76 @@ class MapSpot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChangedPlace:
+    """What changed on the coloured floor of a place."""
+
+    area_id: str | None = _f("Area; None for the rest of the floor.")
+    name: str = _f("Its display name; free text.")
+    fewer: float = _f("Violations per open hour fewer, on floor coloured as fewer.", "per open hour")
+    more: float = _f("Violations per open hour more, on floor coloured as more.", "per open hour")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeMaps:
+    """The week before, this week, and the difference, over the same camera-hours; on the floor of the first map."""
+
+    before: tuple[MapBand, ...] = _f("Bands of the week before.", "violations per m2 per open hour", "M17")
+    now: tuple[MapBand, ...] = _f("Bands of this week.", "violations per m2 per open hour", "M17")
+    fewer: tuple[MapBand, ...] = _f("Floor with fewer by at least `lower`.", "violations per m2 per open hour", "M17")
+    more: tuple[MapBand, ...] = _f("Floor with more by at least `lower`.", "violations per m2 per open hour", "M17")
+    steps: tuple[float, float] = _f("Lower ends of the two bands of the difference.", "violations per m2 per open hour")
+    hours_compared: float = _f("Camera-hours recorded in both weeks.", "h")
+    places: tuple[ChangedPlace, ...] = _f("Areas with coloured floor, the greatest change first.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Footsteps:
+    """Where people walked or stood: cells of the floor with the steps of enough people."""
+
+    cell_m: float = _f("Side of a cell.", "m")
+    min_tracks: int = _f("Fewest tracks that show a cell.", "tracks")
+    runs: tuple[tuple[int, int, int], ...] = _f(
+        "Such cells side by side: floor(y / cell_m), floor(x / cell_m) of the first, and how many they are.",
+        metric="M5",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapView:
+    """What one camera sees of the floor."""
+
+    camera_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    polygons: tuple[Polygon, ...] = _f("Its view as far as the map shows the floor, floor metres.")
+    area_m2: float = _f("Size of that.", "m2")
+    alone_m2: float = _f("Size of what no other camera sees.", "m2")
+    label: str = _f("Short label, as in the table of recorded hours.")
+    at: Point = _f("Where it is written: the floor nearest to the camera.", "m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapViews:
+    """What the cameras see of the floor, and what several see."""
+
+    cameras: tuple[MapView, ...] = _f("In the order of vsd.toml.")
+    shared: tuple[Polygon, ...] = _f("Floor that two cameras or more see, floor metres.")
+    floor_m2: float = _f("Size of the floor shown, without fixtures; so are the sizes below.", "m2")
+    shared_m2: float = _f("Size of `shared`.", "m2")
+    unseen_m2: float = _f("Size of the floor no camera sees.", "m2")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpotPicture:
+    """The empty scene around a numbered spot, with its bands."""
+
+    number: int = _f("Number of the spot.")
+    camera_id: str = _f("The camera that shows it most finely.")
+    camera_name: str = _f("Its display name; free text.")
+    px_per_m: float = _f("How finely it shows the spot: picture pixels per metre of floor.", "px/m")
+    shown: FloorMap = _f("The picture, cut to the spot, and its bands; in pixels of the camera's picture.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FloorMap:
     """One map: the floor plan, bare floor, or a camera picture when there is no plan and no common floor."""
 
@@ -71,6 +153,7 @@ class FloorMap:
         "Weakest first; see `bands.heat_bands`.", "violations per m2 per open hour", "M17", default=()
     )
     unseen: tuple[Polygon, ...] = _f("Floor no camera sees.", default=())
+    fixtures: tuple[MapFixture, ...] = _f("What stands on the floor; no band runs below it.", default=())
     areas: tuple[MapArea, ...] = _f("Named areas.", default=())
     cameras: tuple[MapCamera, ...] = _f("Camera positions, if known.", default=())
     spots: tuple[MapSpot, ...] = _f("At most three.", "violations per m2 per open hour", "M20", default=())

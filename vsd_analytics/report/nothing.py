@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import WeekReport
+from vsd_analytics.report.wording import say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,51 +36,34 @@ class Nothing:
 
 def nothing(report: WeekReport) -> Nothing:
     """Return the words of a week whose state is no_data; a closed week is not called an outage."""
-    number = report.week.number
     if not report.coverage.cameras:
-        return Nothing(
-            rule="no_camera",
-            headline="No camera looks at this floor",
-            lead="No camera of vsd.toml belongs to this floor, so nothing is known about it.",
-            notes=("Add a [[camera]] with this floor to vsd.toml.",),
-            title="Nothing can be said about this floor",
-            text="Neither that it was quiet nor that it was busy.",
-            question="Should a camera look at this floor?",
-            data_title="Nothing could be recorded",
-        )
+        return _told(report, "no_camera", notes=(say("nothing.no_camera_note"),))
     if report.coverage.scheduled_h == 0:
-        return Nothing(
-            rule="closed",
-            headline=f"The site was closed in week {number}",
-            lead="The whole week lies outside the opening hours, so nothing was expected and nothing is counted.",
-            notes=("If it was open, mend opening or closed in vsd.toml and run the report again.",),
-            title=f"Week {number} is no gap in the data",
-            text="No opening hour was missed. The next week has nothing to compare with.",
-            question="Are the opening hours in vsd.toml still right?",
-            data_title="Nothing was to be recorded",
-        )
+        return _told(report, "closed", notes=(say("nothing.closed_note"),))
+    return _told(report, "no_data", notes=(_likely_cause(report),))
+
+
+def _told(report: WeekReport, rule: str, *, notes: tuple[str, ...]) -> Nothing:
     first, last = fmt.date_span(report.week.monday, report.week.sunday)
+    week = report.week.number
     return Nothing(
-        rule="no_data",
-        headline=f"We have no data for week {number}",
-        lead=(
-            f"Nothing was recorded in opening hours between {first} and {last}. "
-            "This says nothing about how busy the floor was."
-        ),
-        notes=(_likely_cause(report),),
-        title=f"Nothing can be said about week {number}",
-        text="Neither that the floor was quiet nor that it was busy. The next week has nothing to compare with.",
-        question="Who is told when the cameras or the engine stop, and who starts them again?",
-        data_title="Nothing was recorded",
+        rule=rule,
+        headline=say(f"nothing.{rule}", week=week),
+        lead=say(f"nothing.{rule}_lead", first=first, last=last),
+        notes=notes,
+        title=say(f"nothing.{rule}_title", week=week),
+        text=say(f"nothing.{rule}_text"),
+        question=say(f"nothing.{rule}_question"),
+        data_title=say(f"nothing.{rule}_data"),
     )
 
 
 def _likely_cause(report: WeekReport) -> str:
     last = [c.last_record for c in report.coverage.cameras if c.last_record is not None]
     if not last:
-        return "No record of any camera was found. Check that the engine's output reaches vsd ingest."
+        return say("nothing.cause_never")
     if max(last).date() >= report.week.monday:
-        return "Records came at closed hours only. Check the opening hours in vsd.toml and the clocks of the cameras."
+        return say("nothing.cause_closed_hours")
     if len(last) > 1 and (max(last) - min(last)).total_seconds() <= 60:
-        return "All cameras stopped at the same minute, which points to the network or the engine, not the cameras."
-    return "The cameras stopped at different times. Look at the one that stopped last first."
+        return say("nothing.cause_all")
+    return say("nothing.cause_apart")

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_BYTES: Final = 60_000
+SCENE_TONE: Final = 0.62
+"""White of a camera picture becomes this share of white below bands."""
 MAX_PIXELS: Final = 100_000_000
 _ACTIVE: Final = {"script", "foreignobject", "iframe", "embed", "object", "handler"}
 _LOADS: Final = re.compile(r"@import|url\(\s*[\"']?(?!#|data:image/|[\"'\s])", re.IGNORECASE)
@@ -159,6 +161,45 @@ def picture_image(path: Path, *, width_px: int = 640, max_bytes: int = MAX_BYTES
         if encoded.nbytes <= max_bytes:
             break
     return data_uri(np.asarray(encoded).tobytes(), kind="webp"), (width, height)
+
+
+def scene_image(
+    path: Path,
+    *,
+    cut: tuple[float, float, float, float],
+    of_px: tuple[int, int],
+    width_px: int = 640,
+    max_bytes: int = 7_000,
+) -> str:
+    """Return part of an empty camera scene as a grey WebP data URI, toned down so that bands stand out on it.
+
+    Args:
+        path: PNG or JPG file.
+        cut: x0, y0, x1, y1 of the part, in pixels of a picture of size `of_px`.
+        of_px: Width and height that `cut` is given in; a file of another size is cut in proportion.
+        width_px: Width it is made smaller to.
+        max_bytes: Quality, then size, is lowered until it fits.
+
+    Raises:
+        ReportError: The file is no picture (E501).
+    """
+    import cv2
+    import numpy as np
+
+    grey = _decode(path, flags=cv2.IMREAD_GRAYSCALE)
+    height, width = grey.shape[:2]
+    x0, x1 = (min(width, max(0, round(x * width / of_px[0]))) for x in cut[::2])
+    y0, y1 = (min(height, max(0, round(y * height / of_px[1]))) for y in cut[1::2])
+    part = np.clip(grey[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)] * SCENE_TONE, 0, 255).astype(np.uint8)
+    for side in (width_px, width_px * 3 // 4, width_px // 2, width_px // 4):
+        factor = min(1.0, side / part.shape[1])
+        size = max(1, round(part.shape[1] * factor)), max(1, round(part.shape[0] * factor))
+        small = cv2.resize(part, size, interpolation=cv2.INTER_AREA) if factor < 1 else part
+        for quality in (75, 60, 45, 30, 15):
+            encoded = cv2.imencode(".webp", small, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
+            if encoded.nbytes <= max_bytes:
+                return data_uri(np.asarray(encoded).tobytes(), kind="webp")
+    return data_uri(np.asarray(encoded).tobytes(), kind="webp")
 
 
 def _read(path: Path) -> bytes:

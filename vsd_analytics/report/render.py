@@ -12,22 +12,20 @@ from itertools import pairwise
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from vsd_analytics.report import floorplan, svg, tables, titles, words
+from vsd_analytics.report import floorplan, more_view, svg, tables, titles, words
 from vsd_analytics.report import format as fmt
+from vsd_analytics.report.card_view import Cards, cards
+from vsd_analytics.report.figures_view import FigureRow, more_figures
 from vsd_analytics.report.headline import finish
+from vsd_analytics.report.map_figures import MapFigures, map_figures
 from vsd_analytics.report.model import AreaRow, Estimate, FloorMap, Outage, Story, WeekReport
 from vsd_analytics.report.privacy import GIVES_AWAY
 from vsd_analytics.report.tiles import Tile, tiles
 from vsd_analytics.report.twins import rounded
+from vsd_analytics.report.wording import say, say_html
 from vsd_analytics.resources import shipped
 
-_SECTIONS = {
-    "where": "Where",
-    "when": "When",
-    "changed": "What changed",
-    "data": "Data recorded",
-    "about": "About",
-}
+_SECTIONS = ("where", "when", "changed", "trend", "next", "data", "about")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +75,7 @@ class Page:
         tiles: Key figures.
         titles: Titles of the figures.
         maps: Maps with drawings.
+        figures: The drawings beside the maps.
         has_spots: True when numbers are drawn on a map.
         heat_legend: Steps of the map's ramp.
         doubles: True when each step of the map doubles.
@@ -96,6 +95,17 @@ class Page:
         changes: Rows of the table of changes.
         strips: Rows of the table of recorded hours.
         outages: Missing hours, one by one.
+        distance: The legal distance in the site's unit, on one line.
+        readings_note: How far the second reading can be trusted, or why there is none.
+        between: Violations between groups per open hour, by area; empty for none.
+        cards: The numbered spots.
+        unusual: Hours far from usual.
+        causes: What moved the time spent close.
+        redesigns: What logged changes did.
+        trend: The last weeks.
+        outlook: The week to come.
+        messages: How many messages are missing, in words.
+        more_figures: Rows of the table of further figures.
     """
 
     report: WeekReport
@@ -110,6 +120,7 @@ class Page:
     tiles: tuple[Tile, ...]
     titles: dict[str, str]
     maps: tuple[DrawnMap, ...]
+    figures: MapFigures
     has_spots: bool
     heat_legend: tuple[tables.Step, ...]
     doubles: bool
@@ -129,28 +140,40 @@ class Page:
     changes: tuple[ChangeRow, ...]
     strips: tuple[tables.StripRow, ...]
     outages: tuple[OutageRow, ...]
+    distance: str
+    readings_note: str
+    between: dict[str | None, float | None]
+    cards: Cards | None
+    unusual: more_view.Listed | None
+    causes: more_view.BarTable | None
+    redesigns: more_view.BarTable | None
+    trend: more_view.TrendView | None
+    outlook: more_view.Listed | None
+    messages: str
+    more_figures: tuple[FigureRow, ...]
 
 
-def render_html(report: WeekReport) -> str:
+def render_html(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the page of a week as one self-contained HTML file.
 
     Floats are rounded as in the JSON twin first, so that both say the same.
 
     Args:
         report: The figures; its story is made here when it has none.
+        paper: a4 or letter: what the page is printed on.
     """
-    page = make_page(report)
+    page = make_page(report, paper=paper)
     context = {f.name: getattr(page, f.name) for f in fields(page)}
-    text = _environment().get_template("week.html.j2").render(context)
+    text = environment().get_template("week.html.j2").render(context)
     return re.sub(r"\n\s*\n+", "\n", text)
 
 
-def make_page(report: WeekReport) -> Page:
+def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     """Return what the templates show; see `Page`."""
     report = finish(rounded(report))
     if report.story is None:
         raise AssertionError("finish fills the story")
-    style = _style(report)
+    style = _style(report, paper=paper)
     is_compared = report.state == "normal" and report.level.often.verdict is not None
     is_ranked = report.state in ("normal", "first_week", "settings_changed")
     shown = _shown(report)
@@ -165,12 +188,13 @@ def make_page(report: WeekReport) -> Page:
         style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
         span=fmt.date_span(report.week.monday, report.week.sunday),
         shown=shown,
-        contents=tuple((k, v) for k, v in _SECTIONS.items() if k in shown),
-        anchors=_SECTIONS,
-        things_title={3: "Three things to know", 2: "Two things to know"}.get(len(report.story.things), "What to know"),
+        contents=tuple((k, say(f"nav.{k}")) for k in _SECTIONS if k in shown),
+        anchors={k: say(f"nav.{k}") for k in _SECTIONS},
+        things_title=_things_title(len(report.story.things)),
         tiles=tiles(report),
         titles={name: getattr(titles, name)(report) for name in ("where", "when", "changed", "data")},
         maps=tuple(_drawn(m, i, report, is_ranked=is_ranked) for i, m in enumerate(report.maps)),
+        figures=map_figures(report),
         has_spots=is_ranked and any(m.spots for m in report.maps),
         heat_legend=tables.legend(steps, is_count=False),
         doubles=all(abs(b - 2 * a) < 1e-9 for a, b in pairwise(steps)),
@@ -190,15 +214,41 @@ def make_page(report: WeekReport) -> Page:
         changes=_changes(report, limit=limit) if is_compared else (),
         strips=tables.strips(report),
         outages=tuple(_outage(o, names) for o in report.coverage.outages),
+        distance=fmt.distance_unbroken(report.rules.distance_m, report.rules.distance_unit),
+        readings_note=more_view.readings_note(report),
+        between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
+        cards=cards(report),
+        unusual=more_view.unusual(report),
+        causes=more_view.causes(report),
+        redesigns=more_view.redesigns(report),
+        trend=more_view.trend(report),
+        outlook=more_view.outlook(report),
+        messages=_messages(report),
+        more_figures=more_figures(report),
     )
 
 
 def _shown(report: WeekReport) -> frozenset[str]:
+    always = {"data", "about"}
+    always |= {"trend"} if report.trend is not None and report.trend.weeks else set()
+    if report.level.often.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
+        always |= {"next"}
     if report.state == "no_data":
-        return frozenset({"data", "about"} | ({"changed"} if report.log else set()))
+        return frozenset(always | ({"changed"} if report.log else set()))
     maps = {"where"} if report.maps else set()
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
-    return frozenset({"changed", "data", "about"} | hours | maps)
+    return frozenset({"changed"} | always | hours | maps)
+
+
+def _things_title(n: int) -> str:
+    return say({3: "things.title_three", 2: "things.title_two"}.get(n, "things.title_one"))
+
+
+def _messages(report: WeekReport) -> str:
+    n, n_gaps = report.coverage.missing_messages, report.coverage.message_gaps
+    if not n:
+        return ""
+    return say("data.messages", plural=n, n=fmt.count(n), gaps=say("data.gaps", plural=n_gaps, n=fmt.count(n_gaps)))
 
 
 def _down(report: WeekReport) -> list[str]:
@@ -214,32 +264,35 @@ def _down(report: WeekReport) -> list[str]:
 def _why_not_compared(report: WeekReport) -> str:
     match report.state:
         case _ if report.level.often.state == "not_measurable":
-            return "Violations cannot be counted on this floor, so there is nothing to compare."
+            return say("changed.why_not_measurable")
         case "first_week":
-            return "There is no earlier week to compare with. Comparisons start next week."
+            return say("changed.why_first_week")
         case "settings_changed":
-            return "A setting changed, so figures before and after it cannot be compared."
+            change = report.settings_change
+            is_cameras = change is not None and change.name == "cameras"
+            return say("changed.why_cameras" if is_cameras else "changed.why_settings")
         case "too_incomplete":
-            return (
-                f"Below {fmt.percent(report.rules.min_coverage)} of open hours recorded, nothing is compared or ranked."
-            )
+            return say("changed.why_incomplete", limit=fmt.percent(report.rules.min_coverage))
         case "empty":
-            return "There is nothing to compare."
+            return say("changed.why_empty")
         case _:
-            return "There is no data to compare."
+            return say("changed.why_no_data")
 
 
 def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) -> DrawnMap:
     spots = shown.spots if is_ranked else ()
-    label = f"Heatmap of {shown.title}, week {report.week.number}. "
+    label = say("where.label", title=shown.title, week=report.week.number)
     if spots:
-        label += "Numbered spots: " + "; ".join(f"{s.number} {s.name}" for s in spots) + ". "
+        label += say(
+            "where.label_spots",
+            spots="; ".join(say("where.label_spot", number=s.number, name=s.name) for s in spots),
+        )
     elif not shown.bands:
-        label += "No floor reaches the first colour. "
+        label += say("where.label_none")
     if shown.unseen:
-        label += "Hatched floor is seen by no camera. "
+        label += say("where.label_unseen")
     if report.areas:
-        label += "The table below gives the figures."
+        label += say("where.label_table")
     if not is_ranked and shown.spots:
         shown = FloorMap(**{f.name: getattr(shown, f.name) for f in fields(shown)} | {"spots": ()})
     drawing = floorplan.floor_map(shown, index=index, rules=report.rules, label=label.strip())
@@ -248,26 +301,26 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
 
 def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
     rows = [_change_row(a.name, a.often, limit=limit, is_masked=a.is_masked) for a in report.areas]
-    return (*rows, _change_row("Whole floor", report.level.often, limit=limit, is_total=True))
+    return (*rows, _change_row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
 
 
 def _change_row(
     name: str, estimate: Estimate, *, limit: float, is_masked: bool = False, is_total: bool = False
 ) -> ChangeRow:
     if is_masked:
-        estimate = Estimate(value=None, verdict="too_little_data", reason="too few to print")
+        estimate = Estimate(value=None, verdict="too_little_data", reason=say("changed.too_few"))
     clear = estimate.verdict in ("clear_fall", "clear_rise")
-    said = "Not measurable" if estimate.state == "not_measurable" else words.verdict_words(estimate)
+    said = say("changed.not_measurable") if estimate.state == "not_measurable" else words.verdict_words(estimate)
     unknown = estimate.change is None
     detail = fmt.likely_signed(estimate) or estimate.reason or ""
     if estimate.reason == GIVES_AWAY:
-        said, detail = "Held back", "or a count too small to print could be worked out"
+        said, detail = say("changed.held"), say("changed.held_text")
     return ChangeRow(
         name=name,
         previous=fmt.number(estimate.previous),
         value=fmt.number(estimate.value),
         bar=svg.change_bar(estimate, limit=limit),
-        words=f"{said}, {fmt.signed(estimate.change)}" if clear and not unknown else said,
+        words=say("changed.clear", verdict=said, change=fmt.signed(estimate.change)) if clear and not unknown else said,
         detail=detail,
         direction=words.direction(estimate.verdict),
         is_total=is_total,
@@ -276,11 +329,11 @@ def _change_row(
 
 def _outage(outage: Outage, names: dict[str, str]) -> OutageRow:
     everyone = len(outage.camera_ids) == len(names) > 1
-    who = "All cameras" if everyone else words.joined(names.get(c, c) for c in outage.camera_ids)
+    who = say("data.all_cameras") if everyone else words.joined(names.get(c, c) for c in outage.camera_ids)
     return OutageRow(who=who, outage=outage)
 
 
-def _style(report: WeekReport) -> str:
+def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
     footer = css_string(f"{report.site.name}, week {report.week.number}, {report.week.year}")
     font = "font: 8pt Arial, sans-serif; color: #525d68"
@@ -288,12 +341,13 @@ def _style(report: WeekReport) -> str:
         f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
         f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
     )
-    return _shipped_style() + pages
+    return shipped_style() + pages + ("@page { size: letter }" if paper == "letter" else "")
 
 
 @cache
-def _shipped_style() -> str:
-    text = (shipped("reports") / "static" / "report.css").read_text(encoding="utf-8")
+def shipped_style(name: str = "report.css") -> str:
+    """Return a shipped style without comments and indents."""
+    text = (shipped("reports") / "static" / name).read_text(encoding="utf-8")
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
     return "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
 
@@ -310,8 +364,9 @@ def css_string(text: str) -> str:
 
 
 @cache
-def _environment() -> Environment:
-    environment = Environment(
+def environment() -> Environment:
+    """Return the templates with everything `format` writes as filters; undefined names are errors, text is escaped."""
+    made = Environment(
         loader=FileSystemLoader(shipped("reports") / "templates"),
         autoescape=True,
         undefined=StrictUndefined,
@@ -319,5 +374,6 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters.update(fmt.FILTERS)
-    return environment
+    made.filters.update(fmt.FILTERS)
+    made.globals.update(say=say, say_html=say_html)
+    return made

@@ -18,6 +18,8 @@ from vsd_analytics.report.model import CameraDay, Estimate, Point
 
 RAMP_LIGHT: Final = ("#fff4cf", "#ffd58e", "#ffa656", "#e76f3f", "#934444")
 INK, MUTED, RULE, WHITE, HATCH, ACCENT = "#1b2430", "#525d68", "#ddd7ca", "#fff", "#8b8577", "#0f4c81"
+FIXTURE, FIXTURE_EDGE, WALL = "#dcd7cc", "#a39d90", "#4a4f57"
+CHANGE_LIGHT: Final = {"fewer": ("#b7d6ea", "#1f6f9f"), "more": ("#f3bd93", "#b8553f")}
 FEWER, MORE, BAR, RECORDED = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0"
 
 
@@ -40,27 +42,43 @@ def _short(value: str | float) -> str:
     return "0" if text == "-0" else text
 
 
-def smooth_path(rings: Iterable[Sequence[Point]]) -> str:
-    """Return closed rings as one path: quadratic curves through the midpoints of the edges, integers, relative."""
+def smooth_path(rings: Sequence[Sequence[Point]], *, sharp: Sequence[Sequence[bool]] | None = None) -> str:
+    """Return closed rings as one path: quadratic curves through the midpoints of the edges, integers, relative.
+
+    Args:
+        rings: The rings.
+        sharp: For each point of each ring, whether the path runs straight to it and on, as along a wall.
+    """
     parts = []
-    for ring in rings:
-        points = [(round(x), round(y)) for x, y in ring]
-        points = [p for p, _ in groupby(points)]
-        if len(points) > 1 and points[0] == points[-1]:
+    for number, ring in enumerate(rings):
+        flags = sharp[number] if sharp is not None else [False] * len(ring)
+        rounded = [((round(x), round(y)), is_sharp) for (x, y), is_sharp in zip(ring, flags, strict=True)]
+        points = [(p, any(f for _, f in same)) for p, same in groupby(rounded, key=lambda item: item[0])]
+        if len(points) > 1 and points[0][0] == points[-1][0]:
             points.pop()
         if len(points) < 3:
             continue
-        middle = [
-            ((a[0] + b[0]) // 2, (a[1] + b[1]) // 2) for a, b in zip(points, [*points[1:], points[0]], strict=True)
-        ]
-        here = middle[-1]
-        text = f"M{here[0]} {here[1]}q"
-        moves = []
-        for control, target in zip(points, middle, strict=True):
-            moves.append(f"{control[0] - here[0]} {control[1] - here[1]} {target[0] - here[0]} {target[1] - here[1]}")
-            here = target
-        parts.append((text + " ".join(moves)).replace(" -", "-") + "z")
+        parts.append(_curves(points))
     return "".join(parts)
+
+
+def _curves(points: Sequence[tuple[tuple[int, int], bool]]) -> str:
+    """Return one ring as a path; between two sharp points it has no midpoint."""
+    after = [*points[1:], points[0]]
+    middle = [
+        b if is_a and is_b else ((a[0] + b[0]) // 2, (a[1] + b[1]) // 2)
+        for (a, is_a), (b, is_b) in zip(points, after, strict=True)
+    ]
+    here = middle[-1]
+    text, verb = f"M{here[0]} {here[1]}", ""
+    for (control, is_sharp), target in zip(points, middle, strict=True):
+        for ends in [[control], [target]] if is_sharp else [[control, target]]:
+            if ends != [here]:
+                wanted = "q" if len(ends) == 2 else "l"
+                step = " ".join(f"{x - here[0]} {y - here[1]}" for x, y in ends)
+                text += f"{wanted if wanted != verb else ' '}{step}"
+                here, verb = ends[-1], wanted
+    return text.replace(" -", "-") + "z"
 
 
 def straight_path(rings: Iterable[Sequence[Point]]) -> str:

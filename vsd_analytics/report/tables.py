@@ -13,6 +13,7 @@ from markupsafe import Markup
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import svg
 from vsd_analytics.report.model import CameraRecord, HourCell, WeekReport
+from vsd_analytics.report.wording import say
 
 HELD_BACK: Final = "\u2026"
 
@@ -85,7 +86,9 @@ def timetable(report: WeekReport) -> Timetable:
 
     def absent(fold: int) -> Cell:
         """An hour that is not in the report: skipped by the clocks, or closed where only open hours are given."""
-        return Cell("nx", "", "no such hour") if fold or is_whole_week else Cell("cl", fmt.MISSING, "closed")
+        if fold or is_whole_week:
+            return Cell("nx", "", say("when.cell_no_hour"))
+        return Cell("cl", fmt.MISSING, say("when.cell_closed"))
 
     means = {m.hour: m.value for m in report.when.hour_means}
     largest = max((v for v in means.values() if v is not None), default=0.0)
@@ -129,25 +132,25 @@ def step_of(value: float, steps: tuple[float, ...]) -> int:
 
 def _cell(cell: HourCell, report: WeekReport) -> Cell:
     if cell.state == "closed":
-        return Cell("cl", fmt.MISSING, "closed")
+        return Cell("cl", fmt.MISSING, say("when.cell_closed"))
     if cell.state == "no_data":
-        return Cell("hatch", "", "no data")
+        return Cell("hatch", "", say("when.cell_no_data"))
     steps = report.rules.hour_steps
     if cell.is_held_back:
-        return Cell("hb", HELD_BACK, "held back")
+        return Cell("hb", HELD_BACK, say("when.cell_held"))
     if cell.state == "low_data":
         if cell.is_masked:
-            return Cell("b1 low", fmt.masked(report.rules.mask_below), ", rough")
+            return Cell("b1 low", fmt.masked(report.rules.mask_below), say("when.cell_rough"))
         value = cell.scaled if cell.scaled is not None else cell.violations
         if value is None:
-            return Cell("hatch", "", "no data")
-        return Cell(f"b{step_of(value, steps)} low", fmt.count(value), ", rough")
+            return Cell("hatch", "", say("when.cell_no_data"))
+        return Cell(f"b{step_of(value, steps)} low", fmt.count(value), say("when.cell_rough"))
     part = cell.state == "partial" or cell.cameras_down > 0
-    style, note = (" part", ", incomplete") if part else ("", "")
+    style, note = (" part", say("when.cell_incomplete")) if part else ("", "")
     if cell.is_masked:
         return Cell(f"b1{style}", fmt.masked(report.rules.mask_below), note)
     if cell.violations is None:
-        return Cell("hatch", "", "no data")
+        return Cell("hatch", "", say("when.cell_no_data"))
     return Cell(f"b{step_of(cell.violations, steps)}{style}", fmt.count(cell.violations), note)
 
 
@@ -192,7 +195,7 @@ def legend(steps: tuple[float, ...], *, is_count: bool) -> tuple[Step, ...]:
         if upper is None:
             texts.append(f"{plain[i]}+")
         elif is_count and lower == 0:
-            texts.append(f"under {upper:g}")
+            texts.append(say("when.legend_under", n=f"{upper:g}"))
         elif is_count:
             texts.append(f"{lower:g}\u2013{upper - 1:g}")
         else:

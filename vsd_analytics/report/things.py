@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
-from vsd_analytics.report.model import AreaRow, CameraRecord, Thing, WeekReport
+from vsd_analytics.report.ask import ask
+from vsd_analytics.report.model import AreaRow, CameraRecord, Estimate, Thing, WeekReport
 from vsd_analytics.report.nothing import nothing
-
-# Words in an area's name -> the question to ask about it.
-_QUESTIONS: Final = (
-    (
-        ("queue", "checkout", "till", "counter", "desk"),
-        "Could people at {area} wait in a longer or a second line, above all {when}?",
-    ),
-    (
-        ("entrance", "door", "exit", "lobby", "foyer"),
-        "Could {area} be kept free of things that make people stop, above all {when}?",
-    ),
-    (("aisle", "corridor", "passage"), "Could people pass through {area} in one direction only, above all {when}?"),
-    (("",), "Could people at {area} spread out more, above all {when}?"),
-)
+from vsd_analytics.report.wording import say
 
 
 def weakest_camera(report: WeekReport) -> CameraRecord | None:
@@ -37,105 +25,84 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     if report.state == "no_data":
         told = nothing(report)
         return (Thing(kind="distrust", title=told.title, text=told.text, target="data"),)
+    recorded = say("things.recorded", share=fmt.percent(report.coverage.share))
     if report.state == "too_incomplete":
-        title = f"Cameras recorded {fmt.percent(report.coverage.share)} of open hours"
-        text = "The recorded hours may be unlike the others. Do not read a level, a ranking or a trend from this page."
-        return (Thing(kind="distrust", title=title, text=text, target="data"),)
+        return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
     if report.state == "normal" and report.level.often.value is not None:
         return _worked(report), _watch(report), _distrust(report)
-    worked = Thing(
-        kind="worked",
-        title=f"Cameras recorded {fmt.percent(report.coverage.share)} of open hours",
-        text="That is enough to know the level of this week.",
-        target="data",
-    )
+    worked = Thing(kind="worked", title=recorded, text=say("things.enough"), target="data")
     if report.level.often.value is None:
-        return (replace(worked, text="What is missing is not hours but the means to count."), _distrust(report))
+        is_few = report.level.often.state != "not_measurable"
+        return (replace(worked, text=say("things.few" if is_few else "things.no_means")), _distrust(report))
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
 def _worked(report: WeekReport) -> Thing:
-    since_week = f"week {report.previous.number}" if report.previous else "last week"
+    since = words.week_before(report)
     for line in report.log:
         if line.since is not None and line.since.verdict == "clear_fall" and line.area_name:
-            at = f"{fmt.weekday(line.at.date())} {fmt.clock(line.at)}"
-            return Thing(
-                kind="worked",
-                title=f"The change at {line.area_name} seems to have worked",
-                text=f"Since {at}, violations there are {fmt.fewer_more(line.since.change)} than in the same hours of "
-                f"{since_week} ({fmt.likely_change(line.since)}).",
-                target="changed",
+            text = say(
+                "things.worked_text",
+                at=words.moment(line.at),
+                change=fmt.fewer_more(line.since.change),
+                since=since,
+                likely=fmt.likely_change(line.since),
             )
+            title = say("things.worked", area=line.area_name)
+            return Thing(kind="worked", title=title, text=text, target="changed")
     if not report.areas:
-        return _worked_at_all(report, since_week)
+        return _worked_at_all(report, since)
     falls = [a for a in report.areas if a.often.verdict == "clear_fall"]
     if falls:
         best = min(falls, key=lambda a: a.often.change or 0.0)
-        return Thing(
-            kind="worked",
-            title=f"{best.name} clearly fell",
-            text=_against(best, since_week),
-            target="changed",
-        )
-    return Thing(
-        kind="worked",
-        title="No area clearly fell",
-        text=f"Nothing changed at the site shows in the figures yet, compared with {since_week}.",
-        target="changed",
-    )
+        title = say("things.fell", area=best.name)
+        return Thing(kind="worked", title=title, text=_against(best.often, since), target="changed")
+    text = say("things.none_fell_text", since=since)
+    return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
 
 
-def _worked_at_all(report: WeekReport, since_week: str) -> Thing:
+def _worked_at_all(report: WeekReport, since: str) -> Thing:
     """Say the same of a floor without areas."""
     often = report.level.often
     if often.verdict == "clear_fall" and often.change is not None:
-        text = f"{fmt.fewer_more(often.change).capitalize()} than in {since_week} ({fmt.likely_change(often)})."
-        return Thing(kind="worked", title="The whole floor clearly fell", text=text, target="changed")
-    text = f"The floor as a whole, compared with {since_week}: {words.verdict_words(often).lower()}."
-    return Thing(kind="worked", title="Nothing clearly fell", text=text, target="changed")
+        return Thing(kind="worked", title=say("things.floor_fell"), text=_against(often, since), target="changed")
+    text = say("things.nothing_fell_text", since=since, verdict=words.verdict_words(often).lower())
+    return Thing(kind="worked", title=say("things.nothing_fell"), text=text, target="changed")
 
 
 def _watch(report: WeekReport) -> Thing:
-    since_week = f"week {report.previous.number}" if report.previous else "last week"
     rises = [a for a in report.areas if a.often.verdict == "clear_rise"]
     if rises and report.state == "normal":
         top = max(rises, key=lambda a: a.often.change or 0.0)
-        return Thing(
-            kind="watch",
-            title=f"{top.name} clearly rose",
-            text=_against(top, since_week),
-            target="changed",
-        )
+        text = _against(top.often, words.week_before(report))
+        return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
     spot = report.busiest_spot
     if spot is not None:
         row = next((a for a in report.areas if a.area_id == spot.area_id), None)
-        size = f", on {fmt.percent(spot.floor_share)} of the floor" if spot.floor_share is not None else ""
+        key = "things.busiest_share" if spot.floor_share is None else "things.busiest_floor"
+        text = words.sentence(say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share)))
         own = _own_change(row) if report.state == "normal" else ""
-        return Thing(
-            kind="watch",
-            title=f"{spot.name} is the busiest spot",
-            text=f"{fmt.percent(spot.share)} of all violations{size}.{own}",
-            target="where",
-        )
+        title = say("things.busiest_spot", area=spot.name)
+        return Thing(kind="watch", title=title, text=f"{text}{own}", target="where")
     busiest = report.busiest_hour
     if busiest is not None:
-        at = f"{fmt.weekday(busiest.start.date())} {fmt.clock(busiest.start)}"
-        return Thing(kind="watch", title=f"{at} is the busiest hour", text="See the timetable.", target="when")
-    return Thing(kind="watch", title="Nothing is ranked this week", text="No hour was recorded in full.", target="when")
+        title = say("things.busiest_hour", at=words.moment(busiest.start))
+        return Thing(kind="watch", title=title, text=say("things.busiest_hour_text"), target="when")
+    return Thing(kind="watch", title=say("things.unranked"), text=say("things.unranked_text"), target="when")
 
 
-def _against(row: AreaRow, since_week: str) -> str:
-    return f"{fmt.fewer_more(row.often.change).capitalize()} than in {since_week} ({fmt.likely_change(row.often)})."
+def _against(often: Estimate, since: str) -> str:
+    change, likely = fmt.fewer_more(often.change), fmt.likely_change(often)
+    return words.sentence(say("things.against", change=change, since=since, likely=likely))
 
 
 def _own_change(row: AreaRow | None) -> str:
     if row is None or row.often.change is None or row.often.verdict != "no_clear_change":
         return ""
-    points = fmt.fewer_more(row.often.change)
-    if points == "about the same":
-        return " Its own figure is about the same as last week."
-    way, by = ("up", "more") if row.often.change > 0 else ("down", "fewer")
-    return f" Its own figure is {way} {points.removesuffix(' ' + by)}, which could be normal variation."
+    if round(row.often.change * 100) == 0:
+        return say("things.own_same")
+    key = "things.own_up" if row.often.change > 0 else "things.own_down"
+    return say(key, percent=fmt.percent(abs(row.often.change)))
 
 
 def _leans_on(area: AreaRow, camera: CameraRecord, report: WeekReport) -> bool:
@@ -147,94 +114,73 @@ def _leans_on(area: AreaRow, camera: CameraRecord, report: WeekReport) -> bool:
 def _distrust(report: WeekReport) -> Thing:
     left_out = [c for c in report.coverage.cameras if c.not_counted is not None]
     if left_out and report.level.often.value is not None:
-        camera_names = words.joined(words.camera_name(c.name) for c in left_out)
-        return Thing(
-            kind="distrust",
-            title=f"{camera_names} {'is' if len(left_out) == 1 else 'are'} not counted",
-            text=words.sentence(left_out[0].not_counted or ""),
-            target="data",
-        )
+        title = say("things.not_counted", plural=len(left_out), cameras=_named(left_out))
+        return _doubt(title, words.sentence(left_out[0].not_counted or ""), "data")
     if report.level.often.state == "not_measurable":
-        return Thing(
-            kind="distrust",
-            title="How often cannot be said",
-            text=words.sentence(report.level.often.reason or ""),
-            target="about",
-        )
+        return _doubt(say("things.no_often"), words.sentence(report.level.often.reason or ""), "about")
     apart = [c for c in report.coverage.cameras if c.not_compared is not None]
     if apart and report.state == "normal":
-        camera_names = words.joined(words.camera_name(c.name) for c in apart)
-        return Thing(
-            kind="distrust",
-            title=f"{camera_names} {'is' if len(apart) == 1 else 'are'} not compared",
-            text=f"{words.sentence(apart[0].not_compared or '')} Changes are those of what the other cameras count.",
-            target="changed",
-        )
+        title = say("things.not_compared", plural=len(apart), cameras=_named(apart))
+        text = say("things.not_compared_text", reason=words.sentence(apart[0].not_compared or ""))
+        return _doubt(title, text, "changed")
     camera = weakest_camera(report)
     if camera is not None:
-        areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]
-        names = words.joined(a.name for a in areas)
-        if not areas:
-            seen = ""
-        elif any(a.often.verdict in ("clear_fall", "clear_rise") for a in areas):
-            seen = f" It sees {names}: the change there stands on the hours recorded in both weeks only."
-        else:
-            seen = f" It sees {names}: do not read a trend there."
-        return Thing(
-            kind="distrust",
-            title=f"{words.camera_name(camera.name)} recorded {fmt.percent(camera.share)} of its open hours",
-            text=f"What it alone sees is hard to compare this week.{seen}",
-            target="data",
-        )
+        return _weak(camera, report)
     if report.coverage.is_inferred:
-        return Thing(
-            kind="distrust",
-            title="Recorded hours are inferred",
-            text="The engine sends no sign of life when nobody is in view, so quiet hours and lost hours look alike.",
-            target="data",
-        )
+        return _doubt(say("things.inferred"), say("things.inferred_text"), "data")
     if report.level.risky.state == "not_measurable":
-        return Thing(
-            kind="distrust",
-            title="How risky cannot be said",
-            text=words.sentence(report.level.risky.reason or "the engine sends no positions"),
-            target="about",
-        )
-    return Thing(
-        kind="distrust",
-        title="Likely ranges cover chance only",
-        text="A camera that was moved or badly calibrated shifts every figure and is not in them.",
-        target="about",
-    )
+        text = words.sentence(report.level.risky.reason or say("lead.no_positions"))
+        return _doubt(say("things.no_risk"), text, "about")
+    return _doubt(say("things.chance"), say("things.chance_text"), "about")
+
+
+def _weak(camera: CameraRecord, report: WeekReport) -> Thing:
+    areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]
+    is_clear = any(a.often.verdict in ("clear_fall", "clear_rise") for a in areas)
+    key = "things.weak_areas_clear" if is_clear else "things.weak_areas"
+    seen = say(key, areas=words.joined(a.name for a in areas)) if areas else ""
+    title = say("things.weak_camera", camera=words.camera_name(camera.name), share=fmt.percent(camera.share))
+    return _doubt(title, say("things.weak_camera_text", areas=seen), "data")
+
+
+def _doubt(title: str, text: str, target: str) -> Thing:
+    return Thing(kind="distrust", title=title, text=text, target=target)
+
+
+def _named(cameras: Sequence[CameraRecord]) -> str:
+    return words.joined(words.camera_name(c.name) for c in cameras)
 
 
 def question(report: WeekReport) -> str:
     """Return the one question for the next meeting: about the room, never about people."""
-    distance = fmt.metres(report.rules.distance_m)
     if report.state == "no_data":
         return nothing(report).question
     if report.level.often.state == "not_measurable":
-        return "What would it take to have violations counted here?"
+        return say("question.no_means")
+    if report.level.often.value is None and report.state != "too_incomplete":
+        return say("question.few")
     if report.state == "empty":
-        return f"When was the {distance} distance last checked against a tape measure?"
+        return say("question.empty", distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit))
     camera = weakest_camera(report)
     spot = report.busiest_spot
     row = next((a for a in report.areas if spot is not None and a.area_id == spot.area_id), None)
     owns_spot = row is not None and camera is not None and row.cameras == (camera.camera_id,)
     if report.state == "too_incomplete" and (camera is None or (camera.share or 0.0) > report.coverage.share - 0.1):
-        return "What would keep the cameras recording all week?"
+        return say("question.cameras")
     if camera is not None and (report.state == "too_incomplete" or owns_spot):
-        return f"What would keep {words.camera_name(camera.name)} recording all week?"
+        return say("question.camera", camera=words.camera_name(camera.name))
     rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.area_id is not None]
     if rises and report.state == "normal":
-        top = max(rises, key=lambda a: a.often.change or 0.0)
-        return f"What changed at {top.name} that brings people closer together there?"
+        return say("question.rose", area=max(rises, key=lambda a: a.often.change or 0.0).name)
     busiest = report.busiest_hour
-    when = f"on {fmt.weekday(busiest.start.date())} around {fmt.clock(busiest.start)}" if busiest else "at busy hours"
+    when = say("question.busy")
+    if busiest is not None:
+        when = say("question.when", day=fmt.weekday(busiest.start.date()), clock=fmt.clock(busiest.start))
     if spot is None:
-        return f"Could people come at other times than {when}?"
+        return say("question.other_times", when=when)
     if spot.area_id is None:
-        return f"What is it on the rest of the floor that brings people together {when}?"
-    name = spot.name.casefold()
-    template = next(q for keys, q in _QUESTIONS if any(k in name for k in keys))
-    return template.format(area=spot.name, when=when)
+        return say("question.rest", when=when)
+    card = next((c for c in (report.spots.cards if report.spots else ()) if c.area_id == spot.area_id), None)
+    if card is not None and card.question:
+        return card.question
+    return ask(spot.name, None, area=None, fixtures=(), when=say("question.above_all", when=when))

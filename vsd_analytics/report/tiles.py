@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Literal
+
+from markupsafe import Markup
 
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
 from vsd_analytics.report.model import Estimate, WeekReport
 from vsd_analytics.report.things import weakest_camera
+from vsd_analytics.report.trend_chart import spark
+from vsd_analytics.report.wording import say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +32,8 @@ class Tile:
         is_wordy: The value is words, so it is set smaller.
         link: Anchor of the proof; empty for none.
         link_text: Words of that link.
+        also: The second reading, or another line below; empty for none.
+        line: The last weeks as a small line; empty for none.
     """
 
     title: str
@@ -40,6 +47,8 @@ class Tile:
     is_wordy: bool = False
     link: str = ""
     link_text: str = ""
+    also: str = ""
+    line: str | Markup = ""
 
 
 def tiles(report: WeekReport) -> tuple[Tile, ...]:
@@ -88,45 +97,64 @@ def _change(report: WeekReport, estimate: Estimate) -> tuple[str, str]:
 def _against(report: WeekReport, estimate: Estimate) -> list[str]:
     if report.state != "normal" or report.previous is None or estimate.previous is None:
         return [fmt.likely_level(estimate)]
-    return [f"week {report.previous.number}: {fmt.number(estimate.previous)}", fmt.likely_change(estimate)]
+    before = say("tiles.week_before", week=report.previous.number, rate=fmt.number(estimate.previous))
+    return [before, fmt.likely_change(estimate)]
+
+
+def _between(report: WeekReport, measure: Literal["often", "risky"]) -> str:
+    """Return the second reading of a headline number; empty where there is none."""
+    found = report.readings
+    if found is None or found.between is None or found.all is None:
+        return ""
+    between, every = (getattr(reading, measure) for reading in (found.between, found.all))
+    if between.value is None or every.value is None:
+        return ""
+    rate = fmt.number(between.value)
+    if not found.left_out:
+        return say("tiles.between", rate=rate)
+    without = words.joined(words.camera_name(c) for c in found.left_out)
+    return say("tiles.between_part", rate=rate, all=fmt.number(every.value), cameras=without)
 
 
 def _often(report: WeekReport) -> Tile:
-    often = report.level.often
+    often, title = report.level.often, say("tiles.often")
     if often.value is None:
-        value = "Not measurable" if often.state == "not_measurable" else "Too few to print"
-        return Tile(title="How often", value=value, note=sentences([often.reason or ""]), is_wordy=True)
+        value = say("tiles.not_measurable") if often.state == "not_measurable" else say("tiles.too_few")
+        return Tile(title=title, value=value, note=sentences([often.reason or ""]), is_wordy=True)
     delta, direction = _change(report, often)
-    note = sentences([*_against(report, often), "same hours compared" if often.change is not None else ""])
     return Tile(
-        title="How often",
-        unit="violations per open hour",
+        title=title,
+        unit=say("tiles.violations_per_open_hour"),
         value=fmt.number(often.value),
-        note=note,
+        note=sentences([*_against(report, often), say("tiles.same_hours") if often.change is not None else ""]),
         delta=delta,
         direction=direction,
+        also=_between(report, "often"),
+        line=spark(report.trend, "often"),
     )
 
 
 def _risky(report: WeekReport) -> Tile:
     risky, exposure = report.level.risky, report.level.exposure_h
-    title = "How risky"
+    title = say("tiles.risky")
     if risky.state == "not_measurable" or risky.value is None:
-        value = "Not measurable" if risky.state == "not_measurable" else "Too little data"
+        value = say("tiles.not_measurable") if risky.state == "not_measurable" else say("tiles.too_little")
         return Tile(title=title, value=value, note=sentences([risky.reason or ""]), is_wordy=True)
     delta, direction = _change(report, risky)
     people = words.with_people(report.level.people.change, report.level.people.verdict)
-    seen = f"{fmt.count(exposure)} person-hours seen" if exposure is not None else ""
-    if seen and people and report.state == "normal":
-        seen += f", {people.removeprefix('with ')}"
-    note = sentences([*_against(report, risky), seen])
+    seen = ""
+    if exposure is not None:
+        key = "tiles.person_hours_people" if people and report.state == "normal" else "tiles.person_hours"
+        seen = say(key, hours=fmt.count(exposure), people=people)
     return Tile(
         title=title,
-        unit="violations per person-hour",
+        unit=say("tiles.violations_per_person_hour"),
         value=fmt.number(risky.value),
-        note=note,
+        note=sentences([*_against(report, risky), seen]),
         delta=delta,
         direction=direction,
+        also=_between(report, "risky"),
+        line=spark(report.trend, "risky"),
     )
 
 
@@ -134,10 +162,9 @@ def _spot(report: WeekReport) -> Tile | None:
     spot = report.busiest_spot
     if spot is None:
         return None
-    note = f"{fmt.percent(spot.share)} of all violations"
-    if spot.floor_share is not None:
-        note += f", on {fmt.percent(spot.floor_share)} of the floor"
-    return Tile(title="Busiest spot", value=spot.name, note=sentences([note]))
+    key = "tiles.share" if spot.floor_share is None else "tiles.share_floor"
+    note = say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share))
+    return Tile(title=say("tiles.spot"), value=spot.name, note=sentences([note]))
 
 
 def _hour(report: WeekReport) -> Tile | None:
@@ -145,91 +172,85 @@ def _hour(report: WeekReport) -> Tile | None:
     if busiest is None:
         return None
     shown = fmt.masked(report.rules.mask_below) if busiest.is_masked else fmt.count(busiest.violations)
-    note = f"{shown} violations in that hour"
-    if busiest.ratio_to_mean is not None and not busiest.is_masked:
-        note += f", {fmt.number(busiest.ratio_to_mean)} times the average hour"
+    is_set_beside = busiest.ratio_to_mean is not None and not busiest.is_masked
+    key = "tiles.in_that_hour_times" if is_set_beside else "tiles.in_that_hour"
+    note = say(key, n=shown, times=fmt.number(busiest.ratio_to_mean))
     at = f"{fmt.day_short(busiest.start.date())} {fmt.clock(busiest.start)}"
-    return Tile(title="Busiest hour", value=at, note=sentences([note]))
+    return Tile(title=say("tiles.hour"), value=at, note=sentences([note]))
 
 
 def _recorded(report: WeekReport) -> Tile:
-    coverage = report.coverage
+    coverage, title = report.coverage, say("tiles.recorded")
     if coverage.scheduled_h == 0:
-        return Tile(title="Data recorded", value="None was due", note="No opening hour in this week.", is_wordy=True)
-    note = [f"{fmt.number(coverage.recorded_h)} of {fmt.number(coverage.scheduled_h)} camera-hours"]
+        return Tile(title=title, value=say("tiles.none_due"), note=say("tiles.none_due_text"), is_wordy=True)
+    recorded, scheduled = fmt.number(coverage.recorded_h), fmt.number(coverage.scheduled_h)
+    note = [say("tiles.camera_hours", recorded=recorded, scheduled=scheduled)]
     camera = weakest_camera(report)
-    if camera is not None and report.state == "normal":
-        lost = camera.scheduled_h - camera.recorded_h
-        if lost >= 1:
-            note.append(f"{words.camera_name(camera.name)} missed most")
+    if camera is not None and report.state == "normal" and camera.scheduled_h - camera.recorded_h >= 1:
+        note.append(say("tiles.missed_most", camera=words.camera_name(camera.name)))
     if coverage.is_inferred:
-        note.append("Inferred from gaps")
+        note.append(say("tiles.inferred"))
     return Tile(
-        title="Data recorded",
+        title=title,
         value=fmt.percent(coverage.share),
         note=sentences(note),
         link="data",
-        link_text="See what is missing" if coverage.share < 1 else "See the hours",
+        link_text=say("tiles.see_missing" if coverage.share < 1 else "tiles.see_hours"),
     )
 
 
 def _rough(report: WeekReport) -> Tile:
     often = report.level.often
-    value = f"about {fmt.number(often.value)}" if often.value is not None else "Too little data"
+    is_known = often.value is not None
     return Tile(
-        title="How often",
-        unit="violations per recorded hour" if often.value is not None else "",
-        value=value,
-        note=sentences([often.reason or "Rough, and not compared"]),
-        is_wordy=often.value is None,
+        title=say("tiles.often"),
+        unit=say("tiles.violations_per_recorded_hour") if is_known else "",
+        value=say("tiles.about", rate=fmt.number(often.value)) if is_known else say("tiles.too_little"),
+        note=sentences([often.reason or say("tiles.rough")]),
+        is_wordy=not is_known,
     )
 
 
 def _none(report: WeekReport) -> Tile:
     often = report.level.often
-    note = f"likely fewer than {fmt.one_in(often.hi)} open hours" if often.hi else ""
-    return Tile(title="How often", unit="violations per open hour", value="0", note=sentences([note]))
+    note = say("tiles.fewer_than", rate=fmt.one_in(often.hi)) if often.hi else ""
+    unit = say("tiles.violations_per_open_hour")
+    return Tile(title=say("tiles.often"), unit=unit, value="0", note=sentences([note]))
 
 
 def _seen(report: WeekReport) -> Tile:
-    coverage = report.coverage
+    coverage, title = report.coverage, say("tiles.seen")
     if coverage.seen_h is None:
-        return Tile(
-            title="Hours with people seen", value="Not known", note="The engine sends no positions.", is_wordy=True
-        )
-    value = f"{fmt.number(coverage.seen_h)} of {fmt.number(coverage.open_h)}"
-    note = "So the cameras were working." if coverage.seen_h else "Nobody was seen at all: check the cameras."
-    return Tile(title="Hours with people seen", value=value, note=note)
+        return Tile(title=title, value=say("tiles.not_known"), note=say("tiles.no_positions"), is_wordy=True)
+    value = say("tiles.seen_of", seen=fmt.number(coverage.seen_h), open=fmt.number(coverage.open_h))
+    return Tile(title=title, value=value, note=say("tiles.working" if coverage.seen_h else "tiles.nobody"))
 
 
 def _last_record(report: WeekReport) -> Tile:
-    last = [c.last_record for c in report.coverage.cameras if c.last_record is not None]
+    last, title = [c.last_record for c in report.coverage.cameras if c.last_record is not None], say("tiles.last")
     if not last:
-        return Tile(title="Last data received", value="None found", note="From no camera.", is_wordy=True)
+        return Tile(title=title, value=say("tiles.none_found"), note=say("tiles.from_none"), is_wordy=True)
     newest = max(last)
     at_once = len(last) > 1 and (newest - min(last)).total_seconds() <= 60
-    note = (
-        "From all cameras at once."
-        if at_once and len(last) == len(report.coverage.cameras)
-        else "From the last camera."
-    )
-    return Tile(title="Last data received", value=fmt.instant_short(newest), note=note, is_wordy=True)
+    is_all = at_once and len(last) == len(report.coverage.cameras)
+    note = say("tiles.all_at_once" if is_all else "tiles.from_last")
+    return Tile(title=title, value=fmt.instant_short(newest), note=note, is_wordy=True)
 
 
 def _before_after(report: WeekReport) -> tuple[Tile, Tile] | None:
     change = report.settings_change
     if change is None or change.often_before is None or change.often_after is None:
         return None
-    names = f"Before, at {change.before}", f"After, at {change.after}"
+    names = say("tiles.before_at", value=change.before), say("tiles.after_at", value=change.after)
     if change.name == "calibration":
-        names = "How often, before the calibration", "How often, since the calibration"
+        names = say("tiles.before_calibration"), say("tiles.after_calibration")
     parts = zip(names, (change.often_before, change.often_after), strict=True)
     before, after = (
         Tile(
             title=name,
             value=fmt.number(e.value),
-            unit="violations per open hour",
-            note=sentences([fmt.likely_level(e) or "too few days for a likely range"]),
+            unit=say("tiles.violations_per_open_hour"),
+            note=sentences([fmt.likely_level(e) or say("tiles.few_days")]),
         )
         for name, e in parts
     )

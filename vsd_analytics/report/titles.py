@@ -7,54 +7,55 @@ from vsd_analytics.report import words
 from vsd_analytics.report.model import WeekReport
 from vsd_analytics.report.nothing import nothing
 from vsd_analytics.report.things import weakest_camera
+from vsd_analytics.report.wording import say
 
 
 def where(report: WeekReport) -> str:
     """Return the map's title."""
     spot = report.busiest_spot
     if report.state == "empty":
-        return "No floor reached the first colour"
+        return say("titles.where_empty")
     if spot is None and report.state == "too_incomplete":
-        return "What was seen, where cameras recorded"
+        return say("titles.where_incomplete")
     if spot is None:
-        return "Where violations happened"
-    return f"{spot.name} is the busiest spot"
+        return say("titles.where_unranked")
+    return say("titles.where", area=spot.name)
 
 
 def when(report: WeekReport) -> str:
     """Return the timetable's title."""
     busiest = report.busiest_hour
     if report.state == "empty":
-        return "Every recorded hour was empty"
+        return say("titles.when_empty")
     if busiest is None or report.state == "too_incomplete":
-        return "The hours that were recorded"
+        return say("titles.when_incomplete")
     means = [m for m in report.when.day_means if m.value is not None]
     top = max(means, key=lambda m: m.value or 0.0, default=None)
-    hour = f"{fmt.weekday(busiest.start.date())} {fmt.clock(busiest.start)}"
+    hour = words.moment(busiest.start)
     if top is None or len(means) < 2:
-        return f"{hour} is the busiest hour"
+        return say("titles.when_hour", hour=hour)
     if top.day == busiest.start.date():
-        return f"{fmt.weekday(top.day)} is busiest, most of all at {fmt.clock(busiest.start)}"
-    return f"{fmt.weekday(top.day)} is busiest on average, {hour} the busiest hour"
+        return say("titles.when_day", day=fmt.weekday(top.day), clock=fmt.clock(busiest.start))
+    return say("titles.when_both", day=fmt.weekday(top.day), hour=hour)
 
 
 def changed(report: WeekReport) -> str:
     """Return the title of the areas table."""
     moved = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
     moved.sort(key=lambda a: -abs(a.often.change or 0.0))
-    clear = ["the rest of the floor" if a.area_id is None else a.name for a in moved]
+    clear = [say("words.the_rest") if a.area_id is None else a.name for a in moved]
     if report.state != "normal":
-        return "Areas of this floor"
+        return say("titles.changed_plain")
     if not report.areas:
-        return f"Whole floor: {words.verdict_words(report.level.often).lower()}"
+        return say("titles.changed_floor", verdict=words.verdict_words(report.level.often).lower())
     if not clear:
-        return "No area clearly changed"
+        return say("titles.changed_none")
     if len(clear) == 1:
-        return f"Only {clear[0]} clearly changed"
+        return say("titles.changed_one", area=clear[0])
     if len(clear) > 3:
-        return f"{len(clear)} areas clearly changed"
+        return say("titles.changed_many", n=len(clear))
     said = words.joined(clear)
-    return f"{said[:1].upper()}{said[1:]} clearly changed"
+    return say("titles.changed", areas=f"{said[:1].upper()}{said[1:]}")
 
 
 def data(report: WeekReport) -> str:
@@ -63,8 +64,8 @@ def data(report: WeekReport) -> str:
     if report.state == "no_data":
         return nothing(report).data_title
     if camera is None:
-        return "The week is nearly complete"
+        return say("titles.data_complete")
     rest = [c for c in coverage.cameras if c is not camera]
     if rest and all((c.share or 0.0) >= report.rules.full_hour_share for c in rest):
-        return f"{words.camera_name(camera.name)} missed some of its hours; the rest is nearly complete"
-    return f"Cameras recorded {fmt.percent(coverage.share)} of open hours"
+        return say("titles.data_one", camera=words.camera_name(camera.name))
+    return say("titles.data", share=fmt.percent(coverage.share))

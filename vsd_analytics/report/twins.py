@@ -13,7 +13,7 @@ import msgspec
 
 from vsd_analytics.report import model
 from vsd_analytics.report.headline import finish
-from vsd_analytics.report.model import AreaRow, HourCell, WeekReport
+from vsd_analytics.report.model import AreaRow, Estimate, HourCell, SpotCard, WeekReport
 
 DIGITS: Final = 6
 HOURS_COLUMNS: Final = ("site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state")
@@ -30,6 +30,12 @@ AREAS_COLUMNS: Final = (
         "recorded_share",
         "state",
     ),
+)
+
+
+HOTSPOTS_COLUMNS: Final = (
+    *("site", "floor", "week", "number", "name", "area", "x_m", "y_m", "kind", "per_open_hour", "lo", "hi"),
+    *("ratio", "ratio_lo", "ratio_hi", "excess_per_week", "new", "since", "days_present", "recorded_share", "sureness"),
 )
 
 
@@ -69,7 +75,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def to_csv(report: WeekReport) -> dict[str, str]:
-    """Return the tidy tables by file name: one row per hour of the floor, one row per area.
+    """Return the tidy tables by file name: one row per hour of the floor, per area, per numbered spot.
 
     `hours.csv` has one row per local hour with the area `all`; a count too small to print is empty with the state
     `masked`, one that would tell such a count with the state `held_back`. Times are ISO 8601 with offset. Names that a
@@ -79,7 +85,12 @@ def to_csv(report: WeekReport) -> dict[str, str]:
     place = (report.site.site_id, report.site.floor_id)
     hours = [(*place, "all", *_hour(c)) for c in report.when.cells]
     areas = [(*place, report.week.iso, *_area(a)) for a in report.areas]
-    return {"hours.csv": _csv(HOURS_COLUMNS, hours), "areas.csv": _csv(AREAS_COLUMNS, areas)}
+    spots = [(*place, report.week.iso, *row) for row in _spots(report)]
+    return {
+        "hours.csv": _csv(HOURS_COLUMNS, hours),
+        "areas.csv": _csv(AREAS_COLUMNS, areas),
+        "hotspots.csv": _csv(HOTSPOTS_COLUMNS, spots),
+    }
 
 
 def _hour(cell: HourCell) -> tuple[Any, ...]:
@@ -105,6 +116,27 @@ def _area(row: AreaRow) -> tuple[Any, ...]:
         row.risky.value if row.risky is not None else None,
         row.recorded_share,
         often.state,
+    )
+
+
+def _spots(report: WeekReport) -> list[tuple[Any, ...]]:
+    """Return a row per numbered spot; the rate of an area that may not be printed is not printed here either."""
+    if report.spots is None:
+        return []
+    hidden = {a.area_id for a in report.areas if a.is_masked or a.is_held_back}
+    return [_spot(c, report.spots.kind, is_rate_shown=c.area_id not in hidden) for c in report.spots.cards]
+
+
+def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
+    nothing = Estimate(value=None)
+    often = card.often if card.often is not None and is_rate_shown else nothing
+    ratio, seen = card.ratio or nothing, card.evidence
+    return (
+        *(card.number, safe_cell(card.name), card.area_id, *(card.at or (None, None)), kind),
+        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_per_week),
+        None if card.is_new is None else "yes" if card.is_new else "no",
+        card.since.isoformat() if card.since else None,
+        *((seen.days_present, seen.recorded_share, seen.sureness) if seen else (None, None, None)),
     )
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Final
+from datetime import datetime
+from typing import Final, get_args
 
 from vsd_analytics.report import format as fmt
-from vsd_analytics.report.model import Estimate, Verdict
+from vsd_analytics.report.model import Estimate, Verdict, WeekReport
+from vsd_analytics.report.wording import say
 
 # Words and phrases that must not stand on a page, in a message or in a template.
 FORBIDDEN: Final = (
@@ -17,30 +19,15 @@ FORBIDDEN: Final = (
     *("\u00b1", "p < "),
 )
 
-VERDICT_WORDS: Final[dict[Verdict, str]] = {
-    "clear_fall": "Clear fall",
-    "clear_rise": "Clear rise",
-    "no_clear_change": "No clear change",
-    "too_little_data": "Too little data",
-}
+VERDICT_WORDS: Final[dict[Verdict, str]] = {v: say(f"words.{v}") for v in get_args(Verdict)}
 
 # Fractions a headline may use, with the size they stand for.
-_FRACTIONS: Final = (
-    (1 / 20, "a twentieth"),
-    (1 / 10, "a tenth"),
-    (1 / 8, "an eighth"),
-    (1 / 7, "a seventh"),
-    (1 / 6, "a sixth"),
-    (1 / 5, "a fifth"),
-    (1 / 4, "a quarter"),
-    (1 / 3, "a third"),
-    (2 / 5, "two fifths"),
-    (1 / 2, "half"),
-    (3 / 5, "three fifths"),
-    (2 / 3, "two thirds"),
-    (3 / 4, "three quarters"),
-    (4 / 5, "four fifths"),
-    (9 / 10, "nine tenths"),
+_FRACTIONS: Final = tuple(
+    (a / b, say(f"words.fraction.{a}_{b}"))
+    for a, b in (
+        *((1, 20), (1, 10), (1, 8), (1, 7), (1, 6), (1, 5), (1, 4), (1, 3)),
+        *((2, 5), (1, 2), (3, 5), (2, 3), (3, 4), (4, 5), (9, 10)),
+    )
 )
 
 
@@ -63,15 +50,14 @@ def moved(change: float) -> str:
         change: Relative change, -0.14 for 14 % fewer.
     """
     size = abs(change)
-    direction = "fell" if change < 0 else "rose"
     if size < 0.03:
-        return f"{direction} slightly"
+        return say("words.fell_slightly" if change < 0 else "words.rose_slightly")
     if change > 0.95:
-        return "about doubled" if change < 1.15 else f"rose to about {change + 1:.1f} times last week's"
+        return say("words.doubled") if change < 1.15 else say("words.times", n=f"{change + 1:.1f}")
     if change < -0.95:
-        return "almost stopped"
+        return say("words.stopped")
     _, name = min(_FRACTIONS, key=lambda f: abs(f[0] - size))
-    return f"{direction} by about {name}"
+    return say("words.fell" if change < 0 else "words.rose", fraction=name)
 
 
 def direction(verdict: Verdict | None) -> str:
@@ -86,7 +72,7 @@ def verdict_words(estimate: Estimate) -> str:
 
 def camera_name(name: str) -> str:
     """Return how a sentence speaks of a camera: Camera “Aisles”; names that already say camera stay as they are."""
-    return name if name.casefold().startswith(("cam", "sensor")) else f"Camera \u201c{name}\u201d"
+    return name if name.casefold().startswith(("cam", "sensor")) else say("words.camera", name=name)
 
 
 def with_people(change: float | None, verdict: Verdict | None) -> str:
@@ -97,14 +83,16 @@ def with_people(change: float | None, verdict: Verdict | None) -> str:
     if change is None:
         return ""
     if abs(change) < 0.005 or (abs(change) < 0.05 and verdict not in ("clear_fall", "clear_rise")):
-        return "with about as many people"
-    return f"with {fmt.fewer_more(change)} people"
+        return say("words.with_as_many")
+    return say("words.with_people", change=fmt.fewer_more(change))
 
 
 def joined(names: Iterable[str]) -> str:
     """Join names as people do: a, b and c."""
     items = list(names)
-    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+    if len(items) < 2:
+        return "".join(items)
+    return say("format.and", first=", ".join(items[:-1]), last=items[-1])
 
 
 def n_words(sentence: str) -> int:
@@ -116,3 +104,13 @@ def sentence(text: str) -> str:
     """Return `text` with a capital first letter and one full stop at its end."""
     text = text.strip().rstrip(".")
     return f"{text[:1].upper()}{text[1:]}."
+
+
+def week_before(report: WeekReport) -> str:
+    """Return how a sentence speaks of the week before: week 45."""
+    return say("words.week", number=report.previous.number) if report.previous else say("words.last_week")
+
+
+def moment(at: datetime) -> str:
+    """Return how a sentence speaks of an hour of the week: Saturday 13:00."""
+    return f"{fmt.weekday(at.date())} {fmt.clock(at)}"

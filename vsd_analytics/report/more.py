@@ -1,0 +1,39 @@
+"""Fills the sections of the report beyond the week and its map from the answers of the analysis room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from vsd_analytics.report import outlook_section, readings_section, redesigns, spots, trend_section
+from vsd_analytics.report.findings import Findings
+from vsd_analytics.report.model import WeekReport
+from vsd_analytics.report.weekdata import WeekData
+
+
+def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport:
+    """Return the report with its spots, readings, redesigns, causes, weeks, outlook and unusual hours.
+
+    What a week cannot tell stays None: nothing is ranked or judged in a week without data, too incomplete, or empty.
+    """
+    made = replace(
+        report,
+        trend=trend_section.trend(data, found.trend, level=report.level),
+        outlook=outlook_section.outlook(found.outlook),
+    )
+    if report.state in ("no_data", "too_incomplete") or report.level.often.state == "not_measurable":
+        return made
+    made = replace(
+        made,
+        redesigns=redesigns.redesigns(data, found.redesigns),
+        causes=redesigns.causes(found.mixing) if report.state == "normal" else None,
+        unusual=outlook_section.unusual(found.unusual, when=report.when),
+    )
+    if not report.level.often.value:
+        return made
+    chosen = spots.spots(data, found.hotspots, areas=report.areas, maps=report.maps, coverage=report.coverage)
+    return replace(
+        made,
+        readings=readings_section.readings(data, found.groups, level=report.level, areas=report.areas),
+        spots=chosen,
+        maps=spots.numbered(report.maps, chosen),
+    )
