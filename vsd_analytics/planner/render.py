@@ -25,6 +25,7 @@ from vsd_analytics.report import format as fmt
 from vsd_analytics.report.frame import Frame, fixtures
 from vsd_analytics.report.model import Estimate
 from vsd_analytics.report.render import environment, shipped_style
+from vsd_analytics.report.spots import place_name
 from vsd_analytics.report.svg import smooth_path, straight_path
 from vsd_analytics.report.words import verdict_words
 from vsd_analytics.resources import shipped
@@ -101,7 +102,7 @@ class Page:
     hours: tuple[int, int]
     drawing: Drawing | None
     rows: tuple[FigureRow, ...]
-    spots: tuple[FloorSpot, ...]
+    spots: tuple[tuple[str, FloorSpot], ...]
     is_made_up: bool
     mask: int
     distance: str
@@ -150,7 +151,7 @@ def _page(data: PlannerData) -> Page:
         hours=hours,
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
-        spots=data.hotspots.spots,
+        spots=tuple((place_name(s.place), s) for s in data.hotspots.spots),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
         distance=distance,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.analysis.hotspots import FloorHotspots, FloorSpot
+from vsd_analytics.analysis.places import Place
 from vsd_analytics.report import ask as rules
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
@@ -103,6 +104,16 @@ def numbered(maps: tuple[FloorMap, ...], found: Spots) -> tuple[FloorMap, ...]:
     return tuple(replace(m, spots=() if m.kind == "picture" else marks) for m in maps)
 
 
+def place_name(place: Place) -> str:
+    """Return what a page calls a place: its area, the area it lies near, or the rest of the floor."""
+    near = _near(place)
+    return place.area_name or (say("spots.near", area=near) if near else say("spots.on_the_rest"))
+
+
+def _near(place: Place) -> str | None:
+    return place.nearest_name if (place.nearest_m or 0.0) <= NEAR_AREA_M else None
+
+
 def _tested(
     data: WeekData, spot: FloorSpot, areas: Sequence[AreaRow], coverage: Coverage, found: FloorHotspots
 ) -> SpotCard:
@@ -112,13 +123,11 @@ def _tested(
     shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in place.polygons])
     seen = _inside(data, shape, found.first)
     evidence, usual = _evidence(data, seen, coverage, row)
-    near = place.nearest_name if (place.nearest_m or 0.0) <= NEAR_AREA_M else None
-    name = place.area_name or (say("spots.near", area=near) if near else say("spots.on_the_rest"))
-    about = place.area_name or near or say("spots.this", number=spot.number)
+    about = place.area_name or _near(place) or say("spots.this", number=spot.number)
     ask, question = _asked(data, about, shape, area, evidence, usual)
     return SpotCard(
         number=spot.number,
-        name=name,
+        name=place_name(place),
         at=(place.peak_x_m, place.peak_y_m),
         area_id=place.area_id,
         often=row.often if row is not None else None,
