@@ -13,11 +13,11 @@
 --   violation_open_s   person-seconds in violation
 --   n_violations_open  violations in the area that started in opening hours
 -- figure: M15 Areas
---   definition   M0 and M7 of each area, over the cameras that count there, highest M0 first; areas at the border of the view say so
+--   definition   M0 and M7 of each area, highest M0 first; from four areas on, M7 pulled towards their mean and its excess a week; border areas say so
 --   unit         per open hour; per person-hour
 --   denominator  recorded open hours; person-hours
 --   needs        as M0 and M7; ranked in a week recorded to 60 %
---   uncertainty  as M0 and M7
+--   uncertainty  as M0 and M7; pulled rates by empirical Bayes (vsd_analytics.stats.shrinkage)
 --   by           vsd_analytics.report.areas.areas
 -- figure: M27 Before and after
 --   definition   ratio of M7 after / before a logged change in its area, over the same ratio of areas left alone

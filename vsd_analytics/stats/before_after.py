@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from vsd_analytics.stats.estimates import State, Verdict, verdict_of
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile
+from vsd_analytics.stats.shrinkage import between_places
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -360,8 +361,7 @@ def _trend(b: Period, *, confidence: float) -> Trend | None:
 def _shrunken(b: Period, a: Period, *, confidence: float) -> Shrunken | None:
     """Return the effect with the area's before-rate pulled towards the mean of all areas (empirical Bayes).
 
-    On the log scale l_j = ln r_j with day-clustered variances v_j; mean m and variance tau^2 between areas by
-    DerSimonian & Laird (Controlled Clinical Trials 7, 1986); l = m + w (l_t - m), w = tau^2 / (tau^2 + v_t).
+    With day-clustered variances of the areas' log rates, as in `vsd_analytics.stats.shrinkage`.
     """
     n, x_h = np.vstack([b.n, b.comparison_n]), np.vstack([b.x_h, b.comparison_x_h])
     usable = n.sum(axis=1) >= 5
@@ -372,11 +372,7 @@ def _shrunken(b: Period, a: Period, *, confidence: float) -> Shrunken | None:
     logs = np.log(n.sum(axis=1) / x_h.sum(axis=1))
     v = np.array([_variance(_influence(n[j], x_h[j]) - site, b.weekday)[0] for j in range(len(n))])
     v = np.maximum(v, 1 / n.sum(axis=1))
-    precision = 1 / v
-    fixed = float(precision @ logs / precision.sum())
-    spread = float(precision @ (logs - fixed) ** 2) - (len(logs) - 1)
-    tau2 = max(0.0, spread / float(precision.sum() - (precision @ precision) / precision.sum()))
-    mean = float(((1 / (v + tau2)) @ logs) / (1 / (v + tau2)).sum())
+    mean, tau2 = between_places(logs, v)
     weight = tau2 / (tau2 + float(v[0]))
     pulled = (1 - weight) * (float(logs[0]) - mean)
     (var_b, df_b), (var_a, df_a) = (_variance(_by_day(p), p.weekday) for p in (b, a))

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from vsd_analytics.analysis.hotspots import FloorSpot, ResolvedSpot
 from vsd_analytics.analysis.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
-from vsd_analytics.report.figures.asked import Asked, Row, missing
+from vsd_analytics.report.figures.asked import Asked, Plain, Row, missing
 from vsd_analytics.report.model import AreaRow, Figure
+from vsd_analytics.stats.shrinkage import MIN_PLACES, pull
 
 AREAS: Final = "violations per open hour and per person-hour, by area"
 SPOTS: Final = "places where a person-hour is riskier than elsewhere on the floor"
+NOT_PULLED: Final = f"rates are pulled towards their mean where {MIN_PLACES} areas have an interval per person-hour"
 MIN_CELL_S: Final = 60.0
 """Person-seconds a square metre needs to be told: of less, it would be the way of a few people."""
 
@@ -43,15 +46,35 @@ def _areas(asked: Asked) -> Figure:
     if not asked.is_ranked:
         areas.sort(key=lambda a: len(order) if a.area_id is None else order.index(a.area_id))
     rows = [_area(a, borders[a.area_id].note if a.area_id in borders else None) for a in areas]
+    _pull(asked, rows, areas)
     ranks = iter(range(1, len(rows) + 1))
     for one, area in zip(rows, areas, strict=True):
         can = asked.is_ranked and area.area_id is not None and area.often.value is not None
         one["rank"] = next(ranks) if can else None
     reason = None if asked.is_ranked else asked.not_ranked(AREAS).reason
-    return Figure(unit=AREAS, rows=tuple(rows), denominator=asked.recorded_h, reason=reason)
+    note = None if any(row["pulled"] is not None for row in rows) else NOT_PULLED
+    return Figure(unit=AREAS, rows=tuple(rows), denominator=asked.recorded_h, reason=reason, note=note)
 
 
-def _area(area: AreaRow, border_note: str | None) -> dict[str, str | float | int | bool | None]:
+def _pull(asked: Asked, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
+    """Add each area's rate per person-hour pulled towards the mean of all, and what it has above the floor's rate."""
+    known = [
+        (row, area.risky, area.exposure_h)
+        for row, area in zip(rows, areas, strict=True)
+        if area.area_id is not None and area.risky is not None and area.risky.value and area.risky.lo and area.risky.hi
+    ]
+    limits = ([getattr(risky, name) for _, risky, _ in known] for name in ("value", "lo", "hi"))
+    pulled = pull(*limits, confidence=asked.data.site.settings.confidence) if asked.is_ranked else None
+    floor = asked.level.risky.value
+    for row in rows:
+        row |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
+    for (row, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
+        row |= {"pulled": found.rate, "pulled_lo": found.lo, "pulled_hi": found.hi}
+        if floor is not None and exposure_h is not None:
+            row["excess_per_week"] = (found.rate - floor) * exposure_h
+
+
+def _area(area: AreaRow, border_note: str | None) -> dict[str, Plain]:
     often, risky = area.often, area.risky
     is_told = often.value is not None
     return {
