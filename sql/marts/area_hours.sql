@@ -13,7 +13,7 @@
 --   violation_open_s   person-seconds in violation
 --   n_violations_open  violations in the area that started in opening hours
 -- figure: M15 Areas
---   definition   M0 and M7 of each area, highest M0 first; from four areas on, M7 pulled towards their mean and its excess a week; border areas say so
+--   definition   M0 and M7 of each area, highest M0 first, border areas noted; from four areas on, M7 pulled to their mean, excess a week
 --   unit         per open hour; per person-hour
 --   denominator  recorded open hours; person-hours
 --   needs        as M0 and M7; ranked in a week recorded to 60 %
