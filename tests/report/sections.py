@@ -185,6 +185,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
             before=(date(2026, 9, 7), date(2026, 10, 4)),
             after=(date(2026, 10, 12), date(2026, 11, 8)),
             effect=effect,
+            often=m.Estimate(value=None, change=-0.27, change_lo=-0.39, change_hi=-0.12, verdict="clear_fall"),
             people=people,
             compared_with=("End of aisle 2", "Pharmacy counter"),
             doubts=("another entry of the log lies in the weeks after",),

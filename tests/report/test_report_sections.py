@@ -296,14 +296,21 @@ def test_what_hardly_moved_is_not_explained() -> None:
 def test_a_redesign_is_told_with_its_range_its_people_and_what_must_hold() -> None:
     table = more_view.redesigns(sections.complete())
     assert table is not None
-    (row,) = table.rows
-    assert (row.words, row.detail) == ("Clear fall, −31%", "likely −42% to −18%")
+    often, row = table.rows
+    assert (often.words, often.detail) == ("Clear fall, −27%", "likely −39% to −12%")
+    assert often.sub == "Checkout queue, Wed 7 Oct. Violations per open hour"
+    assert (row.name, row.words, row.detail) == (
+        "Violations per person-hour",
+        "Clear fall, −31%",
+        "likely −42% to −18%",
+    )
     assert row.note.startswith(
         "Beside End of aisle 2 and Pharmacy counter, 4 weeks before and after. People there: 4% more."
     )
     assert "What speaks against it: another entry" in row.note
-    assert "only if without the change, the areas would have moved alike" in row.note
-    assert table.notes == ("Main entrance: not yet told. Needs a whole week after the change, and 1 day is stored.",)
+    assumed, refused = table.notes
+    assert "only if without the change, the areas would have moved alike" in assumed
+    assert refused == "Main entrance: not yet told. Needs a whole week after the change, and 1 day is stored."
 
 
 # ---- outlook and unusual hours ----

@@ -160,6 +160,10 @@ class Redesign:
         "Change of violations per person-hour, beside the comparison areas where there are any.",
         "per person-hour", "M27", default=None,
     )  # fmt: skip
+    often: Estimate | None = _f(
+        "The same of violations per open hour; None where the area is looked at by itself.",
+        "per open hour", "M27", default=None,
+    )  # fmt: skip
     people: Estimate | None = _f("Change of people in the area.", metric="M27", default=None)
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     doubts: tuple[str, ...] = _f("What speaks against the comparison.", default=())

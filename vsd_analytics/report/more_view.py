@@ -191,7 +191,8 @@ def redesigns(report: WeekReport) -> BarTable | None:
     if not found:
         return None
     told = [r for r in found if r.effect is not None and r.state == "ok"]
-    limit = svg.change_limit(r.effect for r in told if r.effect is not None)
+    limit = svg.change_limit(e for r in told for e in (r.often, r.effect) if e is not None)
+    assumed = dict.fromkeys("; ".join(a.rstrip(".") for a in r.assumptions) for r in told if r.assumptions)
     refused = [
         say("redesign.refused", area=r.area_name, reason=words.sentence(r.reason or "").rstrip("."))
         for r in found
@@ -201,8 +202,8 @@ def redesigns(report: WeekReport) -> BarTable | None:
         title=say("redesign.title"),
         sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if told else "",
         axis=svg.change_axis(limit),
-        rows=tuple(_redesign(r, limit) for r in told),
-        notes=tuple(refused),
+        rows=tuple(row for r in told for row in _redesign(r, limit)),
+        notes=(*(say("redesign.assumes", assumptions=a) for a in assumed), *refused),
     )
 
 
@@ -348,9 +349,8 @@ def _cause(found: Causes, distance: str) -> str:
     return say("causes.sentence", change=change, distance=distance, largest=largest)
 
 
-def _redesign(found: Redesign, limit: float) -> BarRow:
-    effect = found.effect
-    assert effect is not None
+def _redesign(found: Redesign, limit: float) -> tuple[BarRow, ...]:
+    """Return how often and how risky, before and after: people who stay away make an area no riskier."""
     n = found.n_weeks or 0
     parts = [say(f"redesign.{found.design}", plural=n, n=n, areas=words.joined(found.compared_with))]
     people = found.people
@@ -361,16 +361,21 @@ def _redesign(found: Redesign, limit: float) -> BarRow:
         )
     if found.doubts:
         parts.append(say("redesign.doubt", doubts="; ".join(d.rstrip(".") for d in found.doubts)))
-    if found.assumptions:
-        parts.append(say("redesign.assumes", assumptions="; ".join(a.rstrip(".") for a in found.assumptions)))
-    clear = effect.verdict in ("clear_fall", "clear_rise") and effect.change is not None
-    verdict = words.verdict_words(effect)
-    return BarRow(
-        name=fmt.ended(found.text),
-        sub=say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date())),
-        bar=svg.change_bar(effect, limit=limit),
-        words=say("changed.clear", verdict=verdict, change=fmt.signed(effect.change)) if clear else verdict,
-        detail=fmt.likely_signed(effect) or effect.reason or "",
-        direction=words.direction(effect.verdict),
-        note=" ".join(parts),
-    )
+    told = [(k, e) for k, e in (("often", found.often), ("risky", found.effect)) if e is not None]
+    about = say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date()))
+    rows = []
+    for at, (kind, e) in enumerate(told):
+        clear = e.verdict in ("clear_fall", "clear_rise") and e.change is not None
+        verdict, measure = words.verdict_words(e), say(f"redesign.{kind}")
+        rows.append(
+            BarRow(
+                name=fmt.ended(found.text) if at == 0 else measure,
+                sub=say("redesign.measured", what=about, measure=measure) if at == 0 else "",
+                bar=svg.change_bar(e, limit=limit),
+                words=say("changed.clear", verdict=verdict, change=fmt.signed(e.change)) if clear else verdict,
+                detail=fmt.likely_signed(e) or e.reason or "",
+                direction=words.direction(e.verdict),
+                note=" ".join(parts) if at == len(told) - 1 else "",
+            )
+        )
+    return tuple(rows)

@@ -43,9 +43,11 @@ def _redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
     effect = converted.change(found.effect) if found.effect is not None else None
     if effect is None and found.alone is not None:
         effect = converted.change(found.alone)
+    often = converted.change(found.often) if found.often is not None and found.often.theta is not None else None
     below = int(data.site.settings.mask_below)
     if found.alone is not None and _is_small(found.alone, below=below):
         effect = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=too_few(below))
+        often = None
     windows = found.windows
     return Redesign(
         number=found.number,
@@ -58,6 +60,7 @@ def _redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
         before=None if windows is None else windows.before,
         after=None if windows is None else windows.after,
         effect=effect if found.state == "ok" else None,
+        often=often if found.state == "ok" else None,
         people=converted.change(found.people) if found.people is not None and found.state == "ok" else None,
         compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
         doubts=found.doubts,

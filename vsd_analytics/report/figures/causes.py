@@ -145,6 +145,7 @@ def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
     if state == "ok" and (ratio is None or ratio.theta is None):
         state, reason = "not_enough_data", None if ratio is None else ratio.reason
     is_told = state == "ok" and ratio is not None
+    often = found.often if is_told else None
     shrunken = effect.shrunken if effect is not None and is_told else None
     return {
         **head,
@@ -152,6 +153,9 @@ def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
         "lo": ratio.lo if is_told and ratio is not None else None,
         "hi": ratio.hi if is_told and ratio is not None else None,
         "verdict": VERDICTS[ratio.verdict] if is_told and ratio is not None else None,
+        "often_ratio": often.theta if often is not None else None,
+        "often_lo": often.lo if often is not None else None,
+        "often_hi": often.hi if often is not None else None,
         "placebo_lo": effect.placebo_lo if effect is not None and is_told else None,
         "placebo_hi": effect.placebo_hi if effect is not None and is_told else None,
         "shrunken": None if shrunken is None else shrunken.theta,
