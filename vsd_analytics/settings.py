@@ -120,10 +120,6 @@ class Settings:
         """Return the settings that differ from the table."""
         return {s.name: self.values[s.name] for s in SETTINGS if self.values[s.name] != s.default}
 
-    def fact_values(self) -> dict[str, Any]:
-        """Return the settings stored facts depend on."""
-        return {s.name: self.values[s.name] for s in SETTINGS if s.is_fact}
-
     def settings_id(self) -> str:
         """Return a short stable id of all values: 8 hexadecimal digits of their BLAKE2 hash."""
         text = json.dumps({s.name: self.values[s.name] for s in SETTINGS}, sort_keys=True)

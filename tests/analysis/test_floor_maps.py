@@ -181,6 +181,28 @@ def test_a_crowd_that_comes_at_noon_is_no_excess(tmp_path: Path) -> None:
     assert np.median(inner(found, (12, 15), (1, 11))) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("n_known", [2, 0])
+def test_hours_of_which_company_is_unknown_are_neither_observed_nor_expected(tmp_path: Path, n_known: int) -> None:
+    site = site_of(tmp_path)
+    hours = [hour_of(h, mean=12, hour=9 + h) for h in range(3)]
+    with planted(site, hours[:2]) as warehouse:
+        two = excess_map(warehouse, floor=site.floors[0])
+    with planted(site, hours) as warehouse:
+        warehouse.con.execute(
+            "delete from crowding_hours where hour_start_ms >= "
+            "(select min(hour_start_ms) + 3600000 * $n from camera_hours)",
+            {"n": n_known},
+        )
+        found = excess_map(warehouse, floor=site.floors[0])
+    if not n_known:
+        assert (found.state, found.values) == ("not_enough_data", None)
+        return
+    assert found.observed_h is not None
+    assert two.observed_h is not None
+    assert found.observed_h.sum() == pytest.approx(two.observed_h.sum())
+    assert np.median(inner(found, (2, 14), (2, 10))) == pytest.approx(1.0, abs=0.1)
+
+
 def test_a_sticky_place_gives_its_ratio_and_the_rest_of_the_room_does_not(tmp_path: Path) -> None:
     """The ratio is worked out anew from the frames: share of person-time close, over 1 - exp(-mean neighbours)."""
     site = site_of(tmp_path)

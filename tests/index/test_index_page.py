@@ -263,6 +263,13 @@ def test_absurd_figures_are_drawn_within_the_bars(tmp_path: Path, value: float) 
     assert all(0 <= float(v) <= bars.HEIGHT for v in re.findall(r'(?:height|y)="([-\d.e+]+)"', drawn))
 
 
+def test_an_incomplete_week_without_a_violation_is_drawn_when_it_is_the_only_one(tmp_path: Path) -> None:
+    twin = read_twin(many.write(tmp_path, many.report()))
+    level = replace(twin.level, often=m.Estimate(value=0.0))
+    drawn = str(bars.bars([(many.LAST, replace(twin, state="too_incomplete", level=level))], label="x"))
+    assert "wkr" in drawn
+
+
 def test_long_texts_of_people_are_cut(tmp_path: Path) -> None:
     made = many.report(value=100.0, change=-0.3)
     many.write(tmp_path / "p", replace(made, log=(replace(made.log[1], text="moved " * 100),)))

@@ -7,7 +7,7 @@ sum and in no denominator.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from typing import Final
 
@@ -33,6 +33,7 @@ MIN_EXPECTED_S: Final = 10.0
 """Person-seconds (smoothed) that must be expected in violation for a ratio."""
 
 NOTHING: Final = "nothing was recorded in opening hours"
+UNTOLD: Final = "who was in view together is not known of any recorded hour"
 NOBODY: Final = "nobody was seen in recorded open hours"
 
 
@@ -215,6 +216,13 @@ class _CellHours:
         np.add.at(made, (np.zeros(len(values), dtype=np.int64) if by is None else by, *self.at), values)
         return made if by is not None else made[0]
 
+    def where(self, kept: Flags) -> _CellHours:
+        """Return some of the rows, of the same camera-hours and grid."""
+        row, column = self.at
+        at = row[kept], column[kept]
+        parts = {name: getattr(self, name)[kept] for name in ("hour", "exposure_s", "violation_s")}
+        return replace(self, at=at, **parts)
+
     def keyed(self, *names: str) -> tuple[Ints, pa.Table]:
         """Return the number of each used camera-hour's group by some columns, and a row for each group."""
         import pandas as pd
@@ -259,9 +267,14 @@ def _excess(warehouse: Warehouse, floor: Floor, data: _CellHours) -> ExcessMap:
     unit = "time in violation over that of random mixing"
     if data.grid is None:
         return ExcessMap("M19", unit, None, None, None, None, data.state, data.reason, None, None, None)
-    expected_s = _expected_s(warehouse, floor, data)
+    cell_m, expected_s = data.grid.cell_m, _expected_s(warehouse, floor, data)
+    is_told = np.isfinite(expected_s)
+    if not is_told.any():
+        return ExcessMap("M19", unit, None, None, None, None, "not_enough_data", UNTOLD, None, None, None)
+    if not is_told.all():  # who was in view together is unknown there: neither observed nor expected
+        data, expected_s = data.where(is_told), expected_s[is_told]
     observed, expected = (data.summed(v) for v in (data.violation_s, expected_s))
-    near, mixed = (_smooth(v, data.grid.cell_m) for v in (observed, expected))
+    near, mixed = (_smooth(v, cell_m) for v in (observed, expected))
     exposure_h = data.summed(data.exposure_s) / 3600
     is_known = (mixed >= MIN_EXPECTED_S) & (exposure_h > 0)
     values = np.divide(near, mixed, out=np.full(near.shape, np.nan), where=is_known)
@@ -293,7 +306,7 @@ def _expected_s(warehouse: Warehouse, floor: Floor, data: _CellHours) -> Floats:
 
 
 def _others(warehouse: Warehouse, floor: Floor, used: pa.Table) -> Floats:
-    """Return how many others a person has in view on average, 2 P / X, of each used camera-hour."""
+    """Return how many others a person has in view on average, 2 P / X, of each used camera-hour; NaN = unknown."""
     rows = warehouse.table(
         "select camera_id, hour_start_ms, 2 * copresent_pair_s::double / person_s::double as others "
         "from crowding_hours where floor_id = $floor and person_s > 0",
@@ -301,7 +314,7 @@ def _others(warehouse: Warehouse, floor: Floor, used: pa.Table) -> Floats:
     ).to_pandas()
     keys = ["camera_id", "hour_start_ms"]
     merged = used.select(keys).to_pandas().merge(rows, on=keys, how="left")
-    return np.asarray(merged["others"].fillna(0.0).to_numpy(), dtype=np.float64)
+    return np.asarray(merged["others"].to_numpy(), dtype=np.float64)
 
 
 def _clear(warehouse: Warehouse, data: _CellHours, expected_s: Floats, is_known: Flags) -> Flags | None:

@@ -64,6 +64,7 @@ def planner(
         def plan(n_hours: int) -> None:
             bar.total = (bar.total or 0) + n_hours
 
+        from vsd_analytics.cli.report_formats import write
         from vsd_analytics.planner.data import planner_pages
 
         made = planner_pages(project.site, monday, before=earlier, floor_id=floor_id, on_plan=plan, on_hours=bar.update)
@@ -75,9 +76,7 @@ def planner(
             click.echo(page, nl=False)
             continue
         floor = "" if len(floors) == 1 else f"-{data.floor.floor_id}"
-        path = folder / f"{data.week.ref.iso}{floor}-planner.html"
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(page, encoding="utf-8")
+        [path] = write(folder, {f"{data.week.ref.iso}{floor}-planner.html": page.encode()})
         told.append(_as_dict(data, path))
         if not as_json:
             click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")

@@ -148,18 +148,10 @@ def checked(kinds: tuple[str, ...], *, figure: str | None, files: ReportFiles, i
 
 def write(folder: Path, files: dict[str, bytes]) -> list[Path]:
     """Put files into a folder, each wholly or not at all, and return their paths."""
-    from vsd_analytics.errors import disk_error
+    from vsd_analytics.store.durable import publish
 
-    folder.mkdir(parents=True, exist_ok=True)
     for name, data in files.items():
-        target = folder / name
-        temporary = folder / f".{name}.{os.getpid()}.tmp"
-        try:
-            temporary.write_bytes(data)
-            temporary.replace(target)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise disk_error(error, path=target) or error from None
+        publish(folder / name, data, is_synced=False)
     return [folder / name for name in files]
 
 

@@ -60,7 +60,7 @@ def bars(window: Sequence[tuple[date, Twin | None]], *, label: str) -> Markup:
         label: What the drawing says in words.
     """
     values = [t.level.often.value or 0.0 for _, t in window if t is not None and bar_kind(t) in ("full", "rough")]
-    largest = max(values, default=0.0)
+    largest = max(values, default=0.0) or 1.0
     parts: list[Markup] = []
     for k, (_, twin) in enumerate(window):
         x, is_now = k * STEP, k == len(window) - 1
