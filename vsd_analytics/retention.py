@@ -27,6 +27,7 @@ from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.store import engines_of
 from vsd_analytics.warehouse.build import BuildResult, build
+from vsd_analytics.warehouse.days import day_files_around
 from vsd_analytics.warehouse.sealed import Rules
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -317,7 +318,7 @@ def _sealed_hours(site: Site, which: Which) -> list[int]:
 
 
 def _facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
-    """Return the computed fact files of some hours, and of the days they lie in."""
+    """Return the computed fact files of some hours, and of the days they lie in, and what days kept of them."""
     root, wanted = site.root / "facts", set(hours)
     days = {h // 24 for h in wanted}
     found: list[Path] = []
@@ -326,7 +327,7 @@ def _facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
     for relation in relations("facts").values():
         parts = list_parts(root, relation.name, site.site_id, first_hour=min(days) * 24, last_hour=max(days) * 24 + 23)
         found += [p.path for p in parts if (p.hour // 24 in days if relation.unit == "day" else p.hour in wanted)]
-    return found
+    return [*found, *day_files_around(site, wanted)]
 
 
 def _guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:

@@ -1,5 +1,6 @@
 -- name: facts/calibrations_used
 -- One row per camera, UTC hour and calibration through which pixels of that hour became floor positions.
+-- kept: utc_day
 -- grain: hour, camera_id, calibration_id
 -- reads: stored_observations, calibrations
 -- columns:

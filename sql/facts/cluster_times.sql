@@ -1,5 +1,6 @@
 -- name: facts/cluster_times
 -- One row per camera, time bucket and number of people in a cluster: how long such clusters were there.
+-- kept: utc_day
 -- grain: camera_id, bucket_quarter, n_people
 -- reads: clusters
 -- params: bucket_quarters

@@ -1,5 +1,6 @@
 -- name: facts/coverage
 -- One row per camera and UTC quarter-hour with any recorded time.
+-- kept: utc_day
 -- grain: camera_id, quarter
 -- reads: instants, quarters
 -- columns:

@@ -1,5 +1,6 @@
 -- name: facts/exposure
 -- One row per camera and UTC quarter-hour in which anybody was seen: how many person records, and how much person-time.
+-- kept: utc_day
 -- grain: camera_id, quarter
 -- reads: located
 -- columns:

@@ -1,5 +1,6 @@
 -- name: facts/recorded_spans
 -- One row per unbroken run of recorded time of a camera that starts in the hour.
+-- kept: utc_day
 -- grain: camera_id, started_ms
 -- reads: instants
 -- columns:

@@ -2,6 +2,7 @@
 -- One row per camera, UTC hour and unbroken stretch of the engine's running number: what arrived of what was sent.
 -- The engine has begun a new count when the number falls after a minute of silence; or for good: a minute's numbers are all below those
 -- of the minute before; or to 0 or 1, with no higher number right after. Any other fall is a clock that was set: numbers tell the order.
+-- kept: utc_day
 -- grain: hour, camera_id, restarts, first_seq
 -- reads: stored_frames
 -- columns:

@@ -1,5 +1,6 @@
 -- name: facts/violation_time
 -- One row per camera and UTC quarter-hour with a violation record: how many, and how much person-time in violation.
+-- kept: utc_day
 -- grain: camera_id, quarter
 -- reads: pairs, in_violation
 -- params: distance_mm

@@ -1,5 +1,6 @@
 -- name: marts/area_hours
 -- One row per area, camera and local hour in which the camera counted anybody in the area; area null is the rest of the floor.
+-- kept: local_date
 -- grain: floor_id, area_id, camera_id, hour_start_ms
 -- reads: floor_cells, violations, area_cells, cameras, calendar
 -- columns:
@@ -94,4 +95,4 @@ select
     joined.n_violations_open
 from joined
 inner join hour_days on joined.hour_start_ms = hour_days.hour_start_ms
-order by joined.floor_id, joined.area_id, joined.hour_start_ms, joined.camera_id
+order by joined.hour_start_ms, joined.floor_id, joined.area_id, joined.camera_id

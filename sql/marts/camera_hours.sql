@@ -1,5 +1,6 @@
 -- name: marts/camera_hours
 -- One row per camera and local hour of the calendar, also where nothing was recorded.
+-- kept: local_date
 -- grain: camera_id, hour_start_ms
 -- reads: calendar, cameras, camera_days, coverage, exposure, violation_time, violations
 -- columns:

@@ -1,5 +1,6 @@
 -- name: marts/cell_days
 -- One row per camera, local date and floor cell of half a metre in which anybody stood in opening hours, or a violation lies.
+-- kept: local_date
 -- grain: floor_id, camera_id, local_date, cx, cy
 -- reads: floor_cells, violations, calendar, cameras
 -- params: cell_mm
@@ -62,4 +63,4 @@ select
     sum(n_violations)::bigint as n_violations
 from stood
 group by floor_id, camera_id, local_date, cx, cy
-order by floor_id, camera_id, local_date, cy, cx
+order by local_date, floor_id, camera_id, cy, cx

@@ -1,5 +1,6 @@
 -- name: marts/cell_hours
 -- One row per camera, local hour and floor cell in which anybody stood in opening hours, or a violation lies.
+-- kept: local_date
 -- grain: floor_id, camera_id, hour_start_ms, cx, cy
 -- reads: floor_cells, violations, calendar, cameras
 -- columns:
@@ -98,4 +99,4 @@ select
     summed.n_violations::bigint as n_violations_open
 from summed
 inner join places on summed.place = places.place
-order by summed.place, summed.hour_start_ms, summed.cy, summed.cx
+order by summed.local_date, summed.place, summed.hour_start_ms, summed.cy, summed.cx

@@ -1,5 +1,6 @@
 -- name: marts/cluster_sizes
 -- One row per camera, local date and number of people in a cluster: how long such clusters were there in opening hours.
+-- kept: local_date
 -- grain: camera_id, local_date, n_people
 -- reads: cluster_times, calendar, cameras
 -- columns:

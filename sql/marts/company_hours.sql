@@ -1,5 +1,6 @@
 -- name: marts/company_hours
 -- One row per camera and local hour with anybody in violation in opening hours: how much of that time is with people of other groups.
+-- kept: local_date
 -- grain: camera_id, hour_start_ms
 -- reads: company_times, calendar, cameras, site_days, track_groups
 -- columns:

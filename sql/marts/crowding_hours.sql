@@ -1,5 +1,6 @@
 -- name: marts/crowding_hours
 -- One row per camera and local hour in which it counted anybody with a floor position in opening hours.
+-- kept: local_date
 -- grain: camera_id, hour_start_ms
 -- reads: crowding, calendar, cameras
 -- columns:

@@ -1,5 +1,6 @@
 -- name: marts/distances
 -- One row per camera, local date and millimetre of distance: how many pairs were that far apart, and whose nearest neighbour was.
+-- kept: local_date
 -- grain: camera_id, local_date, distance_mm
 -- reads: distance_times, calendar, cameras
 -- columns:
@@ -35,4 +36,4 @@ from distance_times
 inner join calendar on distance_times.bucket_quarter = calendar.quarter
 inner join cameras on distance_times.camera_id = cameras.camera_id
 group by distance_times.camera_id, calendar.local_date, distance_times.distance_mm
-order by distance_times.camera_id, calendar.local_date, distance_times.distance_mm
+order by calendar.local_date, distance_times.camera_id, distance_times.distance_mm

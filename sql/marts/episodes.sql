@@ -1,5 +1,6 @@
 -- name: marts/episodes
 -- One row per episode: one pair closer than distance_m with no gap longer than gap_ms, over hours, midnight and cameras.
+-- kept: local_date
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: camera_episodes, shared_episodes, calendar, site_days, track_groups
 -- params: episode_min_ms, cell_mm

@@ -1,5 +1,6 @@
 -- name: marts/footsteps
 -- One row per local date and floor cell in which tracks were seen in opening hours: at least how many different ones.
+-- kept: local_date
 -- grain: floor_id, local_date, cx, cy
 -- reads: floor_cells, calendar, cameras
 -- columns:

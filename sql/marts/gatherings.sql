@@ -1,5 +1,6 @@
 -- name: marts/gatherings
 -- One row per gathering: clusters of at least gathering_people people that hang together by two track ids for gathering_last_ms or longer.
+-- kept: local_date
 -- grain: camera_id, started_ms, cluster
 -- reads: gathering_parts, gathering_joins, calendar, cameras, owner_cells
 -- params: gathering_last_ms, owner_cell_mm

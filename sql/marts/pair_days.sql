@@ -1,5 +1,6 @@
 -- name: marts/pair_days
 -- One row per pair of tracks and site day in which they were closer than distance_m, and whether they move together.
+-- kept: site_day
 -- grain: camera_id, site_day, track_a, track_b
 -- reads: track_pairs, track_days, site_days
 -- params: together_share, together_walk_mm, together_min_ms, together_min_records

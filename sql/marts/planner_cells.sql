@@ -1,5 +1,6 @@
 -- name: marts/planner_cells
 -- One row per camera, local hour and floor cell of half a metre in which anybody stood in opening hours, or a violation lies.
+-- kept: local_date
 -- grain: floor_id, camera_id, hour_start_ms, cx, cy
 -- reads: floor_cells, violations, calendar, cameras
 -- params: cell_mm
@@ -7,6 +8,7 @@
 --   floor_id
 --   camera_id
 --   hour_start_ms  UTC instant the local hour starts
+--   local_date
 --   cx             floor(x / 0.5 m)
 --   cy             floor(y / 0.5 m)
 --   exposure_ms    person-milliseconds spent here
@@ -19,6 +21,7 @@ with stood as (
         cameras.floor_id,
         floor_cells.camera_id,
         calendar.hour_start_ms,
+        calendar.local_date,
         floor(floor_cells.cx * params.cell_mm / 500)::int as cx,
         floor(floor_cells.cy * params.cell_mm / 500)::int as cy,
         floor_cells.exposure_ms,
@@ -35,6 +38,7 @@ with stood as (
         violations.floor_id,
         violations.camera_id,
         violations.hour_start_ms,
+        violations.local_date,
         floor(violations.cx * params.cell_mm / 500)::int as cx,
         floor(violations.cy * params.cell_mm / 500)::int as cy,
         0 as exposure_ms,
@@ -50,6 +54,7 @@ select
     floor_id,
     camera_id,
     hour_start_ms,
+    min(local_date) as local_date,
     cx,
     cy,
     sum(exposure_ms)::bigint as exposure_ms,
@@ -58,4 +63,4 @@ select
     sum(n_violations)::bigint as n_violations
 from stood
 group by floor_id, camera_id, hour_start_ms, cx, cy
-order by floor_id, camera_id, hour_start_ms, cy, cx
+order by local_date, floor_id, camera_id, hour_start_ms, cy, cx

@@ -1,5 +1,6 @@
 -- name: marts/together_days
 -- One row per camera and site day with tracks: person-time in groups, and the time pairs were in violation within groups.
+-- kept: site_day
 -- grain: camera_id, site_day
 -- reads: track_days, track_groups, pair_days
 -- columns:

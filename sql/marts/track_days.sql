@@ -1,5 +1,6 @@
 -- name: marts/track_days
 -- One row per track and site day: how long it lived, and whether another track goes on where it ends.
+-- kept: site_day
 -- grain: camera_id, site_day, track_id
 -- reads: track_lives, site_days, cameras
 -- columns:

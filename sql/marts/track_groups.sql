@@ -1,5 +1,6 @@
 -- name: marts/track_groups
 -- One row per track and site day: the group it moves with. Groups are the connected components of pairs that move together.
+-- kept: site_day
 -- grain: camera_id, site_day, track_id
 -- reads: track_days, pair_days
 -- columns:

@@ -125,6 +125,7 @@ def planted(
         for name, rows in made.items():
             plant(warehouse, name, pa.Table.from_pylist(rows))
         if used:
+            warehouse.keep("calibrations_used")
             warehouse.con.register("_planted", pa.Table.from_pylist(used))
             warehouse.con.execute("insert into calibrations_used by name select * from _planted")
         yield warehouse

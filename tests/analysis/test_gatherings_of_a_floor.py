@@ -196,6 +196,7 @@ def test_hours_sealed_without_clusters_are_not_taken_for_no_gatherings(tmp_path:
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))
     with Warehouse(site, DAY, DAY) as warehouse:
+        warehouse.keep("cluster_times")
         warehouse.con.execute("delete from cluster_times")
         assert vsd_analytics.gatherings(warehouse).floors[0].per_100_h.reason == PURGED
 

@@ -159,9 +159,10 @@ def test_an_empty_floor_has_no_share(tmp_path: Path) -> None:
 
 def test_single_distances_that_are_gone_are_not_made_up(crowd: Site) -> None:
     with open_day(crowd) as warehouse:
+        warehouse.prepare("distances")
         warehouse.con.execute("drop view distances")
         warehouse.con.execute(
-            "create temp view distances as select 'cam-0' as camera_id, date '2026-11-09' as local_date, "
+            "create temp table distances as select 'cam-0' as camera_id, date '2026-11-09' as local_date, "
             "0 as distance_mm, 0 as n_pairs, 0 as n_sent, 0.0 as nearest_s where false"
         )
         found = threshold_sensitivity(warehouse)

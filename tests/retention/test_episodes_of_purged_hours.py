@@ -81,23 +81,16 @@ def test_a_camera_taken_out_of_sealed_hours_leaves_no_trace_of_its_pairs(purged:
         assert opened.rows("select distinct camera_id from episode_segments") == [{"camera_id": "cam-1"}]
 
 
-def test_hours_sealed_before_these_columns_are_counted_by_the_mean_midpoint(
-    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hours_sealed_before_these_columns_are_counted_by_the_mean_midpoint(stored: Path, tmp_path: Path) -> None:
     """What an older version sealed tells neither which records count nor who saw the same pair."""
     root = Path(shutil.copytree(stored, tmp_path / "p"))
     site = load_site(root)
     extent = warehouse.stored_extent(site)
     assert extent is not None
-    read = Warehouse._facts
-
-    def of_old(self: Warehouse, first_hour: int, last_hour: int) -> None:
-        read(self, first_hour, last_hour)
-        self.con.execute("delete from same_pairs")
-        self.con.execute(f"update episode_segments set {', '.join(f'{c} = null' for c in NEW)}")
-
-    monkeypatch.setattr(Warehouse, "_facts", of_old)
-    with Warehouse(site, extent.first_day, extent.last_day) as opened:
+    with Warehouse(site, extent.first_day, extent.last_day, uses_days=False) as opened:
+        opened.keep("same_pairs", "episode_segments")
+        opened.con.execute("delete from same_pairs")
+        opened.con.execute(f"update episode_segments set {', '.join(f'{c} = null' for c in NEW)}")
         rows = opened.rows("select camera_id, duration_s, x_m from violations")
         cut = opened.rows("select count(is_cut) as n from episodes")
     assert len(rows) == 12

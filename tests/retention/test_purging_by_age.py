@@ -244,7 +244,7 @@ def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
     """Another version of the SQL may know more columns of a fact than its sealed files have."""
     from dataclasses import replace
 
-    from vsd_analytics.warehouse import sqlfiles, warehouse
+    from vsd_analytics.warehouse import catalog, sqlfiles, warehouse
 
     known = dict(sqlfiles.relations("facts"))
     wider = replace(known["coverage"], columns={**dict.fromkeys(known["coverage"].columns, ""), "n_dropped": ""})
@@ -253,7 +253,7 @@ def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
     def relations(*layers: str) -> dict[str, sqlfiles.Relation]:
         return {**real(*layers), **({"coverage": wider} if "facts" in layers else {})}
 
-    monkeypatch.setattr(warehouse, "relations", relations)
+    monkeypatch.setattr(catalog, "relations", relations)
     with warehouse.Warehouse(load_site(purged), day(DAYS[0]), day(DAYS[0])) as opened:
         (row,) = opened.rows("select count(*) as n, count(n_dropped) as n_known from coverage")
     assert row["n"] > 0

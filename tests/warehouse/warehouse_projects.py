@@ -127,9 +127,10 @@ def open_days(site: Site, first: str = "2026-11-09", last: str | None = None, **
 
 
 def fact_files(site: Site) -> dict[str, bytes]:
-    """Return name and bytes of every fact file."""
+    """Return name and bytes of every fact file of an hour or UTC day, without what days keep of them."""
     root = site.root / "facts"
-    return {str(p.relative_to(root)): p.read_bytes() for p in sorted(root.rglob("*.parquet"))}
+    paths = [p for p in sorted(root.rglob("*.parquet")) if p.relative_to(root).parts[0] != "days"]
+    return {str(p.relative_to(root)): p.read_bytes() for p in paths}
 
 
 def day_after(day: str) -> str:

@@ -67,7 +67,6 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
 
     con = warehouse.con
     try:
-        _shut(con, warehouse)
         query.encode()  # a UnicodeEncodeError is a ValueError
         statements = con.extract_statements(query)
         if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
@@ -77,6 +76,8 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
                 why="only a single select can be run: nothing is written, set or attached",
                 mend='vsd sql "select * from hours"',
             )
+        warehouse.prepare(query)
+        _shut(con, warehouse)
         return read(con, statements[0])
     except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows Python or pandas cannot hold
         raise SqlError(
@@ -106,7 +107,7 @@ def _shut(con: duckdb.DuckDBPyConnection, warehouse: Warehouse) -> None:
     """Lock the connection to the project's store and facts, for good."""
     if con.execute("select current_setting('lock_configuration')").fetchall()[0][0]:
         return
-    folders = [f"{warehouse.site.root / name}/" for name in ("store", "facts")]
+    folders = [f"{warehouse.site.root / name}/" for name in ("store", "facts", "sealed")]
     con.execute("set allowed_directories = $folders", {"folders": folders})
     con.execute("set enable_external_access = false")
     con.execute("set lock_configuration = true")

@@ -68,6 +68,7 @@ def build(
     on_hours: Callable[[int], None] | None = None,
     on_plan: Callable[[int], None] | None = None,
     has_lock: bool = False,
+    is_trusting: bool = False,
 ) -> BuildResult:
     """Make the facts of a range fresh.
 
@@ -79,6 +80,8 @@ def build(
         on_plan: Called once with the number of stale hours.
         has_lock: The caller itself keeps away removals of records (`store.removal`) and of facts, and removes what is
             left over (`leftovers`).
+        is_trusting: Take files of hourly facts for whole by their names, and leave leftovers to a build that is not, or
+            that has something to do.
 
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on what its
@@ -94,10 +97,10 @@ def build(
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
-            return _build(site, store, first_hour, last_hour, on_hours, on_plan)
+            return _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting)
         with removal.reading(store.root):
             with leftovers.reading(root):
-                result = _build(site, store, first_hour, last_hour, on_hours, on_plan)
+                result = _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting)
             leftovers.clear(root, result.leftovers)
             return result
     except (duckdb.Error, pa.ArrowException, UnicodeDecodeError, OSError) as error:
@@ -126,6 +129,7 @@ def _build(
     last_hour: int | None,
     on_hours: Callable[[int], None] | None,
     on_plan: Callable[[int], None] | None,
+    is_trusting: bool,
 ) -> BuildResult:
     root = site.root / "facts"
     index, hours, sealed = _range(site, store, first_hour, last_hour)
@@ -134,7 +138,7 @@ def _build(
     files = _Files(site, root)
     now = {h: _now(h, days, files.times) for h in hours}
     units = [hour_unit(index, h, now=now[h], needs=files.all_needs) for h in hours]
-    stale = [u for u in units if files.lacking(u)]
+    stale = [u for u in units if not (is_trusting and files.are_named(u)) and files.lacking(u)]
     reasons = Counter(files.reason(u) for u in stale)
     if on_plan is not None:
         on_plan(len(stale))
@@ -146,15 +150,17 @@ def _build(
             on_hours(len(batch))
     fresh = {u.number: u.fingerprint for u in units}
     fresh_days = {d: day.unit.fingerprint for d, day in days.items()}
-    left = leftovers.find(
-        root,
-        site_id=site.site_id,
-        hours=fresh,
-        days=fresh_days,
-        sealed=sealed,
-        first_hour=first_hour,
-        last_hour=last_hour,
-    )
+    left: tuple[Path, ...] = ()
+    if stale or not is_trusting:
+        left = leftovers.find(
+            root,
+            site_id=site.site_id,
+            hours=fresh,
+            days=fresh_days,
+            sealed=sealed,
+            first_hour=first_hour,
+            last_hour=last_hour,
+        )
     return BuildResult(
         len(units) - len(stale),
         reasons,
@@ -257,7 +263,7 @@ def _fresh_days(
     """Return the fact `camera_days` of each UTC day, computed where it is stale."""
     relation = relations("facts")["camera_days"]
     paths = {u.number: fact_path(root, relation.name, site.site_id, u, is_day=True) for u in units}
-    for batch in _batches([u for u in units if not _is_whole(paths[u.number])]):
+    for batch in _batches([u for u in units if not is_whole(paths[u.number])]):
         check(p for parts in merged_parts(batch).values() for p in parts)
         rows = day_facts(site, merged_parts(batch))
         for unit in batch:
@@ -290,14 +296,24 @@ class _Files:
         self.times = SiteTimes(site)
         self.all_needs = hour_needs(site)
         self._needs = {name: needs(site, [name]) for name in self.names}
+        self._listed: dict[int, list[frozenset[str]]] = {}
 
     def path(self, name: str, unit: Unit) -> Path:
         """Return where the fresh file of a fact and unit stands."""
         return fact_path(self._root, name, self._site_id, unit, is_day=False)
 
+    def are_named(self, unit: Unit) -> bool:
+        """Tell whether a file of every fact stands under the unit's fingerprint, be it whole or not."""
+        day = unit.number // 24
+        if day not in self._listed:
+            folders = [unit_folder(self._root, name, self._site_id, unit.number) for name in self.names]
+            self._listed[day] = [frozenset(os.listdir(f) if f.is_dir() else ()) for f in folders]
+        file = self.path(self.names[0], unit).name
+        return all(file in names for names in self._listed[day])
+
     def lacking(self, unit: Unit) -> list[str]:
         """Return the facts of which a unit has no fresh file."""
-        return [name for name in self.names if not _is_whole(self.path(name, unit))]
+        return [name for name in self.names if not is_whole(self.path(name, unit))]
 
     def causes(self, name: str, unit: Unit) -> Causes:
         """Return what a fact of a unit depends on."""
@@ -333,7 +349,7 @@ def _build_batch(site: Site, files: _Files, units: Sequence[Unit], days: Mapping
     """Make the facts of units fresh; return how many units of each were computed."""
     for unit in units:
         files.keep(unit)
-    lacking = {name: [u for u in units if not _is_whole(files.path(name, u))] for name in files.names}
+    lacking = {name: [u for u in units if not is_whole(files.path(name, u))] for name in files.names}
     needed = sorted({d for u in units for d in days_around(u.number) if d in days})
     if wanted := [name for name, stale in lacking.items() if stale]:
         computed = hour_facts(
@@ -354,7 +370,7 @@ def _build_batch(site: Site, files: _Files, units: Sequence[Unit], days: Mapping
     return Counter({name: len(stale) for name, stale in lacking.items() if stale})
 
 
-def _is_whole(path: Path) -> bool:
+def is_whole(path: Path) -> bool:
     """Tell whether a fact file is there to its end: Parquet ends with the length of its footer and `PAR1`."""
     try:
         with path.open("rb") as file:
@@ -397,5 +413,5 @@ def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
 
 def _noted(path: Path) -> Causes | None:
     """Return the causes noted in a fact file; None when it is torn or notes none."""
-    noted = (pq.read_metadata(path).metadata or {}).get(CAUSES) if _is_whole(path) else None
+    noted = (pq.read_metadata(path).metadata or {}).get(CAUSES) if is_whole(path) else None
     return None if noted is None else {str(c): str(h) for c, h in json.loads(noted).items()}

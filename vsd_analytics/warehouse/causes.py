@@ -128,6 +128,10 @@ class SiteTimes:
         """Return the hash of the cameras as the facts of days read them: with the frame rates that are set."""
         return {"cameras": text_hash(sorted((c.camera_id, c.hz or 0) for c in self._site.cameras))}
 
+    def owners(self) -> str:
+        """Return the hash of the owners of cells at all times."""
+        return text_hash(self._owners)
+
     def of_hour(self, hour: int, *, present: Collection[str]) -> Causes:
         """Return hashes of cameras, calibrations and owners of cells in force in a UTC hour or one of those beside it.
 

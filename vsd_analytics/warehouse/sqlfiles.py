@@ -4,6 +4,7 @@
 -- name: facts/episodes
 -- One row per ...                          (what a row is, one sentence)
 -- unit: hour                               (facts only: hour, the default, or day)
+-- kept: local_date                         (its rows are kept by day: local_date, site_day or utc_day; see `days`)
 -- graph: ...                               (staging only: rows are the connected components of the edges it gives)
 -- grain: camera_id, ...
 -- reads: pairs, instants
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 LAYERS = ("staging", "facts", "marts", "audits")
 FIGURE_FIELDS = ("definition", "unit", "denominator", "needs", "uncertainty", "by")
 _IDENTIFIER = re.compile(r"^[a-z][a-z0-9_]*$")
-_FIELD = re.compile(r"^-- (name|unit|graph|grain|reads|params|columns|figure|assumes): ?(.*)$")
+_FIELD = re.compile(r"^-- (name|unit|kept|graph|grain|reads|params|columns|figure|assumes): ?(.*)$")
 _OF_GRAPHS = {"node_a": "node", "node_b": "component"}
 _COLUMN = re.compile(r"^--   ([a-z][a-z0-9_]*)(?:\s+(.*))?$")
 _GOES_ON = re.compile(r"^-- {4,}(\S.*)$")
@@ -78,6 +79,8 @@ class Relation:
         name: Relation name, the file's stem.
         description: What a row is.
         unit: "hour" or "day" (facts).
+        kept: By which day its rows are kept in files: "local_date" or "site_day", columns of a mart; "utc_day" of a
+            fact; empty = they are computed when asked for.
         is_graph: The query gives edges; the relation is their connected components (`graphs.components`).
         grain: Columns that identify a row.
         reads: Relations it reads, except `params`.
@@ -93,6 +96,7 @@ class Relation:
     name: str
     description: str
     unit: str
+    kept: str
     is_graph: bool
     grain: tuple[str, ...]
     reads: tuple[str, ...]
@@ -177,6 +181,7 @@ def read_relation(path: Path) -> Relation:
         name,
         " ".join(description),
         fields.get("unit", "hour"),
+        fields.get("kept", ""),
         "graph" in fields,
         _names(fields["grain"]),
         _names(fields["reads"]),

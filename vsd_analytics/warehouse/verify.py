@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from vsd_analytics.errors import StoreError
 from vsd_analytics.site import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import file_digest
-from vsd_analytics.store.layout import Part, list_parts, unit_folder
+from vsd_analytics.store.layout import Part, date_of_hour, list_parts, unit_folder
 from vsd_analytics.store.seals import DAY_FACT, FOLDER, Seals
 from vsd_analytics.store.verify import (
     Check,
@@ -25,6 +25,8 @@ from vsd_analytics.store.verify import (
 )
 from vsd_analytics.warehouse.audits import audit_rows
 from vsd_analytics.warehouse.build import Plan, plan
+from vsd_analytics.warehouse.days import FOLDER as DAYS_FOLDER
+from vsd_analytics.warehouse.days import day_fingerprint, kept_relations
 from vsd_analytics.warehouse.factfiles import causes_of, is_undamaged
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -189,15 +191,43 @@ def check_facts(
             elif part.hour not in numbers or _is_left_over(part, relation, wanted):
                 orphans.append(_orphan(part.path))
 
+    kept = {r.name for r in kept_relations()}
+    n_kept, unlike = _check_days(site, kept, first_hour=first_hour, last_hour=last_hour)
+
     def is_known(name: str) -> bool:
         relation, _, rest = name.partition("/")
+        if relation == DAYS_FOLDER.name:
+            relation, _, rest = rest.partition("/")
+            return relation in kept and is_part(rest, site.site_id)
         return relation in known and is_part(rest, site.site_id)
 
     n_names, foreign = strangers(site.root / "facts", is_known)
     return (
-        Check("facts", n, "files", "their bytes are those of their digest", tuple(damaged)),
+        Check("facts", n + n_kept, "files", "their bytes are those of their digest", (*damaged, *unlike)),
         Check("fact names", n_names, "files", "each is of an hour with records", (*orphans, *foreign)),
     )
+
+
+def _check_days(
+    site: Site, names: Collection[str], *, first_hour: int | None, last_hour: int | None
+) -> tuple[int, list[Finding]]:
+    """Return how many day files were looked at, and those that are damaged or of something else."""
+    n, found = 0, []
+    first = None if first_hour is None else first_hour - 24  # the file of a day stands at its start
+    for name in sorted(names):
+        for part in list_parts(site.root / DAYS_FOLDER, name, site.site_id, first_hour=first, last_hour=last_hour):
+            n += 1
+            try:
+                data = part.path.read_bytes()
+            except FileNotFoundError:
+                continue
+            except OSError:
+                data = b""
+            if not is_undamaged(data):
+                found.append(_damaged_fact(part.path))
+            elif day_fingerprint(name, date_of_hour(part.hour), causes_of(data)) != part.digest:
+                found.append(_other_fact(part.path))
+    return n, found
 
 
 def _is_left_over(part: Part, relation: str, wanted: Plan) -> bool:
