@@ -270,13 +270,13 @@ class Period:
             "where quarter * 900000 >= $first and quarter * 900000 < $end group by camera_id), "
             "records as (select camera_id, sum(violation_records)::bigint as n from violation_time "
             "where quarter * 900000 >= $first and quarter * 900000 < $end group by camera_id), "
-            "joined as (select camera_id, sum(n_records)::bigint as n from episode_segments "
-            "where started_ms >= $first and started_ms < $end group by camera_id) "
+            "joined as (select camera_id, sum(n_records)::bigint as n from joined_days "
+            "where local_date between $day and $last_day group by camera_id) "
             "select cameras.camera_id, coalesce(people.n, 0) as n_persons, "
             "coalesce(people.n_unlocated, 0) as n_unlocated, coalesce(records.n, 0) as n_records, "
             "coalesce(joined.n, 0) as n_joined from cameras left join people using (camera_id) "
             "left join records using (camera_id) left join joined using (camera_id)",
-            {"first": first, "end": end},
+            {"first": first, "end": end, "day": self.first, "last_day": self.last},
         )
         found: dict[str, str] = {}
         for row in rows:

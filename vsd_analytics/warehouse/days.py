@@ -64,6 +64,7 @@ class Days:
         self._hours: Mapping[int, object] = {**dict(built.fingerprints), **hours}
         days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
         self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
+        self._hashes: dict[tuple[int, int], str] = {}
 
     def utc_files(self, relation: Relation, *, first_hour: int, last_hour: int) -> dict[int, DayFile]:
         """Return the file of a fact of each UTC day number with records that lies whole in a range of hours."""
@@ -120,9 +121,12 @@ class Days:
         }
 
     def _facts(self, first_hour: int, last_hour: int) -> str:
-        hours = [(h, self._hours[h]) for h in range(first_hour, last_hour + 1) if h in self._hours]
-        days = range(first_hour // 24, last_hour // 24 + 1)
-        return text_hash([hours, [(d, self._days[d]) for d in days if d in self._days]])
+        if (first_hour, last_hour) not in self._hashes:
+            hours = [(h, self._hours[h]) for h in range(first_hour, last_hour + 1) if h in self._hours]
+            days = range(first_hour // 24, last_hour // 24 + 1)
+            known = [(d, self._days[d]) for d in days if d in self._days]
+            self._hashes[first_hour, last_hour] = text_hash([hours, known])
+        return self._hashes[first_hour, last_hour]
 
 
 def day_fingerprint(name: str, day: date, causes: Causes) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date, timedelta
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -13,7 +14,7 @@ import pyarrow.compute as pc
 from vsd_analytics.duck import literal_list
 from vsd_analytics.errors import DiskError
 from vsd_analytics.site import Site
-from vsd_analytics.store.durable import publish
+from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.seals import FOLDER as SEALED
 from vsd_analytics.store.seals import Seals
@@ -40,7 +41,7 @@ class Sources:
         built: Its facts of the range.
         hours: First and last UTC hour number of these.
         days: The day files of the range; None = every mart is computed from hourly facts.
-        whole_facts: Makes sure that every file of hourly facts is whole, before the first of them is read.
+        whole_facts: Makes files of hourly facts anew that are torn; called when one is.
         rows_of_days: Gives the rows of a mart of a range of days, computed from hourly facts.
     """
 
@@ -90,10 +91,11 @@ class Sources:
             parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
             fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest]
         else:
-            self._whole_facts()
             known = dict(self._built.fingerprints)
             parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
             fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest and not sealed.holds(p.hour)]
+            if not all(is_whole(path) for _, path in fresh):
+                self._whole_facts()
         kept = [(h, p) for h, p in sealed.fact_paths(self._site, relation.name) if first_hour <= h <= last_hour]
         paths = [path for _, path in sorted([*fresh, *kept])]
         self._read += paths
@@ -112,10 +114,15 @@ class Sources:
         lacking = [d for d, file in files.items() if not is_whole(file.path)]
         made = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in lacking)
         rest = self._write(relation, files, made)
-        whole = [file.path for d, file in files.items() if d not in rest]
-        edges = [self._of_hours(relation, *edge) for edge in _edges(first, last)]
-        self._read += whole
-        return _together(relation, whole, [*edges, *self._registered(relation, rest.values())])
+        before, after = _edges(first, last)
+        return self._in_order(
+            relation,
+            [
+                *([self._of_hours(relation, *before)] if before else ()),
+                *(rest.get(d, file.path) for d, file in files.items()),
+                *([self._of_hours(relation, *after)] if after else ()),
+            ],
+        )
 
     def _kept_mart(self, relation: Relation, days: Days) -> str:
         """Return a query of the rows of a mart: those of each day by its file."""
@@ -124,9 +131,7 @@ class Sources:
         for run in _runs([d for d, file in files.items() if not is_whole(file.path)]):
             rows = self._rows_of_days(relation, run[0], run[-1])
             rest |= self._write(relation, files, ((d, rows.filter(pc.equal(rows[relation.kept], d))) for d in run))
-        whole = [file.path for d, file in files.items() if d not in rest]
-        self._read += whole
-        return _together(relation, whole, self._registered(relation, rest.values()))
+        return self._in_order(relation, [rest.get(d, file.path) for d, file in files.items()])
 
     def _write(
         self, relation: Relation, files: Mapping[Day, DayFile], made: Iterable[tuple[Day, pa.Table]]
@@ -135,6 +140,7 @@ class Sources:
         refused: dict[Day, pa.Table] = {}
         for day, rows in made:
             file = files[day]
+            sweep_temporaries(file.path.parent)
             self.leftovers += [p for p in file.path.parent.glob("*.parquet") if p != file.path]
             try:
                 publish(file.path, fact_bytes(rows, causes=file.causes), is_synced=False)
@@ -142,25 +148,28 @@ class Sources:
                 refused[day] = rows
         return refused
 
-    def _registered(self, relation: Relation, rows: Iterable[pa.Table]) -> list[str]:
-        tables = list(rows)
-        if not tables:
-            return []
-        self._con.register(f"_unwritten_{relation.name}", pa.concat_tables(tables))
-        return [f"select * from _unwritten_{relation.name}"]
+    def _in_order(self, relation: Relation, pieces: Sequence[str | Path | pa.Table]) -> str:
+        """Return a query of the rows of queries, files and tables, one after the other."""
+        queries: list[str] = []
+        for _, run in groupby(pieces, key=type):
+            same = list(run)
+            queries += [p for p in same if isinstance(p, str)]
+            if paths := [p for p in same if isinstance(p, Path)]:
+                self._read += paths
+                queries.append(f"select * from read_parquet({literal_list(paths)}, hive_partitioning = false)")
+            if tables := [p for p in same if isinstance(p, pa.Table)]:
+                name = f"_unwritten_{relation.name}_{len(queries)}"
+                self._con.register(name, pa.concat_tables(tables))
+                queries.append(f"select * from {name}")
+        return " union all ".join(queries) or _empty(relation)
 
 
-def _together(relation: Relation, files: Sequence[Path], queries: Sequence[str]) -> str:
-    every = [f"select * from read_parquet({literal_list(files)}, hive_partitioning = false)"] if files else []
-    return " union all ".join([*every, *queries]) or _empty(relation)
-
-
-def _edges(first: int, last: int) -> list[tuple[int, int]]:
-    """Return the hours at the ends of [first, last] that are not of UTC days that lie whole in it."""
+def _edges(first: int, last: int) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
+    """Return the hours at the two ends of [first, last] that are not of UTC days that lie whole in it."""
     low, high = -(-first // 24) * 24, (last + 1) // 24 * 24
     if low >= high:
-        return [(first, last)]
-    return [(a, b) for a, b in ((first, low - 1), (high, last)) if a <= b]
+        return (first, last), None
+    return (first, low - 1) if first < low else None, (high, last) if high <= last else None
 
 
 def _runs(days: Sequence[date]) -> list[list[date]]:

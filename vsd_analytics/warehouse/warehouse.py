@@ -104,7 +104,6 @@ class Warehouse:
             has_lock=True,
             is_trusting=uses_days,
         )
-        self._has_whole_facts = not uses_days
         self._of_days: dict[tuple[date, date], Warehouse] = {}
         self.con: duckdb.DuckDBPyConnection = connect()
         register_site(self.con, site, heat_cell_m=heat_cell_m)
@@ -168,9 +167,7 @@ class Warehouse:
 
     def _whole_facts(self) -> None:
         """Look at every file of hourly facts of the range, and make anew what is torn."""
-        if not self._has_whole_facts:
-            self._has_whole_facts = True
-            build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], has_lock=True)
+        build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], has_lock=True)
 
     def _rows_of_days(self, relation: Relation, first: date, last: date) -> pa.Table:
         """Return the rows of a mart of the days from `first` to `last`, computed from hourly facts."""
