@@ -128,13 +128,13 @@ def deliver(
 
 
 def fact_rows(site: Site) -> dict[str, bytes]:
-    """Return every fact file, by fact, date and hour, as the bytes of a Parquet file of its rows alone.
+    """Return every fact file of an hour or UTC day, by fact, date and hour, as the bytes of a Parquet file of its rows alone.
 
     What a file notes besides (its fingerprint and the hashes of the parts it was computed from) is left out: the same
     records in other parts have other hashes.
     """
     found = {}
-    for path in sorted((site.root / "facts").rglob("*.parquet")):
+    for path in _computed(site, "facts"):
         bare = io.BytesIO()
         pq.write_table(pq.ParquetFile(path).read().replace_schema_metadata(None), bare)
         found[str(path.relative_to(site.root / "facts")).rpartition("-")[0]] = bare.getvalue()
@@ -143,4 +143,10 @@ def fact_rows(site: Site) -> dict[str, bytes]:
 
 def files(site: Site, folder: str) -> dict[str, bytes]:
     """Return every Parquet file below a folder of the project, by name."""
-    return {str(p.relative_to(site.root)): p.read_bytes() for p in sorted((site.root / folder).rglob("*.parquet"))}
+    return {str(p.relative_to(site.root)): p.read_bytes() for p in _computed(site, folder)}
+
+
+def _computed(site: Site, folder: str) -> list[Path]:
+    """Return every Parquet file below a folder of the project, without the rows kept by day."""
+    root = site.root / folder
+    return [p for p in sorted(root.rglob("*.parquet")) if p.relative_to(root).parts[0] != "days"]

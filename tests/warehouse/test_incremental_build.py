@@ -263,6 +263,7 @@ def test_fact_file_that_breaks_off_is_computed_again(project: Path, relation: st
     path.write_bytes(path.read_bytes()[:n_bytes])
     with open_days(site) as warehouse:
         assert warehouse.rows("select sum(person_records) as n from exposure") == [{"n": 3 * 540}]
+        warehouse.rows(f"select count(*) as n from {relation}")
     assert fact_files(site) == whole
     assert build(site).n_built == 0
 
