@@ -24,7 +24,9 @@ from vsd_analytics.homography import (
 )
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
     from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
 
     from vsd_analytics.site import Calibration, Camera, Floor
 
@@ -170,11 +172,22 @@ def seen_share(xy: ArrayLike, *, views: Sequence[Polygon], radius_m: float, boun
     import shapely
 
     points = np.asarray(xy, dtype=np.float64).reshape(-1, 2)
-    discs = shapely.buffer(shapely.points(points), radius_m, quad_segs=DISC_SEGMENTS)
+    disc = shapely.get_coordinates(shapely.Point(0.0, 0.0).buffer(radius_m, quad_segs=DISC_SEGMENTS))
+    discs = shapely.polygons(points[:, None] + disc)
     if bounds is not None:
-        discs = shapely.intersection(discs, shapely.box(*bounds))
-    whole, seen = shapely.area(discs), shapely.area(shapely.intersection(discs, shapely.union_all(views)))
+        discs = _clipped(discs, shapely.box(*bounds))
+    whole, seen = shapely.area(discs), shapely.area(_clipped(discs, shapely.union_all(views)))
     return np.asarray(np.divide(seen, whole, out=np.zeros(len(points)), where=whole > 0))
+
+
+def _clipped(shapes: NDArray[np.object_], clip: BaseGeometry) -> NDArray[np.object_]:
+    """Return the part of each shape within `clip`; only those that its edge cuts are computed."""
+    import shapely
+
+    shapely.prepare(clip)
+    found, is_cut = shapes.copy(), ~shapely.covers(clip, shapes)
+    found[is_cut] = shapely.intersection(shapes[is_cut], clip)
+    return found
 
 
 def _latest(camera: Camera) -> Calibration | None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsd_analytics.stats.decomposition import closeness, compare_mixing, concentration, mixing
+from vsd_analytics.stats.decomposition import closeness, compare_mixing, concentration, mixing, nearby
 
 CELL_M, DISTANCE_M = 0.25, 2.0
 FLOOR_M = (12.0, 8.0)
@@ -83,6 +83,25 @@ def test_closeness_is_even_and_its_sum_the_disc() -> None:
     assert found.sum() * CELL_M**2 == pytest.approx(math.pi * DISTANCE_M**2, rel=1e-4)
     assert found.max() == 1.0
     assert found[0].max() == 0.0
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 40), (31, 17)])
+def test_what_stands_nearby_equals_the_plain_sum_and_ends_at_the_edge(shape: tuple[int, int]) -> None:
+    maps = np.random.default_rng(5).random((2, *shape))
+    kernel = np.random.default_rng(6).random((5, 7))
+    expected = np.zeros(maps.shape)
+    for i in range(-2, 3):
+        for j in range(-3, 4):
+            for row in range(max(0, i), min(shape[0], shape[0] + i)):
+                for column in range(max(0, j), min(shape[1], shape[1] + j)):
+                    expected[:, row, column] += kernel[2 + i, 3 + j] * maps[:, row - i, column - j]
+    assert nearby(maps, kernel) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_nothing_nearby_is_never_below_nothing() -> None:
+    one = np.zeros((1, 50, 50))
+    one[0, 0, 0] = 1e6
+    assert (nearby(one, closeness(cell_m=0.5, distance_m=2.0)) >= 0).all()
 
 
 def test_layout_equals_placing_pairs_one_by_one() -> None:

@@ -19,7 +19,7 @@ from vsd_analytics import geometry
 from vsd_analytics.analysis.floor_days import CELLS_MAX, NO_FLOOR, NO_POSITIONS, Flags, Floats, Grid, Ints
 from vsd_analytics.site import Floor
 from vsd_analytics.stats import hotspots as test
-from vsd_analytics.stats.decomposition import closeness
+from vsd_analytics.stats.decomposition import closeness, nearby
 from vsd_analytics.stats.estimates import State
 from vsd_analytics.stats.hotspots import TRUNCATE
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -223,14 +223,14 @@ class _CellHours:
         parts = {name: getattr(self, name)[kept] for name in ("hour", "exposure_s", "violation_s")}
         return replace(self, at=at, **parts)
 
-    def keyed(self, *names: str) -> tuple[Ints, pa.Table]:
-        """Return the number of each used camera-hour's group by some columns, and a row for each group."""
-        import pandas as pd
-
-        frame = self.used.select(list(names)).to_pandas()
-        number = frame.groupby(list(names), sort=True).ngroup().to_numpy().astype(np.int64)
-        firsts = pd.Series(number).drop_duplicates().sort_values().index.to_numpy()
-        return number, self.used.take(pa.array(firsts))
+    def keyed(self, *names: str) -> tuple[Ints, int]:
+        """Return the number of each used camera-hour's group by some columns, in order, and how many there are."""
+        number, n = np.zeros(self.used.num_rows, dtype=np.int64), 1
+        for name in names:
+            values, place = np.unique(self.used[name].to_numpy(), return_inverse=True)
+            found, number = np.unique(number * len(values) + place, return_inverse=True)
+            n = len(found)
+        return number, n
 
 
 def _exposure(data: _CellHours) -> CellMap:
@@ -244,8 +244,8 @@ def _burden(data: _CellHours) -> CellMap:
 def _per_hour(metric: str, unit: str, data: _CellHours, values_s: Floats) -> CellMap:
     if data.grid is None:
         return CellMap(metric, unit, None, None, None, None, data.state, data.reason)
-    camera, cameras = data.keyed("camera_id")
-    recorded_h = np.bincount(camera, weights=data.used["recorded_h"].to_numpy(), minlength=cameras.num_rows)
+    camera, n_cameras = data.keyed("camera_id")
+    recorded_h = np.bincount(camera, weights=data.used["recorded_h"].to_numpy(), minlength=n_cameras)
     rate = values_s / recorded_h[camera[data.hour]]
     exposure_h = data.summed(data.exposure_s) / 3600
     values = np.where(exposure_h > 0, data.summed(rate) / data.grid.cell_m**2, np.nan)
@@ -287,19 +287,16 @@ def _excess(warehouse: Warehouse, floor: Floor, data: _CellHours) -> ExcessMap:
 
 def _expected_s(warehouse: Warehouse, floor: Floor, data: _CellHours) -> Floats:
     """Return the person-seconds that random mixing would make of each row's (formula: `excess_map`)."""
-    from scipy.signal import fftconvolve  # half a second to import
-
     assert data.grid is not None
     distance_m = warehouse.site.settings.distance_m
-    of_camera, _ = data.keyed("camera_id", "local_hour")
-    of_hour, hours = data.keyed("local_hour")
-    n, recorded_h = int(of_camera.max()) + 1, data.used["recorded_h"].to_numpy()
+    of_camera, n = data.keyed("camera_id", "local_hour")
+    of_hour, n_hours = data.keyed("local_hour")
+    recorded_h = data.used["recorded_h"].to_numpy()
     together_h = np.bincount(of_camera, weights=recorded_h, minlength=n)
     group = of_camera[data.hour]
     people = np.bincount(group, weights=data.exposure_s, minlength=n) / 3600 / together_h
-    density = data.summed(data.exposure_s / 3600 / together_h[group], of_hour[data.hour], hours.num_rows)
-    kernel = closeness(cell_m=data.grid.cell_m, distance_m=distance_m)
-    near = np.stack([fftconvolve(d, kernel, mode="same") for d in density]).clip(0.0)
+    density = data.summed(data.exposure_s / 3600 / together_h[group], of_hour[data.hour], n_hours)
+    near = nearby(density, closeness(cell_m=data.grid.cell_m, distance_m=distance_m))
     others = _others(warehouse, floor, data.used)
     share = near[of_hour[data.hour], *data.at] / np.where(people > 0, people, 1.0)[group]
     return np.asarray(data.exposure_s * -np.expm1(-others[data.hour] * share), dtype=np.float64)
@@ -307,24 +304,24 @@ def _expected_s(warehouse: Warehouse, floor: Floor, data: _CellHours) -> Floats:
 
 def _others(warehouse: Warehouse, floor: Floor, used: pa.Table) -> Floats:
     """Return how many others a person has in view on average, 2 P / X, of each used camera-hour; NaN = unknown."""
-    rows = warehouse.table(
+    rows = warehouse.rows(
         "select camera_id, hour_start_ms, 2 * copresent_pair_s::double / person_s::double as others "
         "from crowding_hours where floor_id = $floor and person_s > 0",
         {"floor": floor.floor_id},
-    ).to_pandas()
-    keys = ["camera_id", "hour_start_ms"]
-    merged = used.select(keys).to_pandas().merge(rows, on=keys, how="left")
-    return np.asarray(merged["others"].to_numpy(), dtype=np.float64)
+    )
+    known = {(row["camera_id"], row["hour_start_ms"]): row["others"] for row in rows}
+    keys = zip(used["camera_id"].to_pylist(), used["hour_start_ms"].to_pylist(), strict=True)
+    return np.array([known.get(key) for key in keys], dtype=np.float64)
 
 
 def _clear(warehouse: Warehouse, data: _CellHours, expected_s: Floats, is_known: Flags) -> Flags | None:
     """Return the cells that pass the test of the hotspots with what is expected by mixing as exposure."""
     assert data.grid is not None
     settings = warehouse.site.settings
-    day, days = data.keyed("local_date")
-    if days.num_rows < settings.hotspot_min_days:
+    day, n_days = data.keyed("local_date")
+    if n_days < settings.hotspot_min_days:
         return None
-    observed, expected = (data.summed(v / 3600, day[data.hour], days.num_rows) for v in (data.violation_s, expected_s))
+    observed, expected = (data.summed(v / 3600, day[data.hour], n_days) for v in (data.violation_s, expected_s))
     found = test.hotspots(
         observed,
         expected,
@@ -351,9 +348,8 @@ def _load(
     used = warehouse.table(
         _USED, {"floor": floor.floor_id, "share": settings.partial_hour_share, "first": days[0], "last": days[1]}
     )
-    told = used.select(["knows_people", "knows_distances"]).to_pandas()
-    kept = told["knows_people"] & (told["knows_distances"] | (not needs_distances))
-    chosen = used.filter(pa.array(kept.to_numpy(dtype=bool)))
+    knows_people, knows_distances = (used[f"knows_{what}"].to_numpy() for what in ("people", "distances"))
+    chosen = used.filter(pa.array(knows_people & (knows_distances | (not needs_distances))))
     rows = warehouse.table(
         "with used as (select unnest($cameras::varchar[]) as camera_id, unnest($hours::bigint[]) as hour_start_ms, "
         "unnest($numbers::bigint[]) as number) "
@@ -378,7 +374,7 @@ def _load(
 
     if not used.num_rows:
         return without("not_enough_data", NOTHING)
-    if not told["knows_people"].any():
+    if not knows_people.any():
         return without("not_measurable", NO_POSITIONS)
     if not chosen.num_rows:
         return without("not_measurable", NO_FLOOR)

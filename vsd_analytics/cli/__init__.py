@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import importlib
+import os
 import sys
 
 import click
@@ -40,6 +43,9 @@ COMMANDS: dict[str, str] = {
     "doctor": "help_work:doctor",
     "explain": "help_work:explain",
 }
+
+GARBAGE_AFTER = 50_000
+"""Objects that a command makes before garbage is looked for; Python's own 700 is for less than imports alone make."""
 
 
 class LazyGroup(click.Group):
@@ -110,8 +116,22 @@ def cli(ctx: click.Context, folder: str, now: str | None, quiet: bool, verbose: 
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line and leave the process with its exit code."""
-    sys.exit(run(cli, sys.argv[1:] if arguments is None else arguments))
+    """Run the command line and leave the process with its exit code.
+
+    Args:
+        arguments: None = those of the process, which then looks for garbage less often and, when all went well, ends
+            without taking apart what it imported: together a tenth of a report's time.
+    """
+    if arguments is not None:
+        sys.exit(run(cli, arguments))
+    gc.set_threshold(GARBAGE_AFTER)
+    code = run(cli, sys.argv[1:])
+    if code != 0:
+        sys.exit(code)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):  # nobody reads any more
+            stream.flush()
+    os._exit(0)
 
 
 __all__ = ["COMMANDS", "cli", "main", "render_error"]

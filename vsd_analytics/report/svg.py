@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Final
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import CameraDay, Estimate, Point
@@ -25,14 +25,12 @@ FEWER, MORE, BAR, RECORDED = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0"
 
 def el(tag: str, content: str | Markup = "", /, **attributes: str | float | None) -> Markup:
     """Return one element; underscores in attribute names become hyphens, None leaves an attribute out."""
-    said = Markup("").join(
-        Markup(' {}="{}"').format(name.rstrip("_").replace("_", "-"), _short(value))
+    said = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{escape(_short(value))}"'
         for name, value in attributes.items()
         if value is not None
     )
-    if content:
-        return Markup("<{0}{1}>{2}</{0}>").format(Markup(tag), said, content)
-    return Markup("<{}{}/>").format(Markup(tag), said)
+    return Markup(f"<{tag}{said}>{escape(content)}</{tag}>" if content else f"<{tag}{said}/>")
 
 
 def _short(value: str | float) -> str:

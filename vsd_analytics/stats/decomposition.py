@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -95,6 +96,7 @@ class MixingChange:
     reason: str | None
 
 
+@lru_cache(maxsize=8)
 def closeness(*, cell_m: float, distance_m: float) -> Floats:
     """Return the probability that two points in two square cells are closer than a distance, by the cells' offset.
 
@@ -106,7 +108,7 @@ def closeness(*, cell_m: float, distance_m: float) -> Floats:
         distance_m: Strictly closer than this.
 
     Returns:
-        Array of shape (2 k + 1, 2 k + 1), offset (0, 0) in the middle, k cells beyond which it is 0.
+        Array of shape (2 k + 1, 2 k + 1), offset (0, 0) in the middle, k cells beyond which it is 0; not to be written.
     """
     if cell_m <= 0 or distance_m <= 0:
         raise ValueError("cell and distance must be positive")
@@ -119,7 +121,26 @@ def closeness(*, cell_m: float, distance_m: float) -> Floats:
     reach = np.sqrt(np.maximum(radius**2 - (offsets[:, None] + u) ** 2, 0.0))
     inside = _below(reach[None] - offsets[:, None, None]) - _below(-reach[None] - offsets[:, None, None])
     found = (inside * w).sum(axis=2).clip(0.0, 1.0)
-    return np.asarray((found + found.T) / 2, dtype=np.float64)
+    kernel = np.asarray((found + found.T) / 2, dtype=np.float64)
+    kernel.flags.writeable = False
+    return kernel
+
+
+def nearby(maps: npt.ArrayLike, kernel: Floats) -> Floats:
+    """Return f(c) = sum over c' of K(c - c') x(c') for each map x: what stands around each cell, by fast transforms.
+
+    Args:
+        maps: Shape (n_maps, n_rows, n_columns); nothing beyond the edges.
+        kernel: K, odd sides, offset (0, 0) in the middle (`closeness`).
+
+    Returns:
+        Same shape as `maps`, none below 0.
+    """
+    x = np.asarray(maps, dtype=np.float64)
+    shape = [n + k - 1 for n, k in zip(x.shape[1:], kernel.shape, strict=True)]
+    both = np.fft.irfft2(np.fft.rfft2(x, shape) * np.fft.rfft2(kernel, shape), shape)
+    row, column = (k // 2 for k in kernel.shape)
+    return np.asarray(both[:, row : row + x.shape[1], column : column + x.shape[2]].clip(0.0), dtype=np.float64)
 
 
 def concentration(exposure: npt.ArrayLike, *, cell_m: float, distance_m: float) -> float:
@@ -138,10 +159,7 @@ def concentration(exposure: npt.ArrayLike, *, cell_m: float, distance_m: float) 
         raise ValueError("exposure must be a map of finite numbers, none negative, some positive")
     p = p / p.sum()
     kernel = closeness(cell_m=cell_m, distance_m=distance_m)
-    k, shape = len(kernel) // 2, [n + len(kernel) - 1 for n in p.shape]
-    both = np.fft.irfft2(np.fft.rfft2(p, shape) * np.fft.rfft2(kernel, shape), shape)
-    near = both[k : k + p.shape[0], k : k + p.shape[1]]
-    return float(np.clip((p * near).sum(), 0.0, 1.0))
+    return float(np.clip((p * nearby(p[None], kernel)[0]).sum(), 0.0, 1.0))
 
 
 def mixing(
