@@ -257,8 +257,9 @@ A twin was written by a newer version of vsd-analytics, in a form this version d
 Mend: upgrade this installation, or build the index with the newer one.""",
     "W513": """\
 A page among the reports has no twin, so the index links to it without its figures.
-Common causes: the page was written with vsd report alone, before twins were kept; its JSON file was deleted.
-Mend: vsd report --week WEEK --format html,json, or vsd site build --make for all of them.""",
+vsd site build writes the twin itself where the records still give the very same page. They do not here.
+Common causes: data came or a setting changed since the page was written; the records are purged.
+Mend: vsd report --week WEEK --format html,json writes both anew.""",
     "W514": """\
 Two twins report the same week of the same floor; the one made later is listed.
 Common cause: a second floor was added to the site, so that 2026-W46.json became 2026-W46-ground.json.

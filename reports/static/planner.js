@@ -1,66 +1,74 @@
-/* The page: drawing, controls, the address. */
+/* The page: drawing, controls, the address. A floor without a map has no drawing (`svg` is null) and no rectangle. */
 
 const svg = $('plan'), box = $('map'), W = M.size[0], H = M.size[1];
 const MINUS = '\u2212', NONE = '\u2013';
-const writers = [0, 1].map(digits => new Intl.NumberFormat('en-GB', { minimumFractionDigits: digits, maximumFractionDigits: digits }));
+const writers = [0, 1].map(digits => new Intl.NumberFormat(document.documentElement.lang, { minimumFractionDigits: digits, maximumFractionDigits: digits }));
 const nf = (v, digits) => writers[digits].format(v);
 
 /* Figures as the report writes them: 1,234; 121; 4.2; 0.42. */
 function fig(v) {
   if (v === null || !Number.isFinite(v)) return NONE;
-  const size = Math.abs(v), text = size === 0 || size >= 9.95 ? nf(size, 0) : size >= 0.995 ? nf(size, 1) : size >= 0.0005 ? String(+size.toPrecision(2)) : 'under 0.001';
+  const size = Math.abs(v), text = size === 0 || size >= 9.95 ? nf(size, 0) : size >= 0.995 ? nf(size, 1) : size >= 0.0005 ? String(+size.toPrecision(2)) : word('format.tiny');
   return (v < 0 && text !== '0' ? MINUS : '') + text;
 }
-const between = e => e.lo === null ? '' : e.rate === 0 ? `at most ${fig(e.hi)}` : `likely between ${fig(e.lo)} and ${fig(e.hi)}`;
-const points = v => Math.round((v - 1) * 100), fewer = v => points(v) === 0 ? 'about the same' : `${nf(Math.abs(points(v)), 0)}% ${points(v) < 0 ? 'fewer' : 'more'}`;
+const range = (low, high) => word('format.likely_between', { low, high });
+const between = e => e.lo === null ? '' : e.rate === 0 ? word('at_most', { rate: fig(e.hi) }) : range(fig(e.lo), fig(e.hi));
+const points = v => Math.round((v - 1) * 100), percent = n => `${nf(Math.abs(n), 0)}%`;
+const fewer = v => points(v) === 0 ? word('format.same') : word(points(v) < 0 ? 'format.fewer' : 'format.more', { percent: percent(points(v)) });
 function likely(e) {
   if (e.lo === null || e.hi === null) return '';
-  const lo = points(e.lo), hi = points(e.hi);
-  if (lo === hi) return `likely ${lo === 0 ? 'no change' : fewer(e.lo)}`;
-  if (lo < 0 && hi < 0) return `likely between ${-hi}% and ${-lo}% fewer`;
-  if (lo > 0 && hi > 0) return `likely between ${lo}% and ${nf(hi, 0)}% more`;
-  return `likely between ${[e.lo, e.hi].map(v => points(v) === 0 ? 'no change' : fewer(v)).join(' and ')}`;
+  const lo = points(e.lo), hi = points(e.hi), end = v => points(v) === 0 ? word('format.no_change') : fewer(v);
+  if (lo === hi) return word('format.likely', { change: end(e.lo) });
+  if (lo < 0 && hi < 0) return word('format.likely_fewer', { low: percent(hi), high: percent(lo) });
+  if (lo > 0 && hi > 0) return word('format.likely_more', { low: percent(lo), high: percent(hi) });
+  return range(end(e.lo), end(e.hi));
 }
-const hoursText = h => h < 0.95 && h > 0 ? 'under an hour' : `${nf(h, h < 10 && h % 1 ? 1 : 0)} hour${h === 1 ? '' : 's'}`;
+const hoursText = h => h < 0.95 && h > 0 ? word('format.under_an_hour') : word('format.hours', { n: nf(h, h < 10 && h % 1 ? 1 : 0) }, h);
+const hoursFigure = h => nf(h, 1).replace(/[.,]0$/, '');
+const verdict = e => { const said = word(`words.${e.verdict}`); return e.theta === null ? said : word('change', { verdict: said, change: fewer(e.theta) }); };
+const withLikely = (text, range) => range ? word('likely', { text, range }) : text;
+const isTold = e => Boolean(e) && (e.lo !== null || e.hi !== null);
 
 /* ---- the live sentence and the table of rates ---- */
-function tell() {
-  const t = rates(placeNow()), c = t.change, compare = state.show !== 'week';
-  const parts = [], unit = ' per open hour';
-  const extra = t.risky.rate === null ? '' : `, ${fig(t.risky.rate)} per person-hour`;
-  if (t.place.id !== 'floor') parts.push(`${t.place.name}.`);
+function sentences(t) {
+  const c = t.change, compare = state.show !== 'week', [now, before] = M.weeks, parts = [], say = (key, values) => parts.push(word(key, values));
+  if (t.place.id !== 'floor') say('place', { name: t.place.name });
   if (compare && c && c.often.rateA !== null && c.often.rateB !== null && c.often.nA + c.often.nB > 0) {
-    parts.push(`${M.weeks[1]}: ${fig(c.often.rateA)}${unit}. ${M.weeks[0]}: ${fig(c.often.rateB)}.`);
-    const verdict = c.often.verdict;
-    parts.push(c.often.lo === null && c.often.hi === null ? `Too little data to compare: ${c.often.reason}.` : `${verdict[0].toUpperCase()}${verdict.slice(1)}${c.often.theta === null ? '' : `, ${fewer(c.often.theta)}`}${likely(c.often) ? ` (${likely(c.often)})` : ''}.`);
-    parts.push(`${hoursText(c.hours)} recorded in both weeks in this selection.`);
-    if (c.hours < M.rules.rough) parts.push('Few hours: treat as rough.');
-  } else {
-    const o = t.often;
-    if (o.rate === null) parts.push(`${M.weeks[0]}: ${o.reason}.`);
-    else parts.push(`${M.weeks[0]}: ${fig(o.rate)}${unit}${o.lo === null ? '' : ` (${between(o)})`}${extra}.`);
-    if (o.rate !== null && o.lo === null && o.reason) parts.push(`No interval: ${o.reason}.`);
-    parts.push(`${hoursText(t.hours)} recorded in this selection.`);
-    if (t.hours < M.rules.rough) parts.push('Few hours: treat as rough.');
-    if (compare && M.notCompared) parts.push(`Not compared: ${M.notCompared}.`);
-    else if (compare && c) parts.push('Too few violations to compare.');
+    say('both', { before, now, a: fig(c.often.rateA), b: fig(c.often.rateB) });
+    if (isTold(c.often)) say('changed', { change: withLikely(verdict(c.often), likely(c.often)) }); else say('too_little', { reason: c.often.reason });
+    say('hours_both', { hours: hoursText(c.hours) });
+    if (c.hours < M.rules.rough) say('rough');
+    return parts;
   }
-  const said = parts.join(' ');
+  const o = t.often;
+  if (o.rate === null) say('refused', { week: now, reason: o.reason });
+  else {
+    const often = withLikely(word('often', { rate: fig(o.rate) }), between(o));
+    say('level', { week: now, rates: t.risky.rate === null ? often : word('with_risky', { often, rate: fig(t.risky.rate) }) });
+    if (o.lo === null && o.reason) say('no_interval', { reason: o.reason });
+  }
+  say('hours', { hours: hoursText(t.hours) });
+  if (t.hours < M.rules.rough) say('rough');
+  if (compare && M.notCompared) say('not_compared', { reason: M.notCompared }); else if (compare && c) say('few_compared');
+  return parts;
+}
+function tell() {
+  const t = rates(placeNow()), c = t.change, said = sentences(t).join(' ');
   if ($('out').textContent !== said) $('out').textContent = said;
-  const cells = (e, rate) => [e && rate !== null ? fig(rate) : NONE, e ? between(e) || (rate === null ? e.reason : '') : ''];
-  for (const k of ['often', 'risky']) fill(`now-${k}`, cells(t[k], t[k].rate), { rate: t[k].rate, lo: t[k].lo, hi: t[k].hi });
-  $('now-hours').textContent = nf(t.hours, 1).replace(/\.0$/, '');
+  for (const k of ['often', 'risky']) {
+    const e = t[k];
+    fill(`now-${k}`, [fig(e.rate), between(e) || (e.rate === null ? e.reason : '')], { rate: e.rate, lo: e.lo, hi: e.hi });
+  }
+  $('now-hours').textContent = hoursFigure(t.hours);
   if ($('was-often')) {
-    fill('was-often', [c && c.often.rateA !== null ? fig(c.often.rateA) : NONE, 'same hours']);
-    fill('was-risky', [c && c.risky && c.risky.rateA !== null ? fig(c.risky.rateA) : NONE, 'same hours']);
-    $('was-hours').textContent = c ? nf(c.hours, 1).replace(/\.0$/, '') : NONE;
+    $('was-hours').textContent = c ? hoursFigure(c.hours) : NONE;
     for (const k of ['often', 'risky']) {
-      const e = c && c[k], isTold = e && (e.lo !== null || e.hi !== null);
-      fill(`change-${k}`, [isTold ? `${e.verdict[0].toUpperCase()}${e.verdict.slice(1)}${e.theta === null ? '' : `, ${fewer(e.theta)}`}` : 'Too little data', isTold ? likely(e) : e ? e.reason : M.notCompared || ''], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
+      const e = c && c[k], isShown = e && e.rateA !== null && (k === 'often' || e.xA >= M.rules.minExposure);
+      fill(`was-${k}`, [isShown ? fig(e.rateA) : NONE, isShown ? word('same_hours') : '']);
+      fill(`change-${k}`, isTold(e) ? [verdict(e), likely(e)] : [word('words.too_little_data'), e ? e.reason : M.notCompared], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
     }
   }
   $('read-name').textContent = t.place.name;
-  return t;
 }
 function fill(id, [big, small], exact) {
   const cell = $(id); cell.querySelector('b').textContent = big; cell.querySelector('small').textContent = small || '';
@@ -87,6 +95,7 @@ function draw() {
 }
 
 function setCut() {
+  if (!svg) return;
   const split = state.show === 'split', v = state.view, x = v.x + v.w * state.cut / 100;
   $('cutw').hidden = !split; $('edge').toggleAttribute('hidden', !split);
   const part = (id, from, to) => { $(id).setAttribute('x', from); $(id).setAttribute('width', Math.max(0, to - from)); };
@@ -95,6 +104,7 @@ function setCut() {
 }
 
 function setRect() {
+  if (!svg) return;
   const r = state.rect, mark = $('rect');
   mark.toggleAttribute('hidden', !r);
   if (!r) return;
@@ -104,16 +114,20 @@ function setRect() {
 
 function setControls() {
   all('[name=show]').forEach(b => { b.checked = b.value === state.show; });
-  $('mapkind').value = state.map; $('place').value = state.place; $('from').value = state.from; $('to').value = state.to; $('cut').value = state.cut;
+  $('mapkind').value = state.map; $('place').value = state.place; $('from').value = state.from; $('to').value = state.to;
   all('[data-day]').forEach(b => b.setAttribute('aria-pressed', Boolean(state.days[b.dataset.day])));
+  if (!svg) return;
+  $('cut').value = state.cut;
   $('draw').setAttribute('aria-pressed', isDrawing); box.classList.toggle('drawing', isDrawing);
   ['left', 'bottom', 'right', 'top'].forEach((id, i) => { if (document.activeElement !== $(id)) $(id).value = state.rect ? state.rect[i] : ''; });
   for (const id of ['left', 'bottom', 'right', 'top']) $(id).parentElement.parentElement.hidden = !(state.rect || isDrawing);
+  all('.hs').forEach((path, i) => path.classList.toggle('on', M.spots[i].id === state.place));
   $('place').querySelector('[value=rect]').disabled = !state.rect; $('clear').hidden = !state.rect;
 }
 
 /* ---- where one looks: v is the part of the drawing that is shown ---- */
 function look(v) {
+  if (!svg) return;
   const w = Math.min(W, Math.max(W / 16, v.w)), h = w * H / W;
   state.view = { w, h, x: Math.min(W - w, Math.max(0, v.x)), y: Math.min(H - h, Math.max(0, v.y)) };
   svg.setAttribute('viewBox', [state.view.x, state.view.y, w, h].map(n => n.toFixed(2)).join(' '));
@@ -122,7 +136,24 @@ function look(v) {
   $('zl').textContent = `${Math.round(W / w * 100)}%`;
   const all100 = w >= W - 1e-6;
   $('zo').disabled = $('zr').disabled = all100; all('[data-pan]').forEach(b => { b.disabled = all100; });
-  setCut();
+  box.classList.toggle('whole', all100);
+  setCut(); setNames(w / Math.max(1, svg.clientWidth));
+}
+
+/* Names stand inside their area, above it where a number or another name is in the way, or not at all until one zooms in. */
+const meet = (a, b) => a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
+const boxOf = e => { const b = e.getBBox(); return { x: b.x, y: b.y + b.height / 5, width: b.width, height: b.height * 0.6 }; };
+const texts = () => all('.hm,.pt:not(.out-of-way)').map(boxOf);
+let namedAt = 0;
+function setNames(unit) {
+  if (unit === namedAt) return;
+  namedAt = unit;
+  const taken = all('.hm').map(boxOf);
+  for (const e of all('.pt')) {
+    const found = ['1.15em', '-.4em'].map(dy => { e.setAttribute('dy', dy); return [dy, boxOf(e)]; }).find(([, b]) => b.y > 0 && !taken.some(t => meet(t, b)));
+    e.classList.toggle('out-of-way', !found);
+    if (found) { e.setAttribute('dy', found[0]); taken.push(found[1]); }
+  }
 }
 const zoom = (f, px = 0.5, py = 0.5) => { const v = state.view, w = Math.min(W, Math.max(W / 16, v.w / f)); look({ w, x: v.x + (v.w - w) * px, y: v.y + (v.h - w * H / W) * py }); later(); };
 const pan = (dx, dy) => { const v = state.view; look({ w: v.w, x: v.x + dx * v.w, y: v.y + dy * v.h }); later(); };
@@ -180,7 +211,7 @@ function recall() {
   s.from = whole('from', hours[0], hours[1] - 1, hours[0]); s.to = whole('to', s.from + 1, hours[1], hours[1]);
   const r = numbers('rect', 4); s.rect = null; if (r && week.cells) setRectangle(r, false);
   let place = ''; try { place = decodeURIComponent(got.get('place') || ''); } catch { place = ''; }
-  s.place = place === 'rect' && s.rect || M.places.some(p => p.id === place) ? place : 'floor';
+  s.place = place === 'rect' && s.rect || M.places.some(p => p.id === place) || week.cells && M.spots.some(p => p.id === place) ? place : 'floor';
   s.cut = whole('cut', 0, 99, 50);
   const v = numbers('view', 3); look(v && v[2] > 0 ? { x: v[0], y: v[1], w: v[2] } : { w: W, x: 0, y: 0 });
 }
@@ -189,9 +220,9 @@ function recall() {
 const say = text => { $('said').textContent = text; };
 async function copyLink() {
   remember();
-  try { await navigator.clipboard.writeText(location.href); say('Link copied.'); } catch {
+  try { await navigator.clipboard.writeText(location.href); say(word('link')); } catch {
     const area = document.createElement('textarea'); area.value = location.href; area.className = 'vh'; document.body.append(area); area.select();
-    say(document.execCommand('copy') ? 'Link copied.' : 'Copy the address from the address bar.'); area.remove(); $('link').focus();
+    say(word(document.execCommand('copy') ? 'link' : 'no_link')); area.remove(); $('link').focus();
   }
 }
 async function picture() {
@@ -235,6 +266,6 @@ async function picture() {
   c.fillText(M.maps[state.map].unit, 16 * scale, y + 22 * scale, canvas.width - 32 * scale);
   c.font = `600 ${14 * scale}px ${page.fontFamily}`; c.fillText($('out').textContent, 16 * scale, y + 46 * scale, canvas.width - 32 * scale);
   const link = document.createElement('a'); link.download = `${M.file}.png`; link.href = canvas.toDataURL('image/png'); link.click();
-  say(`Picture saved as ${link.download}.`);
+  say(word('picture', { file: link.download }));
   return link.href;
 }

@@ -3,10 +3,12 @@
 const $ = id => document.getElementById(id), all = s => [...document.querySelectorAll(s)];
 const M = JSON.parse($('meta').textContent);
 
+/* A sentence of the page's catalogue with its named places filled. */
+const word = (key, values = {}, plural = 2) => { const entry = M.words[key]; return (entry.other ? entry[plural === 1 ? 'one' : 'other'] : entry).replace(/\{(\w+)\}/g, (_, name) => values[name]); };
+
 /* ---- the packed data: numbers of seven bits a byte, see vsd_analytics/planner/pack.py ---- */
 async function unpack(text) {
-  const plain = atob(text), bytes = new Uint8Array(plain.length);
-  for (let i = 0; i < bytes.length; i++) bytes[i] = plain.charCodeAt(i);
+  const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -14,9 +16,25 @@ async function unpack(text) {
 function reader(b) {
   let i = 0;
   const one = () => { let v = b[i++]; if (v < 128) return v; v &= 127; for (let f = 128; ; f *= 128) { const c = b[i++]; v += (c & 127) * f; if (c < 128) return v; } };
-  const many = n => { const a = new Float64Array(n); for (let k = 0; k < n; k++) a[k] = one(); return a; };
+  const many = n => {
+    const a = new Float64Array(n);
+    for (let k = 0; k < n; k++) {
+      let v = b[i++];
+      if (v > 127) { v &= 127; for (let f = 128; ; f *= 128) { const c = b[i++]; v += (c & 127) * f; if (c < 128) break; } }
+      a[k] = v;
+    }
+    return a;
+  };
   const keys = n => { const a = many(n); for (let k = 1; k < n; k++) a[k] += a[k - 1]; return a; };
-  return { one, many, keys };
+  const part = () => { const n = one(); i += n; return reader(b.subarray(i - n, i)); };
+  return { one, many, keys, part };
+}
+
+/* What is read only when it is first asked for. */
+function lazily(makers) {
+  const made = {};
+  for (const [name, make] of Object.entries(makers)) Object.defineProperty(made, name, { configurable: true, get() { const value = make(); Object.defineProperty(made, name, { value }); return value; } });
+  return made;
 }
 
 function readPanel(r) {
@@ -28,34 +46,39 @@ function readPanel(r) {
   return p;
 }
 
-function readCells(r, S, nCells) {
-  const read = (cells, kinds) => {
+function readCells(parts, S, nCells) {
+  const read = (r, cells, kinds) => {
     const n = r.one(), key = r.keys(n), t = { n, camera: new Uint8Array(n), cell: new Int32Array(n), slot: new Int32Array(n) };
     for (let i = 0; i < n; i++) { const k = Math.floor(key[i] / S); t.slot[i] = key[i] - k * S; t.camera[i] = Math.floor(k / cells); t.cell[i] = k % cells; }
     for (const kind of kinds) t[kind] = r.many(n);
     return t;
   };
-  const across = M.grid.cellsAcross, out = { violations: read(nCells * across * across, ['v']) };
-  out.split = readSplit(r, nCells, across);
-  const unit = r.one() / 3.6e6;
-  out.time = read(nCells, ['v', 'w']);
-  for (const k of ['v', 'w']) out.time[k] = out.time[k].map(x => x * unit);
-  const nx = r.one(), ny = r.one();
-  out.excess = { nx, ny, x: r.one() - 1e6, y: r.one() - 1e6, v: r.many(nx * ny).map(v => v ? (v - 1) / 100 : NaN) };
-  return out;
+  const across = M.grid.cellsAcross, [violations, split, time, excess] = parts;
+  return lazily({
+    violations: () => read(violations, nCells * across * across, ['v']),
+    split: () => readSplit(split, nCells, across),
+    time: () => {
+      const unit = time.one() / 3.6e6, t = read(time, nCells, ['v', 'w']);
+      for (const k of ['v', 'w']) for (let i = 0; i < t.n; i++) t[k][i] *= unit;
+      return t;
+    },
+    excess: () => {
+      const nx = excess.one(), ny = excess.one();
+      return { nx, ny, x: excess.one() - 1e6, y: excess.one() - 1e6, v: excess.many(nx * ny).map(v => v ? (v - 1) / 100 : NaN) };
+    },
+  });
 }
 
-/* How violations lie inside cells of half a metre, by camera: shares of the fine cells, even where nothing is known. */
+/* How violations lie inside cells of half a metre, by camera: in each fine cell, and in all of a cell of half a metre. */
 function readSplit(r, nCells, across) {
   const k = M.grid.fineAcross / across, wide = M.grid.nx * M.grid.fineAcross, halves = nCells * across * across, n = r.one(), key = r.keys(n), v = r.many(n);
-  const per = k * k, share = new Float64Array(M.cameras * halves * per), total = new Float64Array(M.cameras * halves);
+  const per = k * k, part = new Float64Array(M.cameras * halves * per), total = new Float64Array(M.cameras * halves);
   for (let i = 0; i < n; i++) {
     const c = Math.floor(key[i] / (halves * per)), cell = key[i] % (halves * per), x = cell % wide, y = Math.floor(cell / wide);
     const half = c * halves + Math.floor(y / k) * (wide / k) + Math.floor(x / k);
-    share[half * per + (y % k) * k + x % k] += v[i]; total[half] += v[i];
+    part[half * per + (y % k) * k + x % k] += v[i]; total[half] += v[i];
   }
-  for (let i = 0; i < share.length; i++) { const t = total[Math.floor(i / per)]; share[i] = t ? share[i] / t : 1 / per; }
-  return share;
+  return { part, total };
 }
 
 /* ---- what is selected ---- */
@@ -93,32 +116,41 @@ function panelOf(p, used, place) {
     }
   }
   if (place.index < 0) {
-    const inside = k => { const a = k % M.grid.nx, b = Math.floor(k / M.grid.nx); return a >= place.x0 && a < place.x1 && b >= place.y0 && b < place.y1; };
-    const A = M.grid.cellsAcross, wide = M.grid.nx * A, square = k => Math.floor(Math.floor(k / wide) / A) * M.grid.nx + Math.floor(k % wide / A);
+    const inside = place.squares, A = M.grid.cellsAcross, wide = M.grid.nx * A, square = k => Math.floor(Math.floor(k / wide) / A) * M.grid.nx + Math.floor(k % wide / A);
     const v = p.cells.violations, t = p.cells.time;
-    for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside(square(v.cell[i]))) n[v.camera[i]][column.get(p.day[v.slot[i]])] += v.v[i];
-    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside(t.cell[i])) time[column.get(p.day[t.slot[i]])] += t.v[i];
+    for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside[square(v.cell[i])]) n[v.camera[i]][column.get(p.day[v.slot[i]])] += v.v[i];
+    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) time[column.get(p.day[t.slot[i]])] += t.v[i];
   }
   const total = time.map((_, d) => sum(n.map(row => row[d])));
   return { often: { n, x }, risky: { n: [total], x: [time] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
 }
 
-/* The rectangle as a place: the cameras that ever counted anybody in it. */
-function rectangle() {
-  const [x0, y0, x1, y1] = state.rect, g = M.grid, place = { id: 'rect', name: 'Rectangle', index: -1, x0: x0 - g.x0, y0: y0 - g.y0, x1: x1 - g.x0, y1: y1 - g.y0, cameras: new Array(M.cameras).fill(0), hidden: [null, null] };
-  const A = g.cellsAcross;
+/* Some squares of the floor as a place: the cameras that ever counted anybody in them. */
+function squaresAsPlace(id, name, numbers) {
+  const g = M.grid, A = g.cellsAcross, squares = new Uint8Array(g.nx * g.ny), place = { id, name, index: -1, squares, cameras: new Array(M.cameras).fill(0), hidden: [null, null] };
+  for (const k of numbers) squares[k] = 1;
   for (const p of [week, before]) if (p && p.cells) for (const [t, a] of [[p.cells.violations, A], [p.cells.time, 1]]) for (let i = 0; i < t.n; i++) {
     const x = Math.floor(t.cell[i] % (g.nx * a) / a), y = Math.floor(Math.floor(t.cell[i] / (g.nx * a)) / a);
-    if (x >= place.x0 && x < place.x1 && y >= place.y0 && y < place.y1 && M.able[t.camera[i]]) place.cameras[t.camera[i]] = 1;
+    if (squares[y * g.nx + x] && M.able[t.camera[i]]) place.cameras[t.camera[i]] = 1;
   }
   return place;
 }
+function rectangle() {
+  const [x0, y0, x1, y1] = state.rect, g = M.grid, inside = [];
+  for (let y = y0; y < y1; y++) for (let x = x0; x < x1; x++) inside.push((y - g.y0) * g.nx + x - g.x0);
+  return squaresAsPlace('rect', word('rectangle'), inside);
+}
 
-const placeNow = () => state.place === 'rect' && state.rect ? rectangle() : M.places.find(p => p.id === state.place) || M.places[0];
+const spotNow = () => M.spots.find(s => s.id === state.place);
+function placeNow() {
+  if (state.place === 'rect' && state.rect) return rectangle();
+  const spot = spotNow();
+  return spot && week.cells ? squaresAsPlace(spot.id, spot.name, spot.squares) : M.places.find(p => p.id === state.place) || M.places[0];
+}
 
 /* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
 function rates(place) {
-  const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : 'no camera counted anybody there');
+  const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : word('reason.nobody'));
   const usual = place.index >= 0 && past ? panelOf(past, past.counted, place) : null;
   const history = (kind, k) => usual && { n: usual[kind].n, x: usual[kind].x, weekday: usual.weekday };
   const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false, reason });
@@ -128,7 +160,7 @@ function rates(place) {
     risky: M.noViolations || M.noExposure ? nothing(M.noViolations || M.noExposure) : hide ? nothing(hide) : howRisky(now.risky, M.rules, now.weekday, history('risky')),
     change: null,
   };
-  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.risky = nothing(`fewer than ${M.rules.mask} violations were counted`);
+  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.risky = nothing(word('reason.masked', { n: M.rules.mask }));
   if (before && !M.notCompared && !hide && !place.hidden[1] && !M.noViolations) {
     const a = panelOf(before, before.same, place), b = panelOf(week, week.same, place);
     told.change = {
@@ -151,7 +183,7 @@ function spread(p, used, t, kind, across, isPerHour) {
   for (let j = 0; j < sums.length; j++) if (sums[j]) {
     const c = Math.floor(j / cells), cell = j - c * cells, x = cell % wide * k, y = Math.floor(cell / wide) * k;
     const f = isPerHour ? sums[j] / hoursOf[c] * g.fineAcross * g.fineAcross : sums[j];
-    for (let b = 0; b < k; b++) for (let a = 0; a < k; a++) out[(y + b) * fine.nx + x + a] += f * (split ? split[j * per + b * k + a] : 1 / per);
+    for (let b = 0; b < k; b++) for (let a = 0; a < k; a++) out[(y + b) * fine.nx + x + a] += f * (split && split.total[j] ? split.part[j * per + b * k + a] / split.total[j] : 1 / per);
   }
   return out;
 }
@@ -193,19 +225,19 @@ function filled(values) {
 }
 
 const toDrawing = ([i, j]) => [(M.grid.x0 + (i + 0.5) * M.grid.fine - M.extent[0]) * 100, (M.extent[3] - M.grid.y0 - (j + 0.5) * M.grid.fine) * 100];
-const bandPath = (values, at) => pathOf(outlines(outlined(values, fine), fine.nx, fine.ny, at), toDrawing);
+const bandPath = (values, at) => pathOf(outlines(values, fine.nx, fine.ny, at), toDrawing);
 
 function setBands(group, values, map) {
   const known = values.known;
-  $(`known-${group}`).setAttribute('d', known ? bandPath(known, 0.5) : `M0 0h${M.size[0]}v${M.size[1]}h${-M.size[0]}z`);
-  const paths = all(`#${group} path`), isRatio = map.kind === 'excess';
+  $(`known-${group}`).setAttribute('d', known ? bandPath(outlined(known, fine), 0.5) : `M0 0h${M.size[0]}v${M.size[1]}h${-M.size[0]}z`);
+  const paths = all(`#${group} path`), isRatio = map.kind === 'excess', drawn = outlined(values, fine);
   paths.forEach((path, i) => {
     const two = map.diverging, at = isRatio || state.show === 'difference' ? two[(i - 5) % 2] : null;
     let d = '';
-    if (i < 5 && !isRatio && state.show !== 'difference') d = map.steps[i] === undefined ? '' : bandPath(values, map.steps[i]);
+    if (i < 5 && !isRatio && state.show !== 'difference') d = map.steps[i] === undefined ? '' : bandPath(drawn, map.steps[i]);
     else if (i >= 5 && at !== null) {
       const less = i < 7;
-      d = bandPath(isRatio ? values.map(v => less ? (v > 0 ? 1 / v : 0) : v) : values.map(v => less ? -v : v), at);
+      d = bandPath(less ? drawn.map(v => isRatio ? (v > 0 ? 1 / v : 0) : -v) : drawn, at);
     }
     path.setAttribute('d', d);
   });
@@ -218,13 +250,13 @@ function setSigns(values, map) {
   const at = map.diverging[0], isRatio = map.kind === 'excess', known = values.known, size = v => isRatio ? (v > 0 ? Math.abs(Math.log(v)) : 0) : Math.abs(v), least = isRatio ? Math.log(at) : at;
   const best = []; values.forEach((v, i) => { if (size(v) >= least && (!known || known[i])) best.push(i); });
   best.sort((a, b) => size(values[b]) - size(values[a]));
-  const placed = [];
+  const unit = W / Math.max(1, svg.clientWidth), apart = Math.max(300, 40 * unit), taken = texts(), placed = [];
   for (const i of best) {
-    const x = i % fine.nx, y = Math.floor(i / fine.nx);
+    const x = i % fine.nx, y = Math.floor(i / fine.nx), [a, b] = toDrawing([x, y]), own = { x: a - 9 * unit, y: b - 9 * unit, width: 18 * unit, height: 18 * unit };
     if (placed.length >= 8) break;
-    if (placed.some(q => Math.hypot(q[0] - x, q[1] - y) < 3 / M.grid.fine)) continue;
-    placed.push([x, y]);
-    const [a, b] = toDrawing([x, y]), text = document.createElementNS('http://www.w3.org/2000/svg', 'text');
+    if (placed.some(q => Math.hypot(q[0] - a, q[1] - b) < apart) || taken.some(t => meet(t, own))) continue;
+    placed.push([a, b]);
+    const text = document.createElementNS('http://www.w3.org/2000/svg', 'text');
     text.setAttribute('x', a.toFixed(0)); text.setAttribute('y', b.toFixed(0)); text.setAttribute('class', 'sg');
     text.textContent = (isRatio ? values[i] > 1 : values[i] > 0) ? '+' : '\u2212';
     group.append(text);

@@ -6,16 +6,18 @@ function gaussian(src, nx, ny, sigma) {
   let total = 0;
   for (let i = 0; i <= r; i++) { w[i] = Math.exp(-i * i / (2 * sigma * sigma)); total += i ? 2 * w[i] : w[i]; }
   for (let i = 0; i <= r; i++) w[i] /= total;
-  const mid = new Float64Array(nx * ny), out = new Float64Array(nx * ny);
+  const mid = new Float64Array(nx * ny), out = new Float64Array(nx * ny), first = new Int32Array(ny).fill(nx), last = new Int32Array(ny).fill(-1);
   for (let y = 0; y < ny; y++) for (let x = 0; x < nx; x++) {
     const v = src[y * nx + x];
     if (v === 0) continue;
     const o = y * nx, lo = Math.max(0, x - r), hi = Math.min(nx - 1, x + r);
+    if (lo < first[y]) first[y] = lo;
+    last[y] = hi;
     for (let k = lo; k <= hi; k++) mid[o + k] += v * w[k < x ? x - k : k - x];
   }
-  for (let y = 0; y < ny; y++) for (let k = Math.max(0, y - r); k <= Math.min(ny - 1, y + r); k++) {
-    const f = w[k < y ? y - k : k - y], from = k * nx, to = y * nx;
-    for (let x = 0; x < nx; x++) out[to + x] += f * mid[from + x];
+  for (let k = 0; k < ny; k++) if (last[k] >= 0) for (let y = Math.max(0, k - r); y <= Math.min(ny - 1, k + r); y++) {
+    const f = w[k < y ? y - k : k - y], from = k * nx, to = y * nx, end = last[k];
+    for (let x = first[k]; x <= end; x++) out[to + x] += f * mid[from + x];
   }
   return out;
 }
@@ -44,9 +46,12 @@ function outlines(field, nx, ny, at) {
   const W = nx + 2, H = ny + 2, next = new Int32Array(2 * W * H).fill(-1), starts = [];
   const value = (i, j) => i < 1 || j < 1 || i > nx || j > ny ? 0 : field[(j - 1) * nx + i - 1] || 0;
   const link = (from, to) => { next[from] = to; starts.push(from); };
+  const first = new Int32Array(H).fill(W), last = new Int32Array(H).fill(-1);
+  for (let j = 1; j <= ny; j++) for (let i = 0, o = (j - 1) * nx; i < nx; i++) if (field[o + i] >= at) { if (last[j] < 0) first[j] = i; last[j] = i + 1; }
   for (let j = 0; j < H - 1; j++) {
-    let a = value(0, j), d = value(0, j + 1);
-    for (let i = 0; i < W - 1; i++) {
+    const from = Math.min(first[j], first[j + 1]), end = Math.max(last[j], last[j + 1]);
+    let a = from < W ? value(from, j) : 0, d = from < W ? value(from, j + 1) : 0;
+    for (let i = from; i <= end; i++) {
       const b = value(i + 1, j), c = value(i + 1, j + 1);
       const kind = (a >= at ? 1 : 0) | (b >= at ? 2 : 0) | (c >= at ? 4 : 0) | (d >= at ? 8 : 0);
       if (kind && kind !== 15) {
@@ -94,10 +99,9 @@ function pathOf(rings, place) {
   let d = '';
   for (const ring of rings) {
     if (Math.abs(ringArea(ring)) < 1) continue;
-    const pts = ring.map(place), n = pts.length, mid = i => [(pts[i][0] + pts[(i + 1) % n][0]) / 2, (pts[i][1] + pts[(i + 1) % n][1]) / 2];
-    let m = mid(n - 1);
-    d += `M${m[0].toFixed(1)} ${m[1].toFixed(1)}`;
-    for (let i = 0; i < n; i++) { m = mid(i); d += `Q${pts[i][0].toFixed(1)} ${pts[i][1].toFixed(1)} ${m[0].toFixed(1)} ${m[1].toFixed(1)}`; }
+    const pts = ring.map(place), n = pts.length, mid = (p, q) => `${Math.round((p[0] + q[0]) / 2)} ${Math.round((p[1] + q[1]) / 2)}`;
+    d += `M${mid(pts[n - 1], pts[0])}`;
+    for (let i = 0; i < n; i++) d += `Q${Math.round(pts[i][0])} ${Math.round(pts[i][1])} ${mid(pts[i], pts[(i + 1) % n])}`;
     d += 'z';
   }
   return d;

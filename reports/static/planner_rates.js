@@ -85,14 +85,14 @@ function weekdayProfile(k, past, weekday, pastWeekday, minWeeks) {
 const refused = (k, rate, reason) => ({ rate, lo: null, hi: null, n: k.events, days: k.nDays, ok: false, reason });
 
 /* The rate of checked counts with its interval. `q` holds the quantiles of one confidence level. */
-function level(k, profile, R, q, unit) {
+function level(k, profile, R, q, kind) {
   const rate = rateOf(k);
-  if (k.nDays < R.minDays) return refused(k, rate, `an interval needs at least ${R.minDays} recorded days, has ${k.nDays}`);
+  if (k.nDays < R.minDays) return refused(k, rate, word('reason.days', { n: R.minDays, has: k.nDays }));
   if (k.events === 0) {
     const least = Math.min(...k.x.map(sum));
-    return { rate: 0, lo: 0, hi: q.zero / least, n: 0, days: k.nDays, ok: true, reason: `no violation in ${least.toFixed(1)} ${unit}: upper limit by the rule of three` };
+    return { rate: 0, lo: 0, hi: q.zero / least, n: 0, days: k.nDays, ok: true, reason: word(`reason.none_${kind}`, { hours: least.toFixed(1) }) };
   }
-  if (k.events < R.minEvents) return refused(k, rate, `an interval needs at least ${R.minEvents} violations, has ${k.events}`);
+  if (k.events < R.minEvents) return refused(k, rate, word('reason.events', { n: R.minEvents, has: k.events }));
   let weights = equalWeights(k), missed = 0, days;
   if (!profile) days = influence(k);
   else {
@@ -101,7 +101,7 @@ function level(k, profile, R, q, unit) {
     missed = Math.log1p(sum(days.shares.map((p, c) => p * (profile[c].gap - 1))));
   }
   const [factor, df] = smallSample(weights, days.shares, days.noise);
-  if (!Number.isFinite(factor)) return refused(k, rate, 'an interval needs a camera with violations that recorded two days');
+  if (!Number.isFinite(factor)) return refused(k, rate, word('reason.camera'));
   let half = studentT(q, df) * Math.sqrt(factor * dot(days.byDay, days.byDay));
   if (k.events < R.smallCount) half = Math.max(half, q.z * Math.sqrt(sum(days.noise)));
   const plain = !profile || profile.some((p, c) => days.totals[c] > 0 && !p.has);
@@ -114,29 +114,29 @@ const profileOf = (k, past, weekday, R) => past && past.weekday.length
 /* How often (M0): sum over cameras of violations / recorded open hours. */
 function howOften(panel, R, weekday, past) {
   const k = asCounts(panel);
-  if (!k.kept.length) return refused(k, null, 'no open hour was recorded');
-  return level(k, profileOf(k, past, weekday, R), R, R.q, 'open hours');
+  if (!k.kept.length) return refused(k, null, word('reason.unrecorded'));
+  return level(k, profileOf(k, past, weekday, R), R, R.q, 'often');
 }
 
 /* How risky (M7): violations per person-hour; the panel has one row. */
 function howRisky(panel, R, weekday, past) {
   const k = asCounts(panel), hours = sum(k.x.map(sum));
-  if (!k.kept.length || hours < R.minExposure) return refused(k, null, `needs at least ${R.minExposure} person-hours, has ${hours.toFixed(1)}`);
-  return level(k, profileOf(k, past, weekday, R), R, R.q, 'person-hours');
+  if (!k.kept.length || hours < R.minExposure) return refused(k, null, word('reason.person_hours', { n: R.minExposure, has: hours.toFixed(1) }));
+  return level(k, profileOf(k, past, weekday, R), R, R.q, 'risky');
 }
 
-const verdictOf = (lo, hi) => lo === null && hi === null ? 'too little data'
-  : (hi === null ? Infinity : hi) < 1 ? 'clear fall' : (lo === null ? 0 : lo) > 1 ? 'clear rise' : 'no clear change';
+const verdictOf = (lo, hi) => lo === null && hi === null ? 'too_little_data'
+  : (hi === null ? Infinity : hi) < 1 ? 'clear_fall' : (lo === null ? 0 : lo) > 1 ? 'clear_rise' : 'no_clear_change';
 
 function changed(a, b, more) {
   const [rateA, rateB] = [a, b].map(k => k.kept.length ? rateOf(k) : null);
   const theta = rateA && rateB !== null ? rateB / rateA : null;
-  return { theta, rateA, rateB, nA: a.events, nB: b.events, xA: sum(a.x.map(sum)), xB: sum(b.x.map(sum)), days: a.nDays, lo: null, hi: null, verdict: 'too little data', reason: null, ...more };
+  return { theta, rateA, rateB, nA: a.events, nB: b.events, xA: sum(a.x.map(sum)), xB: sum(b.x.map(sum)), days: a.nDays, lo: null, hi: null, verdict: 'too_little_data', reason: null, ...more };
 }
 
 /* Limits of one side of a change: days as clusters, or exact Poisson limits of very few violations. */
 function limits(k, R) {
-  if (k.events >= R.minEvents) { const e = level(k, null, R, R.q2, 'hours'); return [e.lo || 0, e.hi === null ? Infinity : e.hi]; }
+  if (k.events >= R.minEvents) { const e = level(k, null, R, R.q2, 'often'); return [e.lo || 0, e.hi === null ? Infinity : e.hi]; }
   const hours = k.x.map(sum), each = k.events ? rateOf(k) / k.events : 1 / Math.min(...hours), [lo, hi] = R.poisson[k.events];
   return [lo * each, hi * each];
 }
@@ -145,18 +145,18 @@ function limits(k, R) {
 function compareRates(A, B, R, isRisky) {
   const both = A.x.map((row, c) => row.map((v, d) => v > 0 && B.x[c][d] > 0));
   const a = asCounts(A, both), b = asCounts(B, both), least = Math.min(sum(a.x.map(sum)), sum(b.x.map(sum)));
-  if (a.nDays < R.minDays) return changed(a, b, { reason: `a change needs at least ${R.minDays} pairs of days recorded in both, has ${a.nDays}` });
-  if (isRisky && least < R.minExposure) return changed(a, b, { reason: `a change needs at least ${R.minExposure} person-hours in each period, has ${least.toFixed(1)}` });
+  if (a.nDays < R.minDays) return changed(a, b, { reason: word('reason.pairs', { n: R.minDays, has: a.nDays }) });
+  if (isRisky && least < R.minExposure) return changed(a, b, { reason: word('reason.person_hours_each', { n: R.minExposure, has: least.toFixed(1) }) });
   const low = Math.min(a.events, b.events);
-  if (Math.max(a.events, b.events) < R.minEvents) return changed(a, b, { reason: 'too few violations to compare' });
+  if (Math.max(a.events, b.events) < R.minEvents) return changed(a, b, { reason: word('reason.few') });
   if (low < R.minEvents) {
     const [[loA, hiA], [loB, hiB]] = [limits(a, R), limits(b, R)], lo = loB / hiA, hi = loA > 0 ? hiB / loA : null;
     const verdict = verdictOf(lo, hi);
-    return changed(a, b, verdict === 'no clear change' ? { reason: 'too few violations to compare' } : { lo, hi, verdict });
+    return changed(a, b, verdict === 'no_clear_change' ? { reason: word('reason.few') } : { lo, hi, verdict });
   }
   const before = influence(a), after = influence(b), noise = before.noise.map((v, c) => v + after.noise[c]);
   const [factor, df] = smallSample(equalWeights(a), before.shares.map((p, c) => (p + after.shares[c]) / 2), noise);
-  if (!Number.isFinite(factor)) return changed(a, b, { reason: 'a change needs a camera with violations that recorded two days in both periods' });
+  if (!Number.isFinite(factor)) return changed(a, b, { reason: word('reason.camera_both') });
   const gap = after.byDay.map((v, d) => v - before.byDay[d]);
   let half = studentT(R.q, df) * Math.sqrt(factor * dot(gap, gap));
   if (low < R.smallCount) half = Math.max(half, R.q.z * Math.sqrt(sum(noise)));

@@ -1,7 +1,7 @@
 /* Controls and the start. */
 
 function listen() {
-  const on = (id, kind, act) => $(id).addEventListener(kind, act);
+  const on = (id, kind, act) => { const e = $(id); if (e) e.addEventListener(kind, act); };
   all('[name=show]').forEach(b => b.addEventListener('change', () => { state.show = b.value; if (state.show === 'difference' && state.map === 'excess') state.map = 'violations'; draw(); }));
   all('[data-day]').forEach(b => b.addEventListener('click', () => { const d = b.dataset.day; state.days[d] = state.days[d] ? 0 : 1; draw(); }));
   all('[data-pick]').forEach(b => b.addEventListener('click', () => { state.days = b.dataset.pick.split('').map(Number); draw(); }));
@@ -12,8 +12,8 @@ function listen() {
   on('cut', 'input', e => { state.cut = Math.min(99, +e.target.value); setCut(); later(); });
   on('zi', 'click', () => zoom(1.5)); on('zo', 'click', () => zoom(1 / 1.5)); on('zr', 'click', whole);
   all('[data-pan]').forEach(b => b.addEventListener('click', () => pan(...b.dataset.pan.split(',').map(Number))));
-  on('draw', 'click', () => { isDrawing = !isDrawing; corner = null; if (isDrawing && !state.rect) middleRectangle(); else if (isDrawing) state.place = 'rect'; retell(); });
-  on('clear', 'click', () => { state.rect = null; state.place = 'floor'; isDrawing = false; retell(); $('draw').focus(); });
+  on('draw', 'click', e => { drawing(!isDrawing); if (isDrawing && e.detail === 0) box.focus(); if (isDrawing) for (const e of [box, $('said')]) e.scrollIntoView({ block: 'nearest' }); });
+  on('clear', 'click', () => { state.rect = null; state.place = 'floor'; drawing(false); $('draw').focus(); });
   ['left', 'bottom', 'right', 'top'].forEach((id, i) => on(id, 'change', e => {
     if (e.target.value === '' || !Number.isFinite(+e.target.value)) { retell(); return; }
     if (!state.rect) middleRectangle();
@@ -23,10 +23,19 @@ function listen() {
     setRectangle(r); e.target.value = state.rect[i]; retell();
   }));
   on('link', 'click', copyLink); on('png', 'click', picture);
+  addEventListener('hashchange', () => { recall(); draw(); });
+  if (!svg) return;
   box.addEventListener('keydown', key);
   pointers();
-  addEventListener('hashchange', () => { recall(); draw(); });
   new ResizeObserver(() => look(state.view)).observe(svg);
+}
+
+/* A rectangle is drawn from here on, or no more; how is said below the map. */
+function drawing(isOn) {
+  isDrawing = isOn; corner = null;
+  if (isOn && !state.rect) middleRectangle(); else if (isOn) state.place = 'rect';
+  say(isOn ? word('drawing') : '');
+  retell();
 }
 
 /* Keys on the map. While a rectangle is drawn arrows move it and Shift with arrows changes its size. */
@@ -42,8 +51,8 @@ function key(e) {
   else if (e.key === '+' || e.key === '=') zoom(1.5);
   else if (e.key === '-') zoom(1 / 1.5);
   else if (e.key === '0') whole();
-  else if (e.key === 'r' || e.key === 'R') $('draw').click();
-  else if (e.key === 'Escape' && isDrawing) $('draw').click();
+  else if (e.key === 'r' || e.key === 'R') drawing(!isDrawing);
+  else if (e.key === 'Escape' && isDrawing) drawing(false);
   else return;
   e.preventDefault();
 }
@@ -59,7 +68,7 @@ function pointers() {
   box.addEventListener('pointerdown', e => {
     if (e.button) return;
     box.focus({ preventScroll: true, focusVisible: false }); box.setPointerCapture(e.pointerId); down.set(e.pointerId, spot(e));
-    from = { at: spot(e), floor: floorAt(e), view: state.view, moved: false };
+    from = { at: spot(e), floor: floorAt(e), view: state.view, moved: false, isPinch: down.size > 1, target: e.target };
   });
   box.addEventListener('pointermove', e => {
     if (!down.has(e.pointerId)) return;
@@ -67,7 +76,7 @@ function pointers() {
     if (is.length === 2) {
       const gap = p => Math.hypot(p[0][0] - p[1][0], p[0][1] - p[1][1]), mid = [(is[0][0] + is[1][0]) / 2, (is[0][1] + is[1][1]) / 2];
       if (gap(was) > 0) zoom(gap(is) / gap(was), ...mid);
-      from.moved = true; return;
+      from.moved = from.isPinch = true; return;
     }
     const [dx, dy] = [is[0][0] - from.at[0], is[0][1] - from.at[1]];
     if (!from.moved && Math.hypot(dx * svg.clientWidth, dy * svg.clientHeight) < 5) return;
@@ -78,10 +87,11 @@ function pointers() {
     if (!down.delete(e.pointerId) || down.size) return;
     if (e.type === 'pointerup' && from && !from.moved) {
       if (isDrawing) {
-        if (corner) { setRectangle([...corner, ...from.floor]); corner = null; say(''); } else { corner = from.floor; say('Now click the opposite corner.'); }
-        retell();
+        if (corner) { setRectangle([...corner, ...from.floor]); drawing(false); } else { corner = from.floor; say(word('corner')); }
+      } else if (from.target.dataset.spot) { state.place = from.target.dataset.spot; retell();
       } else if (state.view.w < W - 1e-6) { const v = state.view; look({ w: v.w, x: v.x + (from.at[0] - 0.5) * v.w, y: v.y + (from.at[1] - 0.5) * v.h }); }
     }
+    if (e.type === 'pointerup' && from && from.moved && isDrawing && !from.isPinch) drawing(false);
     from = null; later();
   };
   box.addEventListener('pointerup', up); box.addEventListener('pointercancel', up);
@@ -96,14 +106,15 @@ function readWalkable(r) {
 }
 
 async function start() {
-  const began = performance.now(), bytes = await unpack($('data').textContent.trim()), r = reader(bytes), g = M.grid;
+  const began = performance.now();
+  document.body.classList.add('live');
+  const bytes = await unpack($('data').textContent.trim()), r = reader(bytes), g = M.grid;
   fine = g ? { nx: g.nx * g.fineAcross, ny: g.ny * g.fineAcross, home: null } : null;
-  const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells(r, p.S, g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
+  const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells([r.part(), r.part(), r.part(), r.part()], p.S, g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
   week = read(0); before = M.hasBefore ? read(1) : null; past = M.hasPast ? readPanel(r) : null;
   if (g && r.one()) readWalkable(r);
   pairHours();
-  document.body.classList.add('live');
   recall(); draw(); listen();
   document.body.dataset.first = (performance.now() - began).toFixed(1);
 }
-start().catch(e => { document.body.classList.remove('live'); say('This browser cannot open the data of this page (it needs DecompressionStream, in browsers since 2023). The table below has the figures of the report.'); throw e; });
+start().catch(e => { document.body.classList.remove('live'); say(word('cannot_open')); throw e; });

@@ -59,7 +59,7 @@ def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, axe: str, pages:
 @pytest.mark.parametrize(
     "name",
     [
-        *("complete", "with_tested_spots", "refused", "hostile"),
+        *("complete", "twelve_weeks", "refused", "hostile"),
         *("always_open_picture", "too_incomplete", "settings_changed"),
     ],
 )
@@ -82,7 +82,7 @@ def test_the_style_is_let_through_by_the_policy(browser: Any, pages: dict[str, P
 
 
 @pytest.mark.parametrize("paper", ["a4", "letter"])
-@pytest.mark.parametrize("name", ["complete", "with_tested_spots", "first_week", "settings_changed"])
+@pytest.mark.parametrize("name", ["complete", "twelve_weeks", "first_week", "settings_changed", "hostile"])
 def test_print_has_at_most_four_tagged_pages_and_a_complete_first_one(
     browser: Any, tmp_path: Path, name: str, paper: str
 ) -> None:
@@ -92,11 +92,40 @@ def test_print_has_at_most_four_tagged_pages_and_a_complete_first_one(
     page.goto(path.as_uri())
     pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
     page.emulate_media(media="print", color_scheme="light")
-    page.set_viewport_size({"width": 687, "height": 1000})
-    bottom = page.evaluate("document.querySelector('.plan').getBoundingClientRect().bottom")
+    page.set_viewport_size({"width": 687 if paper == "a4" else 710, "height": 1000})
+    plan = page.evaluate("document.querySelector('.plan').getBoundingClientRect().toJSON()")
     page.close()
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
     assert b"/MarkInfo" in pdf
     assert len(pdf) <= 1_000_000
-    # the printed area is 182 x 270 mm of A4, 687 x 1020 px; 188 x 252 mm of Letter, 952 px high
-    assert bottom <= (1020 if paper == "a4" else 952)
+    # the printed area is 182 x 270 mm of A4, 687 x 1020 px; 188 x 255 mm of Letter, 965 px high
+    assert plan["bottom"] <= (1020 if paper == "a4" else 965)
+    # and the map takes what the words leave: of an ordinary headline at least 85 mm of the height of A4
+    assert plan["height"] >= (321 if paper == "a4" and name != "hostile" else 220)
+
+
+@pytest.mark.parametrize("name", ["twelve_weeks", "first_week", "no_data", "too_incomplete"])
+def test_no_words_are_printed_smaller_than_nine_points(browser: Any, pages: dict[str, Path], name: str) -> None:
+    """Numbers of drawings apart, which are scaled with them."""
+    page = browser.new_page()
+    page.goto(pages[name].as_uri())
+    page.emulate_media(media="print")
+    small = page.evaluate(
+        """() => [...document.body.querySelectorAll("*")].filter(e =>
+            !e.closest("svg") && e.checkVisibility() && !e.closest(".vh, .skip")
+            && [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim())
+            && parseFloat(getComputedStyle(e).fontSize) < 11.99
+        ).map(e => [e.tagName, e.className, getComputedStyle(e).fontSize, e.textContent.trim().slice(0, 40)])"""
+    )
+    page.close()
+    assert small == []
+
+
+def test_a_site_with_three_areas_more_is_one_page_longer_at_most(browser: Any, tmp_path: Path) -> None:
+    path = tmp_path / "week.html"
+    path.write_text(render_html(sections.twelve_weeks(n_more_areas=3)), encoding="utf-8")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
+    page.close()
+    assert len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 5

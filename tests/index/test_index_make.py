@@ -44,3 +44,23 @@ def test_missing_reports_are_made_and_pages_that_are_there_are_kept(
     before = {p.name: p.stat().st_ino for p in reports.iterdir() if p.name != "index.html"}
     assert run(cli, ["-C", str(shop), "--quiet", "--now", "2026-12-01", "site", "build", "--make"]) == 1
     assert {p.name: p.stat().st_ino for p in reports.iterdir() if p.name != "index.html"} == before
+
+
+def test_a_page_of_vsd_report_alone_gets_its_figures_if_the_records_still_give_it(
+    shop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, twin = (shop / "reports" / f"2026-W46.{end}" for end in ("html", "json"))
+    assert run(cli, ["-C", str(shop), "--quiet", "report", "--week", "2026-W46"]) == 0
+    made = page.read_bytes()
+    capsys.readouterr()
+    assert run(cli, ["-C", str(shop), "site", "build"]) == 0
+    told = capsys.readouterr()
+    assert "2026-W46.json: the figures of 2026-W46.html" in told.err
+    assert told.out.endswith("1 floor, 1 week, 1 report\n")
+    assert page.read_bytes() == made
+
+    twin.unlink()
+    page.write_bytes(made + b"<!-- of other data -->")
+    assert run(cli, ["-C", str(shop), "site", "build"]) == 1
+    assert "W513" in capsys.readouterr().err
+    assert not twin.exists()

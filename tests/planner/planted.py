@@ -139,13 +139,17 @@ def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
         told["n"], told["time"] = many(n_places * n_cameras * n), many(n_places * n_cameras * n)
         if week.cells is not None:
             for name, kinds in (("violations", 1), ("time_cells", 2)):
+                next(stream)  # how many bytes follow, as before each part
+                if name == "time_cells":
+                    told["unit"] = next(stream)
                 rows = next(stream)
                 told[f"{name}_key"] = many(rows)
                 told[name] = [many(rows) for _ in range(kinds)]
                 if name == "violations":
+                    next(stream)
                     rows = next(stream)
                     told["fine_key"], told["fine"] = many(rows), [many(rows)]
-                    told["unit"] = next(stream)
+            next(stream)
             n_x, n_y, _, _ = many(4)
             many(n_x * n_y)
         weeks.append(told)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -12,6 +13,9 @@ from urllib.parse import unquote
 import cv2
 import numpy as np
 import pytest
+
+from vsd_analytics.planner.data import PlannerData
+from vsd_analytics.planner.render import render_planner
 
 pytestmark = pytest.mark.browser
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
@@ -22,6 +26,7 @@ VIEWS = (
     "#show=difference",
     "#map=risk&place=rect&rect=1,1,6,6&days=1111100",
     "#map=excess",
+    "#place=spot%3A1",
 )
 FOCUSED = """(e => e === document.body ? ''
   : e.id || e.dataset.day || e.dataset.pick || e.dataset.pan || e.value || e.className)(document.activeElement)"""
@@ -188,10 +193,57 @@ def test_single_clicks_do_what_dragging_does(opened: Open) -> None:
     page.click("#draw")
     page.click("#map", position={"x": box["width"] * 0.05, "y": box["height"] * 0.9})
     assert "opposite corner" in page.text_content("#said")
+    assert page.get_attribute("#draw", "aria-pressed") == "true"
     page.click("#map", position={"x": box["width"] * 0.25, "y": box["height"] * 0.5})
     assert address(page)["rect"] == "1,1,6,5"
+    assert page.get_attribute("#draw", "aria-pressed") == "false", "what is drawn is drawn: the map moves again"
     page.click("#clear")
     assert "rect" not in address(page)
+
+
+def test_how_to_draw_is_said_while_one_draws(opened: Open) -> None:
+    page = opened(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
+    page.tap("#draw")
+    assert "Drag across the map, or tap two opposite corners." in page.text_content("#said")
+    box = page.locator("#map").bounding_box()
+    assert 0 <= box["y"] < 800 - box["height"], "the map is in sight"
+    hint = page.locator("#said").bounding_box()
+    assert box["y"] + box["height"] <= hint["y"] < 800 - hint["height"], "and so is what to do"
+    for x, y in ((0.1, 0.2), (0.5, 0.8)):
+        page.touchscreen.tap(box["x"] + x * box["width"], box["y"] + y * box["height"])
+    assert page.text_content("#read-name") == "Rectangle"
+    assert page.text_content("#said") == ""
+    page.focus("#draw")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "map", "arrow keys move what is drawn"
+
+
+def test_a_hotspot_is_chosen_by_its_number_and_from_the_list(opened: Open) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    named = page.eval_on_selector_all("#place option", "all => all.map(o => o.value)")
+    assert "spot:1" in named
+    page.locator("circle[data-spot='spot:1']").click(force=True)
+    assert page.input_value("#place") == "spot:1"
+    assert page.text_content("#read-name").startswith("Hotspot 1: ")
+    assert page.locator(".hs.on").count() == 1
+    assert said(opened(address="#place=spot%3A1")) == said(page)
+    page.select_option("#place", "floor")
+    assert page.locator(".hs.on").count() == 0
+
+
+@pytest.mark.parametrize("width", [320, 390, 1280])
+def test_no_name_lies_under_a_number(opened: Open, width: int) -> None:
+    page = opened(viewport={"width": width, "height": 800})
+    boxes = page.evaluate(
+        "[...document.querySelectorAll('.hm,.pt:not(.out-of-way)')].map(e => { const r = e.getBoundingClientRect();"
+        "return [r.x, r.y + r.height / 5, r.right, r.y + r.height * 0.8, e.getAttribute('class')]; })"
+    )
+    assert len([b for b in boxes if b[4] == "hm"]) > 0
+    names = [b for b in boxes if b[4] != "hm"]
+    assert names
+    for a in names:
+        for b in boxes:
+            assert a is b or a[0] >= b[2] or b[0] >= a[2] or a[1] >= b[3] or b[1] >= a[3], (a, b)
 
 
 def test_dragging_and_the_wheel_move_draw_and_zoom(opened: Open) -> None:
@@ -337,6 +389,26 @@ def test_it_prints_on_paper(opened: Open) -> None:
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert not page.is_visible("#draw")
     assert page.is_visible("#out")
+
+
+def test_a_floor_without_a_map_has_its_rates(browser: Any, exact: PlannerData, tmp_path: Path) -> None:
+    assert exact.before is not None
+    bare = replace(exact, shown=None, walkable=None, why_no_map="nobody was seen", week=replace(exact.week, cells=None),
+                   before=replace(exact.before, cells=None))  # fmt: skip
+    path = tmp_path / "bare.html"
+    path.write_text(render_planner(bare), encoding="utf-8")
+    page, errors = browser.new_page(), []
+    page.on("pageerror", lambda e: errors.append(str(e)))
+    page.goto(path.as_uri() + "#place=spot%3A1")
+    page.wait_for_function("document.body.dataset.first")
+    assert page.is_visible("text=This floor has no map: nobody was seen.")
+    assert said(page).startswith("Week 46: ")
+    page.select_option("#place", "area:door")
+    page.check("[value=difference]")
+    page.click("[data-pick='1111100']")
+    assert "Clear fall" in said(page)
+    assert errors == []
+    page.close()
 
 
 def test_data_that_cannot_be_read_say_so(browser: Any, pages: dict[str, Path], tmp_path: Path) -> None:

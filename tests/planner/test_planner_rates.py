@@ -232,6 +232,28 @@ def test_a_rectangle_has_the_rates_of_what_lies_in_it(page_of: Any, oracle: Orac
             assert_same(told["now-risky"], risky.rate, risky.lo, risky.hi)
 
 
+def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, exact: PlannerData) -> None:
+    from shapely import contains_xy
+    from shapely.geometry import Polygon
+
+    assert exact.hotspots.spots
+    for spot in exact.hotspots.spots:
+        shapes = [Polygon(p[0], p[1:]) for p in spot.place.polygons]
+        inside = [
+            oracle.rectangle((x, y, x + 1, y + 1))
+            for x, y in itertools.product(range(26), range(16))
+            if any(contains_xy(s, x + 0.5, y + 0.5) for s in shapes)
+        ]
+        assert inside
+        n, exposure_h = sum(p.n for p in inside), sum(p.exposure_h for p in inside)
+        place = Place(n, exposure_h, np.any([p.cameras for p in inside], axis=0))
+        for address, days, hours in selections()[:3]:
+            told = page_of("exact").evaluate(READ, f"{address}&place=spot%3A{spot.number}")
+            often, risky = oracle.rates(place, days, hours, has_history=False)
+            assert_same(told["now-often"], often.rate, often.lo, often.hi)
+            assert_same(told["now-risky"], risky.rate, risky.lo, risky.hi)
+
+
 def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracle: Oracle, masked: PlannerData) -> None:
     below = int(masked.site.settings.mask_below)
     for box in (RECTANGLE, (7, 1, 12, 6)):

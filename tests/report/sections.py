@@ -9,6 +9,7 @@ from typing import Any
 from report import fixtures as weeks
 
 from vsd_analytics.report import model as m
+from vsd_analytics.report.cards import floor_picture
 
 ROME = weeks.ROME
 LEVELS = (139.0, 135.0, 143.0, None, 138.0, 151.0, 146.0, 143.0, 141.0)
@@ -290,6 +291,57 @@ def with_tested_spots() -> m.WeekReport:
     return replace(report, spots=shown, maps=maps, readings=apart)
 
 
+def twelve_weeks(*, n_more_areas: int = 0) -> m.WeekReport:
+    """As long a report as there is: three spots with pictures, maps of the change, five marks, two redesigns told.
+
+    Args:
+        n_more_areas: Areas beyond those of the other weeks.
+    """
+    report = with_tested_spots()
+    assert report.spots is not None
+    assert report.trend is not None
+    first, second = report.spots.cards
+    third = replace(first, number=3, name="End of aisle 2", at=(3.0, 10.0), is_new=True)
+    spots = replace(report.spots, cards=(first, second, third))
+    floor = replace(
+        report.maps[0],
+        spots=tuple(m.MapSpot(number=c.number, name=c.name, at=c.at) for c in spots.cards if c.at),
+    )
+    told, _ = redesigns()
+    marks = tuple(
+        m.TrendMark(
+            label="ABCDE"[k],
+            at=datetime(2026, 9, 15 + 2 * k, 9, tzinfo=ROME),
+            text="Floor stickers and a rope for the queue",
+            area_name="Checkout queue",
+        )
+        for k in range(5)
+    )
+    more = tuple(
+        replace(report.areas[1], area_id=f"more{k}", name=f"Lift lobby of the car park {k}")
+        for k in range(n_more_areas)
+    )
+    change = m.ChangeMaps(
+        before=floor.bands,
+        now=floor.bands,
+        fewer=floor.bands[-1:],
+        more=(),
+        steps=(floor.bands[-1].lower, 2 * floor.bands[-1].lower),
+        hours_compared=326.0,
+        places=(m.ChangedPlace(area_id="a0", name="Checkout queue", fewer=12.0, more=0.0),),
+    )
+    return replace(
+        report,
+        areas=(*report.areas[:-1], *more, report.areas[-1]),
+        maps=(floor,),
+        spots=spots,
+        spot_pictures=tuple(floor_picture(floor, number=s.number, at=s.at) for s in floor.spots),
+        change_maps=change,
+        redesigns=(told, replace(told, number=2, text="New floor stickers at the end of aisle 2")),
+        trend=replace(report.trend, marks=marks),
+    )
+
+
 def refused() -> m.WeekReport:
     """A second week: hardly anything of the sections can be told, and each says why."""
     report = complete()
@@ -348,5 +400,8 @@ def not_measurable() -> m.WeekReport:
 
 MORE = {
     f.__name__: f
-    for f in (*(complete, with_tested_spots, refused, cameras_changed, recalibrated, very_few, not_measurable),)
+    for f in (
+        *(complete, with_tested_spots, twelve_weeks, refused),
+        *(cameras_changed, recalibrated, very_few, not_measurable),
+    )
 }

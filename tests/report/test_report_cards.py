@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 import shapely
 
+from vsd_analytics.homography import to_floor
 from vsd_analytics.report import cards
 from vsd_analytics.report.bands import heat_bands, sampled
 from vsd_analytics.report.frame import Edges
-from vsd_analytics.report.model import MapBand, MapFixture, Ring
+from vsd_analytics.report.model import FloorMap, MapBand, MapFixture, MapSpot, Ring
 from vsd_analytics.report.pictures import SCENE_TONE, scene_image
 from vsd_analytics.simulate.cameras import HEIGHT_PX, WIDTH_PX, PinholeCamera
 from vsd_analytics.site import Calibration, Camera, Fixture
@@ -137,11 +138,11 @@ def test_what_a_shelf_hides_is_not_painted(tmp_path: Path) -> None:
 def test_a_camera_that_sees_over_the_shelf_is_taken_before_a_finer_one_that_does_not(tmp_path: Path) -> None:
     shelf = ((4.0, 3.6), (6.0, 3.6), (6.0, 4.0), (4.0, 4.0))
     near, far = camera(tmp_path, NEAR), camera(tmp_path, FAR)
-    for height_m, alone in ((0.9, "near"), (1.3, None)):  # most of the spot hidden from the near one, then all of it
+    for height_m, alone in ((0.05, "near"), (0.9, None), (1.3, None)):  # nearly nothing hidden, most of the spot, all
         fixtures = (Fixture("s", "Shelf", "f", shelf, height_m=height_m),)
         chosen = cards.spot_picture(Data([near, far], fixtures), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
         assert chosen is not None
-        assert chosen.camera_id == "far"
+        assert chosen.camera_id == (alone or "far")
         only = cards.spot_picture(Data([near], fixtures), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
         assert (only.camera_id if only is not None else None) == alone
 
@@ -155,6 +156,52 @@ def test_a_curve_through_a_ring_keeps_its_straight_edges() -> None:
     assert curve[0] == (0.0, 0.0)
     assert curve[-1] == (0.0, 4.0)
     assert shapely.Polygon(ring).buffer(1e-9).contains(shapely.Polygon(curve))
+
+
+@pytest.mark.parametrize("at", [SPOT, (5.0, 9.0), (2.5, 4.0), (7.5, 6.0)])
+@pytest.mark.parametrize("stretch", [(1.0, 1.0), (3.0, 1.0), (1.0, 3.0), (0.4, 0.4)])
+def test_a_picture_shows_its_spot_away_from_the_edges_at_the_scale_it_says(
+    tmp_path: Path, at: tuple[float, float], stretch: tuple[float, float]
+) -> None:
+    """Whatever the shape: the peak lies in the middle three fifths of what is shown, of the camera or of the floor."""
+    x, y = np.meshgrid(np.arange(60) * 0.25 + 0.125, np.arange(60) * 0.25 + 0.125)
+    hill = np.clip(6 * (1 - np.hypot((x - at[0]) / stretch[0], (y - at[1]) / stretch[1]) / 1.2), 0, None)
+    made = heat_bands(hill, cell_m=0.25, origin_m=(0.0, 0.0), steps=(0.5, 1.0, 2.0, 4.0))
+    floor = FloorMap(kind="floor", title="F", extent=(0.0, 0.0, 15.0, 15.0), bands=made)
+    data = Data([camera(tmp_path, c) for c in (NEAR, FAR)])
+    (picture,) = cards.spot_pictures(data, floor, spots=[(1, at)])  # type: ignore[arg-type]
+    x0, y0, x1, y1 = picture.shown.extent
+    assert (x1 - x0) / (y1 - y0) == pytest.approx(16 / 9, rel=0.01)
+    if picture.camera_id is None:
+        assert picture.across_m == pytest.approx(x1 - x0)
+        u, v, lowest = *at, 0.1
+    else:
+        planted = {c.camera_id: c for c in (NEAR, FAR)}[picture.camera_id]
+        (u,), (v,), _ = planted.project(*(np.array([c]) for c in (*at, 0.0)))
+        left, right = to_floor(planted.homography, [(x0, v), (x1, v)], picture_px=(WIDTH_PX, HEIGHT_PX))
+        lowest = cards.EDGE_SHARE
+        assert picture.across_m == pytest.approx(float(np.hypot(*(right - left))), rel=0.03)
+        assert picture.across_m >= cards.ACROSS_M * 0.97
+    assert lowest <= (u - x0) / (x1 - x0) <= 1 - lowest
+    assert lowest <= (v - y0) / (y1 - y0) <= 1 - lowest
+
+
+def test_a_spot_at_the_edge_of_every_picture_is_shown_on_the_floor(tmp_path: Path) -> None:
+    at = (5.0, 12.6)  # the near camera's picture ends just behind it
+    x, y = np.meshgrid(np.arange(60) * 0.25 + 0.125, np.arange(60) * 0.25 + 0.125)
+    hill = np.clip(6 * (1 - np.hypot(x - at[0], y - at[1]) / 1.2), 0, None)
+    made = heat_bands(hill, cell_m=0.25, origin_m=(0.0, 0.0), steps=(0.5, 1.0, 2.0, 4.0))
+    data = Data([camera(tmp_path, NEAR)])
+    assert cards.spot_picture(data, made, number=1, at=at) is None  # type: ignore[arg-type]
+    spot = MapSpot(number=1, name="End", at=at)
+    floor = FloorMap(kind="floor", title="F", extent=(0.0, 0.0, 15.0, 15.0), bands=made, spots=(spot,))
+    picture = cards.floor_picture(floor, number=1, at=at)
+    x0, y0, x1, y1 = picture.shown.extent
+    assert picture.camera_id is None
+    assert picture.shown.spots == (spot,)
+    for ring in (p[0] for band in picture.shown.bands for p in band.polygons):
+        assert all(x0 <= a <= x1 and y0 <= b <= y1 for a, b in ring)
+    assert y1 <= 15.0 + cards.BESIDE_M
 
 
 # the picture itself ---------------------------------------------------------------------------------------------------

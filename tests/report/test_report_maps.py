@@ -16,6 +16,7 @@ import worlds as w
 
 from vsd_analytics.report import small_maps
 from vsd_analytics.report.areas import areas
+from vsd_analytics.report.card_view import spot_scene
 from vsd_analytics.report.change_maps import change_maps
 from vsd_analytics.report.floorplan import floor_map
 from vsd_analytics.report.map_figures import map_figures
@@ -154,9 +155,9 @@ def test_a_few_violations_more_are_not_shown(tmp_path: Path) -> None:
 
 def test_without_a_week_before_and_without_views_there_is_nothing_to_draw(tmp_path: Path) -> None:
     found = w.report(w.world(tmp_path, w.toml(opening=OPENING), w.messages(busy, hours=HOURS)))
-    assert (found.change_maps, found.views, found.spot_pictures) == (None, None, ())
+    assert (found.change_maps, found.views) == (None, None)
     figures = map_figures(found)
-    assert (figures.change, figures.views, figures.scenes) == (None, None, {})
+    assert (figures.change, figures.views) == (None, None)
 
 
 def test_each_changed_patch_has_its_sign_inside_it(report: WeekReport) -> None:
@@ -222,7 +223,7 @@ def test_views_and_their_overlap_have_the_planted_sizes(tmp_path: Path) -> None:
 def test_every_drawing_has_a_name_and_unique_ids_and_escapes_what_people_wrote(report: WeekReport) -> None:
     figures = map_figures(report, is_alone=True)
     drawings = [p.drawing for f in (figures.change, figures.footsteps, figures.views) if f for p in f.panels]
-    drawings += figures.scenes.values()
+    drawings += [spot_scene(report, p.number, is_alone=True) for p in report.spot_pictures]
     assert len(drawings) >= 6
     ids = [i for d in drawings for i in re.findall(r' id="([^"]+)"', d)]
     assert len(ids) == len(set(ids))

@@ -21,8 +21,8 @@ from vsd_analytics.report.render import Page, css_string, make_page, render_html
 from vsd_analytics.resources import shipped
 
 OF_THE_WEEK = (
-    *("week", "hero", "where", "cards", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
-    *("change_maps", "small_maps"),
+    *("week", "hero", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
+    *("change_maps", "small_maps", "log"),
 )
 TEMPLATES = [shipped("reports") / "templates" / f"{name}.html.j2" for name in OF_THE_WEEK]
 CALLS = {"say", "say_html"}

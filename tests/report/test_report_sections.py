@@ -25,6 +25,8 @@ from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.forecast import ForecastScore
 
+NIGHT = datetime(2026, 11, 13, 2, tzinfo=sections.ROME)
+
 
 def seen(page: str) -> str:
     """Return the text of a page."""
@@ -200,7 +202,7 @@ def test_a_card_says_how_sure_with_dots_a_word_and_the_reason() -> None:
     assert made.cards[0].reason == "Seen on 7 of 7 days, 96% of hours recorded, positions to 0.31 m."
     assert made.cards[1].reason == "Seen on 1 day of this week, 96% of hours recorded, position error not known."
     assert made.cards[2].reason == "Camera “Aisles” missed 10 hours of its usual hours."
-    assert made.cards[0].when == "Half of it from 11:00 to 18:00, most on Saturday"
+    assert made.cards[0].when == "Half of them from 11:00 to 18:00, most on Saturday"
     assert (made.cards[1].change, made.cards[1].direction) == ("43% fewer than in week 45", "good")
 
 
@@ -210,12 +212,36 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     assert busiest is not None
     assert tested.title == "The two spots that are riskier than the floor"
     assert [c.change for c in tested.cards] == [
-        "Stands out since the four weeks to Sun 25 Oct or longer",
+        "Stands out since Sun 25 Oct or longer",
         "New this week",
     ]
     assert busiest.title == "The three busiest spots"
     assert "fewer than 300 violations" in busiest.sub
     assert "riskier than elsewhere" in render_html(sections.with_tested_spots())
+
+
+# ---- what happened at the site ----
+
+
+def test_the_site_log_stands_once_and_names_the_letters_of_the_charts() -> None:
+    report = sections.complete()
+    report = replace(report, log=(*report.log, m.LogLine(at=NIGHT, kind="detected", text="Camera off")))
+    page = make_page(report)
+    assert page.log_section == "trend"
+    assert [r.label for r in page.log if r.label] == ["A", "B"]
+    assert [r.about for r in page.log if r.text == "Camera off."] == ["Detected, not logged."]
+    texts = [r.text for r in page.log]
+    assert len(texts) == len(set(texts)), "what is marked and logged stands once"
+    assert render_html(report).count(">Logged at the site<") == 1
+
+
+def test_without_charts_the_log_is_part_of_what_changed() -> None:
+    report = weeks.normal()
+    page = make_page(report)
+    assert page.log_section == "changed"
+    assert [(r.label, r.text) for r in page.log] == [("", line.text) for line in report.log]
+    section = render_html(report).split('id="changed"')[1].split("</section>")[0]
+    assert "Logged at the site" in section
 
 
 # ---- readings ----
@@ -296,20 +322,25 @@ def test_what_hardly_moved_is_not_explained() -> None:
 def test_a_redesign_is_told_with_its_range_its_people_and_what_must_hold() -> None:
     table = more_view.redesigns(sections.complete())
     assert table is not None
-    often, row = table.rows
-    assert (often.words, often.detail) == ("Clear fall, −27%", "likely −39% to −12%")
-    assert often.sub == "Checkout queue, Wed 7 Oct. Violations per open hour"
+    head, often, row = table.rows
+    assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
+    assert (often.name, often.words, often.detail) == (
+        "Violations per open hour",
+        "Clear fall, −27%",
+        "likely −39% to −12%",
+    )
     assert (row.name, row.words, row.detail) == (
         "Violations per person-hour",
         "Clear fall, −31%",
         "likely −42% to −18%",
     )
-    assert row.note.startswith(
-        "Beside End of aisle 2 and Pharmacy counter, 4 weeks before and after. People there: 4% more."
+    assert head.note.startswith(
+        "Checkout queue, Wed 7 Oct. Beside End of aisle 2 and Pharmacy counter, 4 weeks before and after. "
+        "People there: 4% more."
     )
-    assert "What speaks against it: another entry" in row.note
+    assert "What speaks against it: another entry" in head.note
     assumed, refused = table.notes
-    assert "only if without the change, the areas would have moved alike" in assumed
+    assert "only if its area and those beside it would otherwise have moved alike" in assumed
     assert refused == "Main entrance: not yet told. Needs a whole week after the change, and 1 day is stored."
 
 

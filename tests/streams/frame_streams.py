@@ -128,7 +128,7 @@ def deliver(
 
 
 def fact_rows(site: Site) -> dict[str, bytes]:
-    """Return every fact file of an hour or UTC day, by fact, date and hour, as the bytes of a Parquet file of its rows alone.
+    """Return every fact file of an hour or UTC day, by name, as the bytes of a Parquet file of its rows alone.
 
     What a file notes besides (its fingerprint and the hashes of the parts it was computed from) is left out: the same
     records in other parts have other hashes.

@@ -48,6 +48,8 @@ def build(
     and from any web server. Reports that do not lie below the index are copied beside it, into a folder for each
     project. Weeks stay listed when their records are purged. What cannot be listed is named, with exit code 1.
 
+    A page written without its twin (vsd report alone) gets one if the records still give the very same page.
+
     \b
     Example:
       vsd site build --make --open
@@ -63,12 +65,13 @@ def build(
     sources = sources_of(named or [project.root])
     if out is None and len(sources) > 1:
         raise UsageError("several projects need a folder for their index", mend="--out public")
-    if is_made:
-        for source in sources:
-            if (source.folder / "vsd.toml").is_file():
-                inner = Project(
-                    folder=str(source.folder), now_text=project.now_text, quiet=project.quiet, verbose=project.verbose
-                )
+    for source in sources:
+        if (source.folder / "vsd.toml").is_file():
+            inner = Project(
+                folder=str(source.folder), now_text=project.now_text, quiet=project.quiet, verbose=project.verbose
+            )
+            make_twins(inner)
+            if is_made:
                 make_missing(inner)
     target = out if out is not None else sources[0].reports
     shelf = gather(sources, target)
@@ -96,6 +99,53 @@ def build(
     if is_opened:
         click.launch(str(path))
     return 1 if problems else 0
+
+
+def make_twins(project: Project) -> list[Path]:
+    """Write the twins of pages that have none, where the records still give the same page to the last byte.
+
+    Any other page keeps its place without figures: a twin made of other data than the page would contradict it.
+
+    Args:
+        project: A project with a vsd.toml.
+
+    Returns:
+        The twins written.
+    """
+    from vsd_analytics.errors import VsdError
+    from vsd_analytics.index.read import STEM, files_in, kind_of
+
+    folder = project.root / "reports"
+    names = files_in(folder)
+    lacking = [n.removesuffix(".html") for n in names if kind_of(n) == "report" and n.endswith(".html")]
+    written = []
+    for stem in (s for s in lacking if f"{s}.json" not in names):
+        found = STEM.fullmatch(stem)
+        try:
+            twin = _twin_of(project, stem, floor_id=found["floor"] if found else None)
+        except VsdError:
+            continue  # its records are gone, or its floor: named with the other pages without figures
+        if twin is not None:
+            written.append(twin)
+            project.say(f"{twin.name}: the figures of {stem}.html")
+    return written
+
+
+def _twin_of(project: Project, stem: str, *, floor_id: str | None) -> Path | None:
+    from vsd_analytics.cli.report_formats import ReportFiles
+    from vsd_analytics.cli.reports import make_reports
+    from vsd_analytics.store.durable import publish
+
+    floors = [f.floor_id for f in project.site.floors]
+    if (floor_id is None) != (len(floors) == 1) or floor_id not in (None, *floors):
+        return None
+    (report,) = make_reports(project, week=stem[:8], floor_id=floor_id)
+    files = ReportFiles(report, project.site, is_only=len(floors) == 1)
+    folder = project.root / "reports"
+    if files.of("html")[f"{stem}.html"] != (folder / f"{stem}.html").read_bytes():
+        return None
+    publish(folder / f"{stem}.json", files.of("json")[f"{stem}.json"])
+    return folder / f"{stem}.json"
 
 
 def make_missing(project: Project) -> list[Path]:

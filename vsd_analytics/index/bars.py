@@ -17,6 +17,7 @@ from markupsafe import Markup
 from vsd_analytics.index.read import Twin
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.svg import HATCH, INK, MUTED, el
+from vsd_analytics.report.wording import say
 
 STEP, WIDTH, HEIGHT = 16, 12, 36
 NOW: Final = "#e76f3f"
@@ -41,13 +42,13 @@ def said(twin: Twin | None) -> str:
     """Return a week's figure, or why there is none, for the table and for those who do not see the bars."""
     match bar_kind(twin):
         case "absent":
-            return "no report"
+            return say("index.no_report")
         case "no_data":
-            return "no data"
+            return say("index.no_data")
         case "unknown":
-            return "no figure"
+            return say("index.no_figure")
         case "rough":
-            return f"about {fmt.number(twin.level.often.value if twin else None)}"
+            return say("index.about", rate=fmt.number(twin.level.often.value if twin else None))
         case _:
             return fmt.number(twin.level.often.value if twin else None)
 
@@ -102,6 +103,7 @@ def _bar(twin: Twin | None, *, x: float, largest: float, is_now: bool) -> Markup
     if kind == "rough":
         inner = {"x": x + 0.5, "y": HEIGHT - height + 0.5, "width": WIDTH - 1, "height": height - 1}
         colour = NOW if is_now else MUTED
-        name = "wkr now" if is_now else "wkr"
-        return el("rect", class_=name, fill="none", stroke=colour, stroke_dasharray="2 2", **inner)
+        return el(
+            "rect", class_="wkr now" if is_now else "wkr", fill="none", stroke=colour, stroke_dasharray="2 2", **inner
+        )
     return el("rect", class_="wkn" if is_now else "wkb", fill=NOW if is_now else HATCH, **place)

@@ -14,10 +14,10 @@ from vsd_analytics.index.floors import Floor, Standing, standing, verdict_of
 from vsd_analytics.index.read import Twin
 from vsd_analytics.report import format as fmt
 from vsd_analytics.report.model import Span
+from vsd_analytics.report.wording import say
+from vsd_analytics.report.words import capital, sentence, verdict_words
 
-_NUMBERS: Final = (
-    *("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"),
-)
+_NUMBERS: Final = tuple(say("index.numbers").split())
 NAMED: Final = 3
 """Floors a sentence names; the others are counted."""
 _CHANGED: Final = frozenset[Standing]({"fall", "rise"})
@@ -39,21 +39,21 @@ def headline(floors: Sequence[Floor], monday: date) -> str:
     n_changed, n_unchanged = (sum(s in kind for s in found) for kind in (_CHANGED, _UNCHANGED))
     n_unknown = len(found) - n_changed - n_unchanged
     if all(s in _WITHOUT_DATA for s in found):
-        return "No floor has data for this week"
+        return say("index.headline.no_data")
     if n_unknown == len(found):
-        return "No floor can be compared with the week before"
+        return say("index.headline.nothing_compared")
     if all(s == "none" for s in found):
-        return "No violations were recorded on any floor"
+        return say("index.headline.none")
     if n_changed == len(found):
-        return f"{'Both' if n_changed == 2 else f'All {in_words(n_changed)}'} floors changed clearly this week"
-    parts = [f"{in_words(n_changed)} {'floor' if n_changed < 2 else 'floors'} changed clearly"]
+        return say("index.headline.both" if n_changed == 2 else "index.headline.all", n=in_words(n_changed))
+    is_all = not n_unknown and not (n_changed and n_unchanged)
+    n, plural = in_words(n_changed), max(n_changed, 1)
+    parts = [say("index.headline.changed_this_week" if is_all else "index.headline.changed", plural=plural, n=n)]
     if n_changed and n_unchanged:
-        parts.append(f"{in_words(n_unchanged)} did not")
+        parts.append(say("index.headline.did_not", n=in_words(n_unchanged)))
     if n_unknown:
-        parts.append(f"{in_words(n_unknown)} cannot be compared")
-    if len(parts) == 1:
-        parts[0] += " this week"
-    return _capital("; ".join(parts))
+        parts.append(say("index.headline.not_compared", n=in_words(n_unknown)))
+    return capital("; ".join(parts))
 
 
 def lead(floors: Sequence[Floor], monday: date) -> tuple[Span, ...]:
@@ -65,12 +65,12 @@ def lead(floors: Sequence[Floor], monday: date) -> tuple[Span, ...]:
     if only is not None:
         return only.story.lead
     said = [(f, standing(f.twin(monday))) for f in floors]
-    spans = [Span(text=f"{_capital(_places(floors))}.")]
+    spans = [Span(text=sentence(_places(floors)))]
     changed = [(f, t) for f, s in said if s in _CHANGED and (t := f.twin(monday)) is not None]
     for floor, twin in changed[:NAMED]:
         spans += [Span(text=" "), Span(text=f"{floor.full_name}:", is_strong=True), Span(text=f" {_change(twin)}.")]
     if len(changed) > NAMED:
-        spans.append(Span(text=f" {_capital(in_words(len(changed) - NAMED))} more changed clearly."))
+        spans += [Span(text=" "), Span(text=capital(say("index.more_changed", n=in_words(len(changed) - NAMED))))]
     return (*spans, *(Span(text=f" {text}") for text in _lacking(said)))
 
 
@@ -81,36 +81,41 @@ def week_line(floors: Sequence[Floor], monday: date) -> str:
         return "" if only is None else only.story.headline.strip().rstrip(".")
     there = [(f, t, standing(t)) for f in floors if (t := f.twin(monday)) is not None]
     told = [
-        f"{f.full_name}: {'clear fall' if s == 'fall' else 'clear rise'}, {fmt.signed(t.level.often.change)}"
+        say(
+            "index.changed",
+            floor=f.full_name,
+            verdict=_small(verdict_words(t.level.often)),
+            change=fmt.signed(t.level.often.change),
+        )
         for f, t, s in there
         if s in _CHANGED
     ]
     told += [f"{f.full_name}: {short_reason(t)}" for f, t, s in there if s in ("no_data", "incomplete")]
     if told:
         rest = len(told) - NAMED
-        return "; ".join(told[:NAMED]) + (f"; and {in_words(rest)} more" if rest > 0 else "")
+        return _and_more("; ".join(told[:NAMED]), rest)
     if there and all(s == "none" for _, _, s in there):
-        return "No violations were recorded on any floor"
+        return say("index.headline.none")
     if any(s in _UNCHANGED for _, _, s in there):
-        return "No clear change on any floor"
-    return "Nothing could be compared" if there else ""
+        return say("index.no_change")
+    return say("index.nothing_compared") if there else ""
 
 
 def short_reason(twin: Twin) -> str:
     """Return in a few words what an abnormal week is: no data, 38% of open hours recorded, first week."""
     match twin.state:
         case "no_data":
-            return "no data"
+            return say("index.no_data")
         case "too_incomplete":
-            return f"{fmt.percent(twin.coverage.share)} of open hours recorded"
+            return say("index.recorded", share=fmt.percent(twin.coverage.share))
         case "first_week":
-            return "first week"
+            return say("index.first_week")
         case "settings_changed":
-            return "a setting changed"
+            return say("index.setting_changed")
         case "empty":
-            return "no violations"
+            return say("index.no_violations")
         case _:
-            return "not compared" if verdict_of(twin.level.often) is None else ""
+            return say("index.not_compared") if verdict_of(twin.level.often) is None else ""
 
 
 def in_words(n: int) -> str:
@@ -125,14 +130,15 @@ def in_words(n: int) -> str:
 
 def _places(floors: Sequence[Floor]) -> str:
     n_sites = len({(f.key.project, f.key.site_id) for f in floors})
-    where = "one site" if n_sites == 1 else f"{in_words(n_sites)} sites"
-    return f"{in_words(len(floors))} floors at {where}"
+    return say("index.places", plural=n_sites, floors=in_words(len(floors)), sites=in_words(n_sites))
 
 
 def _change(twin: Twin) -> str:
     often = twin.level.often
     likely = fmt.likely_change(often)
-    return f"{fmt.fewer_more(often.change)} violations in an open hour{f' ({likely})' if likely else ''}"
+    if likely:
+        return say("index.change_likely", change=fmt.fewer_more(often.change), likely=likely)
+    return say("index.change", change=fmt.fewer_more(often.change))
 
 
 def _lacking(said: Iterable[tuple[Floor, Standing]]) -> list[str]:
@@ -140,19 +146,18 @@ def _lacking(said: Iterable[tuple[Floor, Standing]]) -> list[str]:
     by_kind: dict[Standing, list[str]] = {}
     for floor, found in said:
         by_kind.setdefault(found, []).append(floor.full_name)
-    forms: tuple[tuple[Standing, str], ...] = (
-        ("no_data", "No data from {}."),
-        ("incomplete", "Too incomplete to compare: {}."),
-        ("absent", "No report of this week: {}."),
-    )
-    return [form.format(_some(by_kind[kind])) for kind, form in forms if kind in by_kind]
+    kinds: tuple[Standing, ...] = ("no_data", "incomplete", "absent")
+    return [say(f"index.lacking.{kind}", floors=_some(by_kind[kind])) for kind in kinds if kind in by_kind]
 
 
 def _some(names: list[str]) -> str:
     """Return the names, those beyond the first three counted."""
-    rest = len(names) - NAMED
-    return "; ".join(names[:NAMED]) + (f"; and {in_words(rest)} more" if rest > 0 else "")
+    return _and_more("; ".join(names[:NAMED]), len(names) - NAMED)
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
+def _and_more(text: str, n_more: int) -> str:
+    return say("index.and_more", text=text, n=in_words(n_more)) if n_more > 0 else text
+
+
+def _small(text: str) -> str:
+    return text[:1].lower() + text[1:]

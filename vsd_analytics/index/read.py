@@ -291,6 +291,6 @@ def _without_figures(page: Path) -> VsdError:
         "a page has no twin, so that it is listed without its figures",
         code="W513",
         where=Where(str(page)),
-        why=f"{page.stem}.json is missing, and the index takes no figure from anywhere else",
-        mend=f"vsd report --week {page.stem[:8]} --format html,json, or vsd site build --make",
+        why=f"{page.stem}.json is missing, and the records of today would give another page or none",
+        mend=f"vsd report --week {page.stem[:8]} --format html,json",
     )

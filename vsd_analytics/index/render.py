@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from datetime import date, datetime, timedelta
+from functools import reduce
 
 from markupsafe import Markup
 
@@ -19,9 +20,10 @@ from vsd_analytics.report import format as fmt
 from vsd_analytics.report import words
 from vsd_analytics.report.model import LogLine, Span, Verdict
 from vsd_analytics.report.render import css_string, environment, shipped_style
+from vsd_analytics.report.wording import say
 
 LONGEST_NOTE = 110
-LINKS = {"report": "Report", "pdf": "PDF", "planner": "Planner", "twin": "JSON"}
+LINKS = ("report", "pdf", "planner", "twin")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +84,7 @@ class WeekLine:
     """One earlier week.
 
     Attributes:
-        name: Week 45.
+        name: Week 45, with a capital.
         monday: First day.
         span: 2 to 8 November 2026.
         text: What it amounts to.
@@ -184,16 +186,16 @@ def make_index(found: Catalogue) -> Index:
     shown = [t for f in found.floors for _, t in f.window(latest or f.latest)]
     newest = max(twins, key=lambda t: (t.generated_at, t.site.site_id, t.site.floor_id, t.week.iso), default=None)
     week = "" if latest is None else _week_name(latest)
-    said = "Reports without figures" if latest is None else headline(found.floors, latest)
-    title = f"Distancing reports, {week[:1].lower() + week[1:]}: {said}" if week else "Distancing reports"
-    style = _style(title.partition(":")[0])
+    said = say("index.without_figures") if latest is None else headline(found.floors, latest)
+    footer = say("index.name_week", week=week) if week else say("index.name")
+    style = _style(footer)
     window = [latest - timedelta(weeks=k) for k in reversed(range(10))] if latest is not None else []
     n_made_up = sum(t.provenance.is_made_up for t in twins)
     return Index(
         style=Markup(style),
         style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
-        title=title,
-        week=week or None,
+        title=say("index.title", name=footer, headline=said) if week else footer,
+        week=words.capital(week) or None,
         monday=latest,
         sunday=latest + timedelta(days=6) if latest is not None else None,
         span=fmt.date_span(latest, latest + timedelta(days=6)) if latest is not None else ("", ""),
@@ -207,7 +209,7 @@ def make_index(found: Catalogue) -> Index:
         rule=_rule(shown),
         min_coverage=_distinct(fmt.percent(t.rules.min_coverage) for t in shown if t is not None),
         years=_years(found),
-        tag="" if not n_made_up else "Made-up data" if n_made_up == len(twins) else "Partly made-up data",
+        tag="" if not n_made_up else say("page.made_up") if n_made_up == len(twins) else say("index.partly_made_up"),
         as_of=newest.generated_at if newest is not None else None,
         zone=newest.week.zone if newest is not None else "",
         versions=tuple(sorted({t.provenance.version for t in twins})),
@@ -225,21 +227,20 @@ def _row(floor: Floor, latest: date) -> Row:
     share = twin.coverage.share
     often = twin.level.often
     is_current = monday == latest
-    about = "about " if bars.bar_kind(twin) == "rough" else ""
     return Row(
         site=floor.site_name,
         floor=floor.name,
         link=next(iter(_links(entry, floor.full_name, only="report")), None),
-        week="" if is_current else f"Last report: {_week_name(monday)[:1].lower()}{_week_name(monday)[1:]}",
-        rate=f"{about}{fmt.number(often.value)}",
-        risk=f"{fmt.number(risky.value)} per person-hour" if risky.value is not None and risky.state == "ok" else "",
-        bars=bars.bars(window, label=f"{_phrase([m for m, _ in window])}: {', '.join(weeks)}"),
+        week="" if is_current else say("index.last_report", week=_week_name(monday)),
+        rate=bars.said(twin) if bars.bar_kind(twin) == "rough" else fmt.number(often.value),
+        risk=say("index.risk", rate=fmt.number(risky.value)) if risky.value is not None and risky.state == "ok" else "",
+        bars=bars.bars(window, label=say("index.bars", weeks=_phrase([m for m, _ in window]), said=", ".join(weeks))),
         verdict=_verdict(twin),
         direction=words.direction(_clear(twin)),
         details=tuple(d for d in (_why(twin), _note(twin)) if d),
         recorded=fmt.percent_short(share),
         is_low=twin.state in ("no_data", "too_incomplete"),
-        links=tuple(_links(entry, f"{floor.full_name}, {_week_name(monday)}")),
+        links=tuple(_links(entry, say("index.whose", floor=floor.full_name, week=_week_name(monday)))),
         weeks=weeks,
     )
 
@@ -252,22 +253,22 @@ def _verdict(twin: Twin) -> str:
     often = twin.level.often
     match standing(twin):
         case "no_data":
-            return "No data"
+            return words.capital(say("index.no_data"))
         case "incomplete":
-            return "Too incomplete to compare"
+            return say("index.too_incomplete")
         case "none":
-            return "No violations"
+            return words.capital(say("index.no_violations"))
         case "fall" | "rise":
-            return f"{words.verdict_words(often)}, {fmt.signed(often.change)}"
+            return say("index.verdict", verdict=words.verdict_words(often), change=fmt.signed(often.change))
         case "same":
             return words.verdict_words(often)
     match twin.state:
         case "first_week":
-            return "First week"
+            return words.capital(say("index.first_week"))
         case "settings_changed":
-            return "A setting changed"
+            return words.capital(say("index.setting_changed"))
         case _:
-            return "Not measurable" if often.state == "not_measurable" else "Too little data"
+            return say("tiles.not_measurable" if often.state == "not_measurable" else "words.too_little_data")
 
 
 def _why(twin: Twin) -> str:
@@ -276,16 +277,16 @@ def _why(twin: Twin) -> str:
         return fmt.likely_signed(often)
     match twin.state:
         case "no_data":
-            return "Nothing was received"
+            return say("index.nothing_received")
         case "too_incomplete":
-            return f"below {fmt.percent(twin.rules.min_coverage)} of open hours recorded"
+            return say("index.below", share=fmt.percent(twin.rules.min_coverage))
         case "first_week":
-            return "comparisons start with the next"
+            return say("index.starts_next")
         case "settings_changed" if twin.settings_change is not None:
             change = twin.settings_change
-            return _shortened(f"{change.name}: {change.before}, then {change.after}")
+            return _shortened(say("index.setting", name=change.name, before=change.before, after=change.after))
         case "empty" if twin.coverage.seen_h is not None:
-            return f"people were seen in {fmt.hours(twin.coverage.seen_h)}"
+            return say("index.people_seen", hours=fmt.hours(twin.coverage.seen_h))
         case _:
             return _shortened(often.reason or "")
 
@@ -295,13 +296,14 @@ def _note(twin: Twin) -> str:
     entries = _entries(twin)
     if entries:
         about_areas = [e for e in entries if e.area_id is not None]
-        return _shortened(f"Logged: {(about_areas or entries)[-1].text.strip()}")
+        return _shortened(say("index.logged", text=(about_areas or entries)[-1].text.strip()))
     spot, hour = twin.busiest_spot, twin.busiest_hour
     if spot is None:
         return ""
-    return _shortened(f"Busiest: {spot.name}") + (
-        f", {fmt.day_short(hour.start.date())} {fmt.clock(hour.start)}" if hour is not None else ""
-    )
+    busiest = _shortened(say("index.busiest", area=spot.name))
+    if hour is None:
+        return busiest
+    return say("index.busiest_at", busiest=busiest, day=fmt.day_short(hour.start.date()), clock=fmt.clock(hour.start))
 
 
 def _entries(twin: Twin) -> list[LogLine]:
@@ -315,14 +317,15 @@ def _logged(found: Catalogue, monday: date) -> Iterator[str]:
         twin = floor.twin(monday)
         texts = [e.text.strip() for e in _entries(twin) if e.area_id is not None] if twin is not None else []
         if texts:
-            whose = f"{floor.full_name}: " if len(found.floors) > 1 else ""
-            yield _shortened(f"Logged: {whose}{texts[-1]}")
+            is_one = len(found.floors) == 1
+            text = texts[-1] if is_one else say("index.logged_at", floor=floor.full_name, text=texts[-1])
+            yield _shortened(say("index.logged", text=text))
 
 
 def _links(entry: Entry, whose: str, *, only: str | None = None) -> Iterable[Link]:
-    for kind, text in LINKS.items():
+    for kind in LINKS:
         if kind in entry.links and only in (None, kind):
-            yield Link(text=text, address=entry.links[kind], name=whose)
+            yield Link(text=say(f"index.links.{kind}"), address=entry.links[kind], name=whose)
 
 
 def _years(found: Catalogue) -> tuple[Year, ...]:
@@ -343,13 +346,13 @@ def _week_line(found: Catalogue, monday: date) -> WeekLine:
     pages = [p for p in found.pages_of(monday) if "report" in p.links]
     for page in pages:
         link = Link(text=page.stem, address=page.links["report"], name=page.project)
-        sites.setdefault("Page without figures", []).append(link)
+        sites.setdefault(say("index.page_without_figures"), []).append(link)
     is_only = len(found.floors) == 1 and not pages
     return WeekLine(
-        name=f"Week {monday.isocalendar().week}",
+        name=words.capital(say("words.week", number=monday.isocalendar().week)),
         monday=monday,
         span=_short_span(monday),
-        text=week_line(found.floors, monday) or ("Only the page is left" if pages else ""),
+        text=week_line(found.floors, monday) or (say("index.only_the_page") if pages else ""),
         logged=tuple(_logged(found, monday)),
         only=next((links[0] for links in sites.values()), None) if is_only else None,
         sites=() if is_only else tuple((site, tuple(links)) for site, links in sites.items()),
@@ -358,18 +361,18 @@ def _week_line(found: Catalogue, monday: date) -> WeekLine:
 
 def _week_name(monday: date) -> str:
     iso = monday.isocalendar()
-    return f"Week {iso.week}, {iso.year}"
+    return say("words.week_year", number=iso.week, year=iso.year)
 
 
 def _short_week(monday: date) -> str:
-    return f"W{monday.isocalendar().week}"
+    return say("index.week_short", number=monday.isocalendar().week)
 
 
 def _short_span(monday: date) -> str:
     sunday = monday + timedelta(days=6)
-    month = fmt.MONTHS[monday.month - 1][:3]
+    month, last = (fmt.MONTHS[day.month - 1][:3] for day in (monday, sunday))
     first = f"{monday.day} {month}" if monday.month != sunday.month else f"{monday.day}"
-    return f"{first} to {sunday.day} {fmt.MONTHS[sunday.month - 1][:3]}"
+    return say("index.span", first=first, last=f"{sunday.day} {last}")
 
 
 def _phrase(window: Sequence[date]) -> str:
@@ -378,8 +381,8 @@ def _phrase(window: Sequence[date]) -> str:
         return ""
     first, last = (m.isocalendar() for m in (window[0], window[-1]))
     if first.year == last.year:
-        return f"Weeks {first.week} to {last.week}"
-    return f"Week {first.week}, {first.year} to week {last.week}, {last.year}"
+        return say("index.weeks", first=first.week, last=last.week)
+    return words.capital(say("index.span", first=_week_name(window[0]), last=_week_name(window[-1])))
 
 
 def _rule(shown: Iterable[Twin | None]) -> str:
@@ -387,12 +390,13 @@ def _rule(shown: Iterable[Twin | None]) -> str:
     rules = [t.rules for t in shown if t is not None]
     distances = _distinct(fmt.metres_unbroken(r.distance_m) for r in rules)
     times = _distinct(fmt.seconds(r.episode_min_s) for r in rules)
-    return f"two people closer than {distances} for at least {times}" if rules else ""
+    return say("index.rule", distance=distances, time=times) if rules else ""
 
 
 def _distinct(texts: Iterable[str]) -> str:
     """Return different texts in order, joined by "or"."""
-    return " or ".join(dict.fromkeys(texts))
+    found = dict.fromkeys(texts)
+    return reduce(lambda first, last: say("index.or", first=first, last=last), found) if found else ""
 
 
 def _shortened(text: str) -> str:

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.analysis.maps import ExcessMap, excess_map
-from vsd_analytics.analysis.panels import Flags, positions
+from vsd_analytics.analysis.panels import Flags, Period, positions
 from vsd_analytics.planner.fives import in_fives
 from vsd_analytics.report.model_map import Extent
 from vsd_analytics.report.weekdata import WeekData
-from vsd_analytics.warehouse.warehouse import Warehouse
 
 Ints = NDArray[np.int64]
 SQUARE_M: Final = 1.0
@@ -95,7 +94,7 @@ def grid_of(extent: Extent) -> CellGrid | None:
 
 def week_cells(
     data: WeekData,
-    warehouse: Warehouse,
+    period: Period,
     *,
     slots: Ints,
     used: Flags,
@@ -108,7 +107,7 @@ def week_cells(
 
     Args:
         data: The floor.
-        warehouse: Opened over the week alone.
+        period: The week.
         slots: Which of the floor's hours are the week's open ones, rising.
         used: Camera-hours that take part, shape (n_cameras, n_slots).
         shared: Those of them that are compared with the other week, same shape; small counts stay on their side.
@@ -117,12 +116,13 @@ def week_cells(
         below: Counts from 1 to just under this are put together.
     """
     x0, y0, x1, y1 = (end / CELL_M for end in extent)
-    rows = warehouse.table(
+    rows = data.warehouse.table(
         "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, n_violations, n_tracks, exposure_ms, "
-        "violation_ms from planner_cells where floor_id = $floor "
+        "violation_ms from planner_cells where floor_id = $floor and hour_start_ms between $from and $to "
         "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
         {
             "floor": data.floor.floor_id,
+            **_from_to(data, slots),
             **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
         },
     )
@@ -140,7 +140,7 @@ def week_cells(
     unit_ms = _unit(*times)
     return WeekCells(
         violations=_given(keys[:, is_able], [n[is_able]], grid=grid, across=n_across, below=below),
-        fine=_fine(data, warehouse, slots=slots, used=used, extent=extent, grid=grid, below=below),
+        fine=_fine(data, slots=slots, used=used, extent=extent, grid=grid, below=below),
         time=_given(
             keys[:, stood],
             [np.maximum(tracks, 1)[stood], *(_rounded(v[stood], unit_ms) for v in times)],
@@ -150,18 +150,23 @@ def week_cells(
             is_square=True,
         ),
         unit_ms=unit_ms,
-        excess=excess_map(warehouse, floor=data.floor),
+        excess=excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last),
     )
 
 
-def _fine(
-    data: WeekData, warehouse: Warehouse, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int
-) -> Ints:
+def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:
+    """Return the UTC instants of the first and the last of some hours; no hour lies between those of none."""
+    start_ms = data.hours.start_ms[slots]
+    return {"from": int(start_ms[0]), "to": int(start_ms[-1])} if slots.size else {"from": 1, "to": 0}
+
+
+def _fine(data: WeekData, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int) -> Ints:
     """Return the week's violations by camera and cell of the report's map; arguments as for `week_cells`."""
-    rows = warehouse.table(
+    rows = data.warehouse.table(
         "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, count(*)::bigint as n from violations "
-        "where floor_id = $floor and is_open and cx is not null group by all order by all",
-        {"floor": data.floor.floor_id},
+        "where floor_id = $floor and hour_start_ms between $from and $to and is_open and cx is not null "
+        "group by all order by all",
+        {"floor": data.floor.floor_id, **_from_to(data, slots)},
     )
     camera = positions(rows["camera_id"], data.ids, otherwise=-1)
     start_ms = data.hours.start_ms[slots]

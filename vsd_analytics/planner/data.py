@@ -6,7 +6,6 @@ here is a rate but the table that a page without script shows.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -28,11 +27,11 @@ from vsd_analytics.report.assemble import MADE_UP_ENGINE
 from vsd_analytics.report.density import FloorGrid
 from vsd_analytics.report.mapping import floor_maps
 from vsd_analytics.report.model import Estimate, FloorMap, WeekRef
+from vsd_analytics.report.wording import say
 from vsd_analytics.site import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
-NO_FLOOR_KNOWN: Final = "nobody was seen on it, or it is too large to draw"
 HISTORY: Final = 5 * WEEK
 """How far back the usual rates of weekdays are taken from (`analysis.panels.HISTORY_WEEKS`)."""
 
@@ -166,23 +165,13 @@ def planner_pages(
     if not floors:
         raise KeyError(floor_id)
     last = max(monday, other) + timedelta(days=6)
-    with contextlib.ExitStack() as stack:
-        warehouse = stack.enter_context(
-            open_warehouse(site, first_day(site, monday, other), last, on_plan=on_plan, on_hours=on_hours)
-        )
+    first = first_day(site, monday, other)
+    with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
         warehouse.keep("episodes", "violations", "camera_hours", "area_hours")
-        weeks = {d: stack.enter_context(open_warehouse(site, d, d + timedelta(days=6))) for d in (monday, other)}
-        return [planner_data(warehouse, floor=f, monday=monday, before=other, weeks=weeks) for f in floors]
+        return [planner_data(warehouse, floor=f, monday=monday, before=other) for f in floors]
 
 
-def planner_data(
-    warehouse: Warehouse,
-    *,
-    floor: Floor,
-    monday: date,
-    before: date,
-    weeks: Mapping[date, Warehouse],
-) -> PlannerData:
+def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: date) -> PlannerData:
     """Return what the page of a floor knows of a week and another.
 
     Args:
@@ -190,11 +179,10 @@ def planner_data(
         floor: The floor.
         monday: First day of the week.
         before: First day of the other week.
-        weeks: Warehouses over each week alone, by first day.
     """
     data = TwoWeeks(warehouse, floor=floor, monday=monday, before=before)
     has_before = bool(data.hours.recorded_s[:, data.week(before)].any())
-    reason = "nothing of the other week is stored"
+    reason = say("planner.no_other_week")
     if has_before:
         _, why = why_not(data.pair)
         reason = why or ""
@@ -205,7 +193,7 @@ def planner_data(
     shown = next((m for m in maps if m.kind != "picture"), None)
     found = spots.hotspots(warehouse, floor_id=floor.floor_id, until=data.sunday)
     made = {
-        day: _week(data, Period(data, day, day + timedelta(days=6)), weeks[day], places=places, shown=shown)
+        day: _week(data, Period(data, day, day + timedelta(days=6)), places=places, shown=shown)
         for day in ([monday, before] if has_before else [monday])
     }
     return PlannerData(
@@ -218,7 +206,7 @@ def planner_data(
         places=places,
         comparable=tuple(bool(c) for c in data.is_comparable[: len(data.ids)]),
         why_not_compared=None if is_compared else reason,
-        why_no_map=None if shown else data.why_no_violations or data.why_no_places or NO_FLOOR_KNOWN,
+        why_no_map=None if shown else data.why_no_violations or data.why_no_places or say("planner.no_floor_known"),
         why_no_violations=data.why_no_violations,
         why_no_exposure=data.why_no_exposure,
         shown=shown,
@@ -251,7 +239,7 @@ def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
 
 def _places(data: TwoWeeks, *, is_compared: bool) -> tuple[PlaceRow, ...]:
     """Return the whole floor, its areas, and the rest of it."""
-    whole = _row(data, "floor", "Whole floor", None, data.whole, is_compared=is_compared)
+    whole = _row(data, "floor", say("planner.whole_floor"), None, data.whole, is_compared=is_compared)
     if not data.areas or data.why_no_violations is not None or data.why_no_places is not None:
         return (whole,)
     rows = [
@@ -279,9 +267,7 @@ def _place(data: TwoWeeks, row: PlaceRow) -> Place:
     return data.area(None if row.area is None else row.area.area_id)
 
 
-def _week(
-    data: TwoWeeks, period: Period, warehouse: Warehouse, *, places: tuple[PlaceRow, ...], shown: FloorMap | None
-) -> PlannerWeek:
+def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown: FloorMap | None) -> PlannerWeek:
     """Return one of the weeks; what may not be printed of it is hidden and empty."""
     below = int(data.site.settings.mask_below)
     held = held_hours(data, period)
@@ -297,7 +283,7 @@ def _week(
         used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
         lying = cells.week_cells(
             data,
-            warehouse,
+            period,
             slots=slots,
             used=used[:, slots],
             shared=shared[:, slots],

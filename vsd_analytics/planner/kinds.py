@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from vsd_analytics.report.wording import say
+
 Kind = Literal["violations", "exposure", "burden", "risk", "excess"]
 
 
@@ -46,33 +48,26 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str) -> tuple[MapKind,
         heat_steps: Steps of the report's map, from the settings.
         distance: The legal distance in words.
     """
-    return (
+    made: tuple[tuple[Kind, str, str, tuple[float, ...]], ...] = (
+        ("violations", "M0", "", heat_steps),
+        ("exposure", "M16", "", EXPOSURE_STEPS),
+        ("burden", "M17", "", BURDEN_STEPS),
+        ("risk", "M18", "%", RISK_STEPS),
+        ("excess", "M19", "", ()),
+    )
+    return tuple(
         MapKind(
-            "violations", "M0", "Violations",
-            "The report's map: where to look first, as most violations happen where the colour is strongest.",
-            "Violations per m² per open hour", "", heat_steps, _two(heat_steps),
-        ),
-        MapKind(
-            "exposure", "M16", "Where people are",
-            "Shows where people spend their time, so that a busy place is not taken for a badly laid out one.",
-            "Person-minutes per m² per open hour", "", EXPOSURE_STEPS, _two(EXPOSURE_STEPS),
-        ),
-        MapKind(
-            "burden", "M17", "Time too close",
-            f"Shows where time within {distance} of somebody adds up: moving or widening such a place saves most.",
-            "Person-seconds in violation per m² per open hour", "", BURDEN_STEPS, _two(BURDEN_STEPS),
-        ),
-        MapKind(
-            "risk", "M18", "Share of time too close",
-            f"Shows how likely a person there is within {distance} of somebody, however many people come by.",
-            "Share of person-time in violation", "%", RISK_STEPS, _two(RISK_STEPS),
-        ),
-        MapKind(
-            "excess", "M19", "More than the crowd explains",
-            "Compares with people mixing by chance: above 1 they queue or stay together, which a layout can change.",
-            "Time in violation over that of random mixing, all recorded hours of the week", "", (), RATIO_STEPS,
-        ),
-    )  # fmt: skip
+            kind,
+            metric,
+            say(f"planner.maps.{kind}.name"),
+            say(f"planner.maps.{kind}.purpose", distance=distance),
+            say(f"planner.maps.{kind}.unit"),
+            suffix,
+            steps,
+            _two(steps) if steps else RATIO_STEPS,
+        )
+        for kind, metric, suffix, steps in made
+    )
 
 
 def _two(steps: tuple[float, ...]) -> tuple[float, float]:
@@ -89,9 +84,11 @@ def legend(kind: MapKind) -> tuple[str, ...]:
 
 def diverging_legend(kind: MapKind) -> tuple[str, str, str, str]:
     """Write the bands of a difference, or of a ratio, from least to most."""
-    low, high = kind.diverging
+    low, high = (f"{step:g}" for step in kind.diverging)
     if kind.kind == "excess":
-        return f"under {1 / high:g}", f"{1 / high:g}–{1 / low:g}", f"{low:g}–{high:g}", f"{high:g}+"
-    more = "points more" if kind.suffix else "more"
-    fewer = "points less" if kind.suffix else "fewer" if kind.kind == "violations" else "less"
-    return f"{high:g}+ {fewer}", f"{low:g}–{high:g} {fewer}", f"{low:g}–{high:g} {more}", f"{high:g}+ {more}"
+        least, less = (f"{1 / step:g}" for step in reversed(kind.diverging))
+        return say("planner.legend.under", high=least), f"{least}–{less}", f"{low}–{high}", f"{high}+"
+    what = "points" if kind.suffix else "count" if kind.kind == "violations" else "amount"
+    two = f"{low}–{high}", f"{high}+"
+    fewer, more = ([say(f"planner.legend.{what}_{way}", n=n) for n in two] for way in ("fewer", "more"))
+    return fewer[1], fewer[0], more[0], more[1]

@@ -54,12 +54,16 @@ def _cell_bytes(week: PlannerWeek, grid: cells.CellGrid | None) -> list[bytes]:
         whole = np.nan_to_num(np.rint(ratio.values * 100) + 1, nan=0.0)
         excess = [varints([n_x, n_y, ORIGIN + ratio.grid.cx, ORIGIN + ratio.grid.cy]), varints(whole)]
     return [
-        *table(lying.violations, grid.n_squares * across**2),
-        *sparse(lying.fine[0] * grid.n_squares * per_square + lying.fine[1], lying.fine[2]),
-        varints([lying.unit_ms]),
-        *table(lying.time, grid.n_squares),
-        *excess,
+        *_part(table(lying.violations, grid.n_squares * across**2)),
+        *_part(sparse(lying.fine[0] * grid.n_squares * per_square + lying.fine[1], lying.fine[2])),
+        *_part([varints([lying.unit_ms]), *table(lying.time, grid.n_squares)]),
+        *_part(excess),
     ]
+
+
+def _part(parts: list[bytes]) -> list[bytes]:
+    """Return bytes with how many they are before them, so that the script reads them when it needs them."""
+    return [varints([sum(map(len, parts))]), *parts]
 
 
 def _walkable_bytes(data: PlannerData) -> list[bytes]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
+import shapely
 from markupsafe import Markup
 
 from vsd_analytics.analysis.hotspots import FloorSpot
@@ -21,23 +20,22 @@ from vsd_analytics.planner import cells, kinds
 from vsd_analytics.planner.data import PlaceRow, PlannerData
 from vsd_analytics.planner.numbers import packed_numbers
 from vsd_analytics.planner.quantiles import few_events, quantiles
+from vsd_analytics.planner.script import script, sentences
 from vsd_analytics.report import format as fmt
+from vsd_analytics.report import wording
 from vsd_analytics.report.frame import Frame, fixtures
-from vsd_analytics.report.model import Estimate
+from vsd_analytics.report.model import Estimate, WeekRef
 from vsd_analytics.report.render import environment, shipped_style
 from vsd_analytics.report.spots import place_name
 from vsd_analytics.report.svg import smooth_path, straight_path
-from vsd_analytics.report.words import verdict_words
-from vsd_analytics.resources import shipped
+from vsd_analytics.report.words import capital, joined, verdict_words
 from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
 from vsd_analytics.version import VERSION
 
-SCRIPTS: Final = ("planner_rates.js", "planner_map.js", "planner_data.js", "planner.js", "planner_start.js")
 UNIT: Final = 100
 """Units of the drawing in a metre of floor."""
 ROUGH_H: Final = 3.0
 """Selections with fewer recorded hours are told to be rough."""
-DAYS: Final = tuple(enumerate(fmt.DAYS))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +60,7 @@ class Drawing:
     bands: tuple[str, ...]
     areas: tuple[str, ...]
     fixtures: tuple[Markup, ...]
-    hotspots: tuple[tuple[str, Label], ...]
+    hotspots: tuple[tuple[str, str, Label], ...]
     labels: tuple[Label, ...]
 
 
@@ -86,6 +84,7 @@ class Page:
 
     data: PlannerData
     title: str
+    week: str
     weeks: tuple[str, ...]
     span: tuple[str, str]
     span_before: tuple[str, str] | None
@@ -99,13 +98,15 @@ class Page:
     legends: dict[str, tuple[str, ...]]
     diverging: dict[str, tuple[str, ...]]
     days: tuple[tuple[int, str], ...]
+    other_week: str | None
     hours: tuple[int, int]
     drawing: Drawing | None
     rows: tuple[FigureRow, ...]
-    spots: tuple[tuple[str, FloorSpot], ...]
+    spots: tuple[tuple[str, str, FloorSpot], ...]
     is_made_up: bool
     mask: int
     distance: str
+    least_time: str
     version: str
 
 
@@ -124,53 +125,59 @@ def _page(data: PlannerData) -> Page:
     site, week = data.site, data.week.ref
     drawing = None if data.shown is None else _drawing(data)
     style = shipped_style("planner.css") + _sizes(drawing)
-    script = _script()
+    code = script()
     refs = [week] + ([data.before.ref] if data.before is not None else [])
-    weeks = tuple(f"Week {r.number}" + (f", {r.year}" if r.year != week.year else "") for r in refs)
+    weeks = tuple(_week_name(r, year=week.year) for r in refs)
     distance = fmt.distance(site.settings.distance_m, site.settings.distance_unit)
     maps = kinds.map_kinds(tuple(site.settings.heat_steps), distance=distance)
     hours = _hours(data)
-    title = f"{site.name}, {data.floor.name}: {' and '.join(weeks[::-1]).lower()}, {week.year}"
-    meta = _meta(data, weeks=weeks, maps=maps, hours=hours, drawing=drawing)
+    title = wording.say(
+        "planner.title", site=site.name, floor=data.floor.name, weeks=joined(weeks[::-1]), year=week.year
+    )
+    meta = _meta(data, weeks=tuple(capital(w) for w in weeks), maps=maps, hours=hours, drawing=drawing)
     return Page(
         data=data,
         title=title,
-        weeks=weeks,
+        week=weeks[0],
+        weeks=tuple(capital(w) for w in weeks),
+        other_week=weeks[1] if len(weeks) > 1 else None,
         span=fmt.date_span(week.monday, week.sunday),
         span_before=None if data.before is None else fmt.date_span(data.before.ref.monday, data.before.ref.sunday),
         style=Markup(style),
         style_hash=_hash(style),
-        script=Markup(script),
-        script_hash=_hash(script),
+        script=Markup(code),
+        script_hash=_hash(code),
         meta=Markup(_json(meta)),
         packed=packed_numbers(data),
         maps=maps,
         legends={m.kind: kinds.legend(m) for m in maps},
         diverging={m.kind: kinds.diverging_legend(m) for m in maps},
-        days=DAYS,
+        days=tuple(enumerate(fmt.DAYS)),
         hours=hours,
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
-        spots=tuple((place_name(s.place), s) for s in data.hotspots.spots),
+        spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
         distance=distance,
+        least_time=fmt.seconds(site.settings.episode_min_s),
         version=VERSION,
     )
 
 
+def _week_name(ref: WeekRef, *, year: int) -> str:
+    """Return week 46; week 52, 2025 where the year is not the page's."""
+    if ref.year == year:
+        return wording.say("words.week", number=ref.number)
+    return wording.say("words.week_year", number=ref.number, year=ref.year)
+
+
+def _spot_id(spot: FloorSpot) -> str:
+    return f"spot:{spot.number}"
+
+
 def _hash(text: str) -> str:
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-@cache
-def _script() -> str:
-    """Return the page's only script: the shipped files one after the other in one scope, without comments' lines."""
-    folder = shipped("reports") / "static"
-    text = "".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    text = re.sub(r"^\s*/\*.*?\*/\s*$", "", text, flags=re.DOTALL | re.MULTILINE)
-    lines = "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
-    return f"(() => {{\n'use strict';\n{lines}}})();\n"
 
 
 def _json(value: Any) -> str:
@@ -201,6 +208,7 @@ def _meta(
     has_cells = [w is not None and w.cells is not None for w in (data.week, data.before)]
     return {
         "file": f"{data.site.site_id}-{data.floor.floor_id}-{data.week.ref.iso}",
+        "words": sentences(),
         "weeks": weeks,
         "hours": hours,
         "cameras": len(data.cameras),
@@ -214,6 +222,7 @@ def _meta(
         "noViolations": data.why_no_violations,
         "noExposure": data.why_no_exposure,
         "places": [_place_meta(data, k, row) for k, row in enumerate(data.places)],
+        "spots": [] if grid is None else [_spot_meta(s, grid) for s in data.hotspots.spots],
         "rules": {
             "minDays": settings.min_days,
             "minExposure": settings.min_exposure_h,
@@ -263,6 +272,16 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     }
 
 
+def _spot_meta(spot: FloorSpot, grid: cells.CellGrid) -> dict[str, Any]:
+    """Return a hotspot as a place of whole squares: those whose middle lies in it."""
+    x, y = np.meshgrid(grid.x0 + np.arange(grid.n_x) + 0.5, grid.y0 + np.arange(grid.n_y) + 0.5)
+    inside = np.zeros(x.shape, dtype=np.bool_)
+    for outer, *holes in spot.place.polygons:
+        inside |= shapely.contains_xy(shapely.Polygon(outer, holes), x, y)
+    name = wording.say("planner.hotspot", number=spot.number, place=place_name(spot.place))
+    return {"id": _spot_id(spot), "name": name, "squares": np.flatnonzero(inside).tolist()}
+
+
 def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
     """Return the report's change, which the page tells where the whole week is selected."""
     if estimate.change is None or estimate.change_lo is None or estimate.verdict is None:
@@ -272,7 +291,7 @@ def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
         "theta": 1 + estimate.change,
         "lo": 1 + estimate.change_lo,
         "hi": None if hi is None else 1 + hi,
-        "verdict": estimate.verdict.replace("_", " "),
+        "verdict": estimate.verdict,
     }
 
 
@@ -315,7 +334,7 @@ def _drawing(data: PlannerData) -> Drawing:
     for spot in data.hotspots.spots:
         x, y = frame.at((spot.place.x_m, spot.place.y_m))
         outline = straight_path(frame.rings(spot.place.polygons))
-        spots.append((outline, Label(text=str(spot.number), x=round(x), y=round(y))))
+        spots.append((_spot_id(spot), outline, Label(text=str(spot.number), x=round(x), y=round(y))))
     labels = []
     for area in shown.areas:
         ring = frame.ring(area.ring)
@@ -342,4 +361,5 @@ def _sizes(drawing: Drawing | None) -> str:
     if drawing is None:
         return ""
     w, h = drawing.width, drawing.height
-    return f"#plan{{--u:{w / 900:.3f}}}.map{{aspect-ratio:{w}/{h};max-width:min(100%,calc(84vh*{w / h:.4f}))}}\n"
+    shape = f"aspect-ratio:{w}/{h};max-width:min(100%,calc(var(--tall)*{w / h:.4f}))"
+    return f"#plan{{--u:{w / 900:.3f}}}.map{{{shape}}}\n"

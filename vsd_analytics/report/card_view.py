@@ -24,13 +24,14 @@ class Card:
         value, unit: Its figure.
         change: What became of it, in words.
         direction: good, bad or same; colours that.
-        notes: Further lines: range, excess, since when.
+        notes: Further lines: excess.
+        area: How often in its area, where the figure above is not that.
         when: When it is busy.
         dots: For each of three dots, whether it is full.
         sure: high, medium or low, in words.
         reason: Why.
         ask: What to ask about the room.
-        picture: The empty scene with the spot's bands; empty for none.
+        picture: What stands around the spot, with its bands; empty for none.
     """
 
     number: int
@@ -40,6 +41,7 @@ class Card:
     change: str
     direction: str
     notes: tuple[str, ...]
+    area: str
     when: str
     dots: tuple[bool, ...]
     sure: str
@@ -56,7 +58,7 @@ class Cards:
         title: What the spots are.
         sub: How they were chosen.
         cards: At most three.
-        has_pictures: True when a card has one.
+        has_pictures: True when a card has one of a camera.
     """
 
     title: str
@@ -81,11 +83,13 @@ def cards(report: WeekReport) -> Cards | None:
         why = (found.reason or "").rstrip(".")
         sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
     made = tuple(_card(c, report) for c in found.cards)
-    return Cards(title=title, sub=sub, cards=made, has_pictures=any(c.picture for c in made))
+    return Cards(
+        title=title, sub=sub, cards=made, has_pictures=any(p.camera_name is not None for p in report.spot_pictures)
+    )
 
 
 def _card(card: SpotCard, report: WeekReport) -> Card:
-    value, unit, notes = _figures(card, report)
+    value, unit, notes, area = _figures(card, report)
     change, direction = _change(card.often, report) if card.ratio is None else _since(card)
     evidence = card.evidence
     level = {"high": 3, "medium": 2, "low": 1}.get(evidence.sureness if evidence is not None else "", 0)
@@ -97,29 +101,30 @@ def _card(card: SpotCard, report: WeekReport) -> Card:
         change=change,
         direction=direction,
         notes=notes,
+        area=area,
         when=_when(card.usual),
         dots=tuple(i < level for i in range(N_DOTS)),
         sure=say(f"spots.{evidence.sureness}") if evidence is not None else "",
         reason=_reason(evidence, report) if evidence is not None else "",
         ask=card.ask,
-        picture=_picture(card, report),
+        picture=spot_scene(report, card.number),
     )
 
 
-def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, ...]]:
+def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, ...], str]:
     often = card.often
     if card.ratio is None:
-        return fmt.number(often.value if often is not None else None), say("spots.rate_unit"), ()
-    notes = []
+        return fmt.number(often.value if often is not None else None), say("spots.rate_unit"), (), ""
+    unit, notes, area = say("spots.ratio_unit"), [], ""
     if card.ratio.lo is not None and card.ratio.hi is not None:
-        notes.append(say("spots.ratio_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi)))
+        unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
     if card.excess_per_week is not None:
         notes.append(say("spots.excess", n=fmt.count(card.excess_per_week)))
     if often is not None and often.value is not None:
         change, _ = _change(often, report, within=True)
         key = "spots.area_rate_change" if change else "spots.area_rate"
-        notes.append(say(key, rate=fmt.number(often.value), change=change))
-    return fmt.number(card.ratio.value), say("spots.ratio_unit"), tuple(notes)
+        area = say(key, rate=fmt.number(often.value), change=change)
+    return fmt.number(card.ratio.value), unit, tuple(notes), area
 
 
 def _since(card: SpotCard) -> tuple[str, str]:
@@ -168,9 +173,20 @@ def _reason(evidence: Evidence, report: WeekReport) -> str:
     return words.sentence(", ".join(parts))
 
 
-def _picture(card: SpotCard, report: WeekReport) -> Markup:
-    found = next((p for p in report.spot_pictures if p.number == card.number), None)
-    if found is None:
+def spot_scene(report: WeekReport, number: int, *, is_alone: bool = False) -> Markup:
+    """Draw what stands around a numbered spot; empty without a picture of it.
+
+    Args:
+        report: The report.
+        number: Number of the spot.
+        is_alone: The drawing carries the plan itself and can be taken from the page.
+    """
+    found = next((p for p in report.spot_pictures if p.number == number), None)
+    floor = next((m for m in report.maps if m.kind != "picture"), None)
+    if found is None or floor is None:
         return Markup("")
-    label = say("spots.picture_label", camera=words.camera_name(found.camera_name))
-    return small_maps.scene(found, steps=report.rules.heat_steps, label=label)
+    if found.camera_name is None:
+        label = say("spots.floor_label", floor=floor.title, number=number)
+    else:
+        label = say("spots.picture_label", camera=words.camera_name(found.camera_name), number=number)
+    return small_maps.scene(found, floor, rules=report.rules, name=f"spot{number}", label=label, is_alone=is_alone)

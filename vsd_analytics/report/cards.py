@@ -1,4 +1,8 @@
-"""The empty scene around a numbered spot: the camera that shows it best, cut to the spot, with the spot's own bands."""
+"""What stands around a numbered spot: the empty scene of the camera that shows it best, else that part of the floor.
+
+Either is cut to the spot and carries the spot's own bands. A camera's picture ends somewhere: a spot at its very edge
+is shown on the floor, where there is something on all its sides.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vsd_analytics.geometry import ground_resolution, to_image, view_polygon
+from vsd_analytics.geometry import ground_resolution, to_floor, to_image, view_polygon
 from vsd_analytics.report import bands as heat
 from vsd_analytics.report.density import floor_fixtures
 from vsd_analytics.report.frame import Edges
@@ -27,31 +31,69 @@ MAX_BYTES: Final = 7_000
 ASPECT: Final = 16 / 9
 SEEN_SHARE: Final = 0.5
 SMALLEST_PX2: Final = 16.0
+AROUND_M: Final = 3.0
+"""What a camera shows of a spot is asked of the floor so near to its peak."""
 NEAR_M: Final = 1.0
 """A spot's peak may lie this far beside its band."""
 MARGIN: Final = 1.35
 """The cut is so many times as wide as the bands it shows, if the picture is."""
-SMALLEST_SHARE: Final = 0.45
-"""No cut is narrower than this share of the picture: the room must stay recognisable."""
+ACROSS_M: Final = 6.0
+"""No cut of a picture shows less floor than this across: the room must stay recognisable."""
+SMALLEST_SHARE: Final = 0.25
+"""No cut is narrower than this share of the picture: it would be coarse."""
+EDGE_SHARE: Final = 0.2
+"""A peak nearer than this share to an edge of the cut has nothing around it there."""
+FLOOR_M: Final = (11.0, 16.0)
+"""Narrowest and widest cut of a floor."""
+BESIDE_M: Final = 1.5
+"""A cut of a floor may run so far beyond the floor's edge."""
 
 
-def spot_pictures(
-    data: WeekData,
-    bands: Sequence[MapBand],
-    *,
-    fixtures: Sequence[MapFixture] = (),
-    spots: Sequence[tuple[int, Point]],
-) -> tuple[SpotPicture, ...]:
-    """Return the pictures of the spots that a camera with a picture and a calibration shows.
+def spot_pictures(data: WeekData, floor: FloorMap, *, spots: Sequence[tuple[int, Point]]) -> tuple[SpotPicture, ...]:
+    """Return the pictures of the spots: of a camera that shows it well, else of the floor.
 
     Args:
         data: The week.
-        bands: The bands of the floor's map, floor metres.
-        fixtures: What they were cut by.
+        floor: The floor's map.
         spots: Number and peak of each spot, floor metres.
     """
-    found = [spot_picture(data, bands, fixtures=fixtures, number=number, at=at) for number, at in spots]
-    return tuple(picture for picture in found if picture is not None)
+    return tuple(
+        spot_picture(data, floor.bands, fixtures=floor.fixtures, number=number, at=at)
+        or floor_picture(floor, number=number, at=at)
+        for number, at in spots
+    )
+
+
+def floor_picture(floor: FloorMap, *, number: int, at: Point) -> SpotPicture:
+    """Return the part of a floor around a spot, with the spot's own bands.
+
+    As wide as `MARGIN` times the bands, within `FLOOR_M`; a spot larger than that is shown around its peak.
+
+    Args:
+        floor: The floor's map.
+        number: Number of the spot.
+        at: Its peak, floor metres.
+    """
+    own = own_bands(floor.bands, at)
+    points = np.array([at, *(p for band in own for rings in band.polygons for p in rings[0])])
+    low, high = points.min(axis=0), points.max(axis=0)
+    wide = float(np.clip(MARGIN * max(high[0] - low[0], (high[1] - low[1]) * ASPECT), *FLOOR_M))
+    tall = wide / ASPECT
+    is_whole = high[0] - low[0] <= wide and high[1] - low[1] <= tall
+    middle = (low + high) / 2 if is_whole else np.array(at)
+    x0, y0 = (
+        float(np.clip(m - side / 2, a - BESIDE_M, max(a - BESIDE_M, b + BESIDE_M - side)))
+        for m, side, a, b in zip(middle, (wide, tall), floor.extent[:2], floor.extent[2:], strict=True)
+    )
+    extent = (round(x0, 3), round(y0, 3), round(x0 + wide, 3), round(y0 + tall, 3))
+    shown = FloorMap(
+        kind=floor.kind,
+        title=floor.title,
+        extent=extent,
+        bands=own,
+        spots=tuple(s for s in floor.spots if s.number == number),
+    )
+    return SpotPicture(number=number, across_m=round(wide, 3), shown=shown)
 
 
 def spot_picture(
@@ -60,8 +102,8 @@ def spot_picture(
     """Return the picture of one spot.
 
     The camera is the one that shows the peak with most pixels per metre of floor (`ground_resolution`) among those
-    with a picture and a view that holds it; before all those that show at least `SEEN_SHARE` of the spot's floor, out
-    of the picture's frame and behind fixtures of known height being what is not shown.
+    with a picture and a view that holds it, and that show at least `SEEN_SHARE` of the spot's floor within `AROUND_M`;
+    not shown is what lies out of the picture's frame and behind fixtures of known height.
 
     Args:
         data: The week.
@@ -71,11 +113,12 @@ def spot_picture(
         at: Its peak, floor metres.
 
     Returns:
-        None when no such camera sees it, or the spot has no band.
+        None when no such camera sees at least that share of it, it lies at the edge of the picture (`EDGE_SHARE`), or
+        it has no band.
     """
     own = own_bands(bands, at)
     seen = [v for c in data.cameras if own and (v := _view(data, c, own[0], at)) is not None]
-    best = max(seen, key=lambda v: (v.share >= SEEN_SHARE, v.px_per_m), default=None)
+    best = max((v for v in seen if v.share >= SEEN_SHARE), key=lambda v: v.px_per_m, default=None)
     if best is None:
         return None
     camera, homography, size = best.camera, np.array(best.calibration.homography), best.size
@@ -91,12 +134,16 @@ def spot_picture(
     if not shown or camera.picture is None:
         return None
     peak = to_image(homography, [at], picture_px=size)[0]
-    extent = _cut(shown, size=size, peak=(float(peak[0]), float(peak[1])))
+    m_per_px = _m_per_px(homography, (float(peak[0]), float(peak[1])), size=size)
+    extent = _cut(shown, size=size, peak=(float(peak[0]), float(peak[1])), least_px=ACROSS_M / m_per_px)
+    if not _is_inside((float(peak[0]), float(peak[1])), extent):
+        return None
     return SpotPicture(
         number=number,
         camera_id=camera.camera_id,
         camera_name=camera.name,
         px_per_m=best.px_per_m,
+        across_m=(extent[2] - extent[0]) * m_per_px,
         shown=FloorMap(
             kind="picture",
             title=camera.name,
@@ -158,15 +205,16 @@ def _view(data: WeekData, camera: Camera, band: MapBand, at: Point) -> _View | N
         return None
     behind = hidden(camera, calibration=calibration, fixtures=floor_fixtures(data))
     free = shapely.box(0, 0, *size).difference(behind)
-    floor = _points(band)
+    floor = _points(band, around=at)
     uv = to_image(calibration.homography, floor, picture_px=size)
     seen = shapely.contains_xy(free, uv[:, 0], uv[:, 1]) & shapely.contains_xy(view, floor[:, 0], floor[:, 1])
     return _View(camera, calibration, size, behind, fine, float(seen.mean())) if seen.any() else None
 
 
-def _points(band: MapBand) -> NDArray[np.float64]:
-    """Return points spread over a band's floor, shape (n, 2)."""
+def _points(band: MapBand, *, around: Point) -> NDArray[np.float64]:
+    """Return points spread over a band's floor near a peak, shape (n, 2); a band may run on into the next spot."""
     shape = shapely.union_all([shapely.Polygon(r[0], r[1:]).buffer(0) for r in band.polygons])
+    shape = shape.intersection(shapely.Point(around).buffer(AROUND_M))
     x0, y0, x1, y1 = shape.bounds
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(x0, x1, 40), np.linspace(y0, y1, 40)))
     inside = shapely.contains_xy(shape, x, y)
@@ -192,12 +240,27 @@ def _curved(band: MapBand, edges: Edges | None) -> list[Polygon]:
     ]
 
 
-def _cut(bands: Sequence[MapBand], *, size: tuple[int, int], peak: Point) -> tuple[float, float, float, float]:
+def _m_per_px(homography: NDArray[np.float64], at: Point, *, size: tuple[int, int]) -> float:
+    """Return how much floor a pixel of the picture's row through a point of it spans, metres."""
+    left, right = to_floor(homography, [(at[0] - 0.5, at[1]), (at[0] + 0.5, at[1])], picture_px=size)
+    return float(np.hypot(*(right - left)))
+
+
+def _is_inside(peak: Point, extent: tuple[float, float, float, float]) -> bool:
+    """Tell whether a peak has enough of the cut on all its sides."""
+    x0, y0, x1, y1 = extent
+    shares = (peak[0] - x0) / (x1 - x0), (peak[1] - y0) / (y1 - y0)
+    return all(EDGE_SHARE <= s <= 1 - EDGE_SHARE for s in shares)
+
+
+def _cut(
+    bands: Sequence[MapBand], *, size: tuple[int, int], peak: Point, least_px: float
+) -> tuple[float, float, float, float]:
     """Return the part of the picture to show: around the bands, of a fixed shape, inside the picture."""
     width, height = size
     points = np.array([p for band in bands for rings in band.polygons for p in rings[0]])
     low, high = points.min(axis=0), points.max(axis=0)
-    wide = max(SMALLEST_SHARE * width, MARGIN * (high[0] - low[0]), MARGIN * (high[1] - low[1]) * ASPECT)
+    wide = max(SMALLEST_SHARE * width, least_px, MARGIN * (high[0] - low[0]), MARGIN * (high[1] - low[1]) * ASPECT)
     wide = min(wide, width, height * ASPECT)
     tall = wide / ASPECT
     is_whole = high[0] - low[0] <= wide and high[1] - low[1] <= tall

@@ -177,17 +177,20 @@ def edges_of(shown: FloorMap) -> Edges | None:
     return Edges(shown.fixtures) if shown.fixtures else None
 
 
-def fixtures(shown: Sequence[MapFixture], frame: Frame, *, is_named: bool = True) -> list[Markup]:
+def fixtures(
+    shown: Sequence[MapFixture], frame: Frame, *, is_named: bool = True, size: int = FONT_FIXTURE
+) -> list[Markup]:
     """Draw fixtures: shelves and tills filled, movable ones dashed, thin walls solid, rooms with a strong outline.
 
     Args:
         shown: The fixtures, in floor metres.
         frame: The frame.
         is_named: Write the name into each that has the room for it, along its longer side.
+        size: Of the names, SVG units.
     """
     order = {"wall": 0}
     drawn = [_fixture(f, frame) for f in sorted(shown, key=lambda f: order.get(f.kind, 1))]
-    return drawn + ([label for f in shown if (label := _name(f, frame)) is not None] if is_named else [])
+    return drawn + ([label for f in shown if (label := _name(f, frame, size)) is not None] if is_named else [])
 
 
 def _fixture(fixture: MapFixture, frame: Frame) -> Markup:
@@ -217,22 +220,22 @@ def text_width(text: str, size: float) -> float:
     return size * sum(map(share, text))
 
 
-def _name(fixture: MapFixture, frame: Frame) -> Markup | None:
+def _name(fixture: MapFixture, frame: Frame, size: int) -> Markup | None:
     """Write a name inside a fixture, along x or else along y; None when it fits neither way."""
     import shapely
 
     shape = shapely.Polygon(frame.ring(fixture.ring))
     middle = shape.centroid if shape.centroid.within(shape) else shape.representative_point()
     x, y = middle.x, middle.y
-    long, high = text_width(fixture.name, FONT_FIXTURE) / 2 + 1, FONT_FIXTURE / 2 + 1
+    long, high = text_width(fixture.name, size) / 2 + 1, size / 2 + 1
     for wide, tall, turn in ((long, high, None), (high, long, f"rotate(-90 {round(x)} {round(y)})")):
         if shape.contains(shapely.box(x - wide, y - tall, x + wide, y + tall)):
             return el(
                 "text",
                 fixture.name,
-                class_="pt x fn",
+                class_="pt x fn" if size == FONT_FIXTURE else "fn",
                 fill=MUTED,
-                font_size=FONT_FIXTURE,
+                font_size=size,
                 text_anchor="middle",
                 dominant_baseline="central",
                 x=round(x),

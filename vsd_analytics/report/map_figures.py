@@ -65,13 +65,11 @@ class MapFigures:
         change: The week before, this week, the difference.
         footsteps: Footsteps beside violations.
         views: What each camera sees.
-        scenes: The empty scene of each numbered spot that has one.
     """
 
     change: MapFigure | None = None
     footsteps: MapFigure | None = None
     views: MapFigure | None = None
-    scenes: dict[int, Markup]
 
 
 def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
@@ -81,22 +79,13 @@ def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
         report: The report.
         is_alone: Every drawing carries the plan itself and can be taken from the page.
     """
-    scenes = {
-        p.number: small_maps.scene(
-            p,
-            steps=report.rules.heat_steps,
-            label=say("maps.scene", camera=p.camera_name, number=p.number),
-        )
-        for p in report.spot_pictures
-    }
     floor = report.maps[0] if report.maps and report.maps[0].kind != "picture" else None
     if floor is None:
-        return MapFigures(scenes=scenes)
+        return MapFigures()
     return MapFigures(
         change=_change(report, floor, is_alone=is_alone),
         footsteps=_footsteps(report, floor, is_alone=is_alone),
         views=_views(report, floor, is_alone=is_alone),
-        scenes=scenes,
     )
 
 

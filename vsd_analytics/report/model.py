@@ -375,7 +375,7 @@ class WeekReport:
     when: When = _f("The timetable.", metric="M8")
     maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
     change_maps: ChangeMaps | None = _f("None when nothing is compared.", metric="M17", default=None)
-    spot_pictures: tuple[SpotPicture, ...] = _f("Where a camera's picture shows a numbered spot.", default=())
+    spot_pictures: tuple[SpotPicture, ...] = _f("What stands around the numbered spots.", default=())
     footsteps: Footsteps | None = _f("None where the engine sends no positions or no track ids.", default=None)
     views: MapViews | None = _f("None where what some camera sees is unknown.", default=None)
     log: tuple[LogLine, ...] = _f("In order of time.", default=())

@@ -132,13 +132,18 @@ class MapViews:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpotPicture:
-    """The empty scene around a numbered spot, with its bands."""
+    """What stands around a numbered spot, with its bands: an empty scene, or that part of the floor."""
 
     number: int = _f("Number of the spot.")
-    camera_id: str = _f("The camera that shows it most finely.")
-    camera_name: str = _f("Its display name; free text.")
-    px_per_m: float = _f("How finely it shows the spot: picture pixels per metre of floor.", "px/m")
-    shown: FloorMap = _f("The picture, cut to the spot, and its bands; in pixels of the camera's picture.")
+    camera_id: str | None = _f("The camera that shows it most finely; None for a part of the floor.", default=None)
+    camera_name: str | None = _f("Its display name; free text.", default=None)
+    px_per_m: float | None = _f(
+        "How finely it shows the spot: picture pixels per metre of floor.", "px/m", default=None
+    )
+    across_m: float = _f("Floor from the left to the right edge of the picture, at the spot.", "m")
+    shown: FloorMap = _f(
+        "The picture or floor, cut to the spot, and its bands; in pixels of the camera's picture, or metres."
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,7 +26,5 @@ def with_more_maps(report: WeekReport, data: WeekData) -> WeekReport:
         change_maps=change_maps(data, areas=report.areas) if report.state == "normal" else None,
         footsteps=footsteps(data, extent=floor.extent),
         views=views(data, extent=floor.extent, labels={c.camera_id: c.label for c in report.coverage.cameras}),
-        spot_pictures=spot_pictures(
-            data, floor.bands, fixtures=floor.fixtures, spots=[(s.number, s.at) for s in floor.spots]
-        ),
+        spot_pictures=spot_pictures(data, floor, spots=[(s.number, s.at) for s in floor.spots]),
     )

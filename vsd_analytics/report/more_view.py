@@ -12,6 +12,7 @@ from vsd_analytics.report.model import Causes, Estimate, Redesign, TrendWeek, We
 from vsd_analytics.report.trend_chart import NARROW, WIDE, Measure, chart
 from vsd_analytics.report.wording import say
 
+NO_BAR = Markup("")
 SMALL_MOVE = 0.05
 """Causes that moved less than this, relatively, are not named."""
 
@@ -63,14 +64,14 @@ class TrendView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BarRow:
-    """A change with its bar: texts."""
+    """A change with its bar: texts. A head stands above the rows of one subject: its name and a note."""
 
     name: str
-    sub: str
-    bar: Markup
-    words: str
-    detail: str
-    direction: str
+    bar: Markup = NO_BAR
+    words: str = ""
+    detail: str = ""
+    direction: str = "same"
+    is_head: bool = False
     note: str = ""
 
 
@@ -174,7 +175,6 @@ def causes(report: WeekReport) -> BarTable | None:
     rows = tuple(
         BarRow(
             name=say(f"causes.{name}"),
-            sub="",
             bar=svg.change_bar(e, limit=limit),
             words=fmt.signed(e.change),
             detail=fmt.likely_signed(e),
@@ -192,7 +192,7 @@ def redesigns(report: WeekReport) -> BarTable | None:
         return None
     told = [r for r in found if r.effect is not None and r.state == "ok"]
     limit = svg.change_limit(e for r in told for e in (r.often, r.effect) if e is not None)
-    assumed = dict.fromkeys("; ".join(a.rstrip(".") for a in r.assumptions) for r in told if r.assumptions)
+    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in told)
     refused = [
         say("redesign.refused", area=r.area_name, reason=words.sentence(r.reason or "").rstrip("."))
         for r in found
@@ -203,7 +203,7 @@ def redesigns(report: WeekReport) -> BarTable | None:
         sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if told else "",
         axis=svg.change_axis(limit),
         rows=tuple(row for r in told for row in _redesign(r, limit)),
-        notes=(*(say("redesign.assumes", assumptions=a) for a in assumed), *refused),
+        notes=(*assumed, *refused),
     )
 
 
@@ -294,7 +294,7 @@ def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
     label = say(f"trend.label_{measure}", **ends)
     return TrendPanel(
         title=say(f"trend.{measure}", title=trend_title(report, measure)),
-        sub=say(f"trend.sub_{measure}", confidence=fmt.percent(report.rules.confidence), **ends),
+        sub=say(f"trend.sub_{measure}", confidence=fmt.percent(report.rules.confidence)),
         wide=chart(found, measure, width=WIDE, label=label),
         narrow=chart(found, measure, width=NARROW, label=label),
     )
@@ -361,21 +361,20 @@ def _redesign(found: Redesign, limit: float) -> tuple[BarRow, ...]:
         )
     if found.doubts:
         parts.append(say("redesign.doubt", doubts="; ".join(d.rstrip(".") for d in found.doubts)))
-    told = [(k, e) for k, e in (("often", found.often), ("risky", found.effect)) if e is not None]
     about = say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date()))
-    rows = []
-    for at, (kind, e) in enumerate(told):
+    rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
+    for kind, e in (("often", found.often), ("risky", found.effect)):
+        if e is None:
+            continue
         clear = e.verdict in ("clear_fall", "clear_rise") and e.change is not None
-        verdict, measure = words.verdict_words(e), say(f"redesign.{kind}")
+        verdict = words.verdict_words(e)
         rows.append(
             BarRow(
-                name=fmt.ended(found.text) if at == 0 else measure,
-                sub=say("redesign.measured", what=about, measure=measure) if at == 0 else "",
+                name=say(f"redesign.{kind}"),
                 bar=svg.change_bar(e, limit=limit),
                 words=say("changed.clear", verdict=verdict, change=fmt.signed(e.change)) if clear else verdict,
                 detail=fmt.likely_signed(e) or e.reason or "",
                 direction=words.direction(e.verdict),
-                note=" ".join(parts) if at == len(told) - 1 else "",
             )
         )
     return tuple(rows)

@@ -17,6 +17,7 @@ from vsd_analytics.report import format as fmt
 from vsd_analytics.report.card_view import Cards, cards
 from vsd_analytics.report.figures_view import FigureRow, more_figures
 from vsd_analytics.report.headline import finish
+from vsd_analytics.report.log_view import LogRow, log_rows
 from vsd_analytics.report.map_figures import MapFigures, map_figures
 from vsd_analytics.report.model import AreaRow, Estimate, FloorMap, Outage, Story, WeekReport
 from vsd_analytics.report.privacy import GIVES_AWAY
@@ -25,15 +26,24 @@ from vsd_analytics.report.twins import rounded
 from vsd_analytics.report.wording import say, say_html
 from vsd_analytics.resources import shipped
 
-_SECTIONS = ("where", "when", "changed", "trend", "next", "data", "about")
+WIDE = 1.8
+LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
+_SECTIONS = ("where", "spots", "when", "changed", "trend", "next", "data", "about")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawnMap:
-    """A map and its drawing."""
+    """A map and its drawing.
+
+    Attributes:
+        shown: The map.
+        drawing: It as SVG.
+        is_wide: True when it is so much wider than high that paper has more room below than beside it.
+    """
 
     shown: FloorMap
     drawing: Markup
+    is_wide: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +114,8 @@ class Page:
         redesigns: What logged changes did.
         trend: The last weeks.
         outlook: The week to come.
+        log: What happened at the site.
+        log_section: Where that list stands: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
         more_figures: Rows of the table of further figures.
     """
@@ -149,6 +161,8 @@ class Page:
     redesigns: more_view.BarTable | None
     trend: more_view.TrendView | None
     outlook: more_view.Listed | None
+    log: tuple[LogRow, ...]
+    log_section: str
     messages: str
     more_figures: tuple[FigureRow, ...]
 
@@ -176,7 +190,9 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     style = _style(report, paper=paper)
     is_compared = report.state == "normal" and report.level.often.verdict is not None
     is_ranked = report.state in ("normal", "first_week", "settings_changed")
-    shown = _shown(report)
+    weeks, figures = more_view.trend(report), map_figures(report)
+    log_section = "trend" if weeks is not None and weeks.panels else "changed"
+    shown = _shown(report, figures, log_section=log_section)
     timetable = tables.timetable(report)
     limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
     steps = report.rules.heat_steps
@@ -194,7 +210,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         tiles=tiles(report),
         titles={name: getattr(titles, name)(report) for name in ("where", "when", "changed", "data")},
         maps=tuple(_drawn(m, i, report, is_ranked=is_ranked) for i, m in enumerate(report.maps)),
-        figures=map_figures(report),
+        figures=figures,
         has_spots=is_ranked and any(m.spots for m in report.maps),
         heat_legend=tables.legend(steps, is_count=False),
         doubles=all(abs(b - 2 * a) < 1e-9 for a, b in pairwise(steps)),
@@ -221,21 +237,25 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         unusual=more_view.unusual(report),
         causes=more_view.causes(report),
         redesigns=more_view.redesigns(report),
-        trend=more_view.trend(report),
+        trend=weeks,
         outlook=more_view.outlook(report),
+        log=log_rows(report, with_weeks=log_section == "trend"),
+        log_section=log_section,
         messages=_messages(report),
         more_figures=more_figures(report),
     )
 
 
-def _shown(report: WeekReport) -> frozenset[str]:
+def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> frozenset[str]:
     always = {"data", "about"}
     always |= {"trend"} if report.trend is not None and report.trend.weeks else set()
     if report.level.often.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
         always |= {"next"}
     if report.state == "no_data":
-        return frozenset(always | ({"changed"} if report.log else set()))
+        return frozenset(always | ({"changed"} if report.log and log_section == "changed" else set()))
     maps = {"where"} if report.maps else set()
+    if (report.spots is not None and report.spots.cards) or figures.footsteps is not None:
+        maps |= {"spots"}
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
     return frozenset({"changed"} | always | hours | maps)
 
@@ -296,7 +316,8 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
     if not is_ranked and shown.spots:
         shown = FloorMap(**{f.name: getattr(shown, f.name) for f in fields(shown)} | {"spots": ()})
     drawing = floorplan.floor_map(shown, index=index, rules=report.rules, label=label.strip())
-    return DrawnMap(shown=shown, drawing=drawing)
+    x0, y0, x1, y1 = shown.extent
+    return DrawnMap(shown=shown, drawing=drawing, is_wide=x1 - x0 > WIDE * (y1 - y0))
 
 
 def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
@@ -341,7 +362,7 @@ def _style(report: WeekReport, *, paper: str = "a4") -> str:
         f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
         f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
     )
-    return shipped_style() + pages + ("@page { size: letter }" if paper == "letter" else "")
+    return shipped_style() + pages + (LETTER if paper == "letter" else "")
 
 
 @cache

@@ -13,15 +13,18 @@ from typing import Final
 import shapely
 from markupsafe import Markup
 
+from vsd_analytics.report import format as fmt
 from vsd_analytics.report import frame as draw
-from vsd_analytics.report.floorplan import MAP_MAX_HEIGHT, MAP_WIDTH
+from vsd_analytics.report.floorplan import MAP_MAX_HEIGHT, MAP_WIDTH, nice_length_m
 from vsd_analytics.report.frame import Frame
-from vsd_analytics.report.model import ChangeMaps, FloorMap, Footsteps, MapBand, MapViews, SpotPicture
+from vsd_analytics.report.model import ChangeMaps, FloorMap, Footsteps, MapBand, MapViews, Rules, SpotPicture
 from vsd_analytics.report.svg import ACCENT, BAR, CHANGE_LIGHT, INK, RAMP_LIGHT, WHITE, el, straight_path
 
 MINI_WIDTH: Final = 480
 MINI_MAX_HEIGHT: Final = 450
 VIEW_FONT: Final = 17
+SCENE_WIDTH: Final = 640
+SCENE_FONT: Final = 32
 SIGN: Final = 9.0
 """Half the length of a minus, SVG units."""
 SIGN_MIN: Final = 4.5
@@ -126,18 +129,43 @@ def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str, is_al
     return _mini(floor, frame, drawn, name, label, is_alone, is_over=True)
 
 
-def scene(picture: SpotPicture, *, steps: Sequence[float], label: str) -> Markup:
-    """Draw the scene of a spot with its bands; its ground is a picture, so it needs no other drawing of the page.
+def scene(
+    picture: SpotPicture, floor: FloorMap, *, rules: Rules, name: str, label: str, is_alone: bool = False
+) -> Markup:
+    """Draw what stands around a spot, with its bands and a scale bar.
+
+    In a camera's picture the bar holds at the spot, as far from the camera as that.
 
     Args:
-        picture: The picture.
-        steps: Lower ends of all bands.
+        picture: The picture, or the part of the floor.
+        floor: The map the spot is numbered on: its plan, fixtures and unseen floor.
+        rules: For the steps and the unit of distances.
+        name: What the ids of the drawing start with.
         label: Text alternative.
+        is_alone: Carry the plan.
     """
     shown = picture.shown
-    frame = Frame(shown, width=640, height=640)
+    frame = Frame(shown, width=SCENE_WIDTH, height=SCENE_WIDTH)
+    body = (
+        _scene_picture(shown, frame, rules)
+        if shown.kind == "picture"
+        else _scene_floor(shown, floor, frame, rules, name, is_alone)
+    )
+    bar = _bar(picture.across_m, frame, rules)
+    box = f"0 0 {frame.width} {frame.height}"
+    return el(
+        "svg",
+        body + bar,
+        class_="map-pic" if shown.kind == "picture" else "map-spot",
+        viewBox=box,
+        role="img",
+        aria_label=label,
+    )
+
+
+def _scene_picture(shown: FloorMap, frame: Frame, rules: Rules) -> Markup:
     image = [] if shown.image is None else [draw.image(shown.image, frame)]
-    colour = {lower: min(i, 4) for i, lower in enumerate(steps)}
+    colour = {lower: min(i, 4) for i, lower in enumerate(rules.heat_steps)}
     bands = [
         el(
             "path",
@@ -151,8 +179,52 @@ def scene(picture: SpotPicture, *, steps: Sequence[float], label: str) -> Markup
         )
         for b in shown.bands
     ]
-    body = Markup("").join([*image, *bands])
-    return el("svg", body, class_="map-pic", viewBox=f"0 0 {frame.width} {frame.height}", role="img", aria_label=label)
+    return Markup("").join([*image, *bands])
+
+
+def _scene_floor(shown: FloorMap, floor: FloorMap, frame: Frame, rules: Rules, name: str, is_alone: bool) -> Markup:
+    hatch, clip = f"{name}-hat", f"{name}-clip"
+    heat = draw.heat(shown.bands, frame, steps=rules.heat_steps, edges=draw.edges_of(floor))
+    below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
+    plan = _plan(floor, frame, is_alone=is_alone)
+    fixtures = draw.fixtures(floor.fixtures, frame, size=SCENE_FONT)
+    layers = Markup("").join([*heat, *below, *plan, *fixtures]) or Markup("<g/>")
+    return (
+        draw.hatch_defs(frame, hatch=hatch, clip=clip) + draw.ground(frame) + el("g", layers, clip_path=f"url(#{clip})")
+    )
+
+
+def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
+    """Draw a scale bar into the lower right corner, on a ground of its own."""
+    length_m = nice_length_m(across_m, unit=rules.distance_unit)
+    said = fmt.distance(length_m, rules.distance_unit)
+    long, high = length_m / across_m * frame.width, 1.5 * SCENE_FONT
+    text = draw.text_width(said, SCENE_FONT)
+    wide = long + text + 34
+    x, y = frame.width - wide, frame.height - high
+    end, line = frame.width - 12, frame.height - 0.44 * high
+    return Markup("").join(
+        [
+            el("rect", class_="bg", fill=WHITE, x=round(x), y=round(y), width=round(wide) + 1, height=round(high) + 1),
+            el(
+                "path",
+                class_="sc",
+                fill="none",
+                stroke=INK,
+                stroke_width=3,
+                d=f"M{end - long:.1f} {line - 8:.1f}v8h{long:.1f}v-8",
+            ),
+            el(
+                "text",
+                said,
+                class_="bt",
+                fill=INK,
+                font_size=SCENE_FONT,
+                x=round(x + 10),
+                y=round(line + 4),
+            ),
+        ]
+    )
 
 
 def _frame(floor: FloorMap) -> Frame:
@@ -190,8 +262,11 @@ def _plan(floor: FloorMap, frame: Frame, *, is_alone: bool) -> list[Markup]:
         return []
     if is_alone:
         return [draw.image(floor.image, frame)]
-    scale = frame.scale / Frame(floor, width=MAP_WIDTH, height=MAP_MAX_HEIGHT).scale
-    return [el("use", href="#plan0", transform=f"scale({scale:.4f})")]
+    page = Frame(floor, width=MAP_WIDTH, height=MAP_MAX_HEIGHT)
+    scale = frame.scale / page.scale
+    x, y = frame.at((page.x0, page.y1))
+    move = f"translate({x:.1f} {y:.1f}) " if abs(x) + abs(y) >= 0.05 else ""
+    return [el("use", href="#plan0", transform=f"{move}scale({scale:.4f})")]
 
 
 def _signs(bands: Sequence[MapBand], frame: Frame, *, strong: float, is_plus: bool) -> list[Markup]:

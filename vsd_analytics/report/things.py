@@ -124,7 +124,8 @@ def _distrust(report: WeekReport) -> Thing:
         text = say("things.not_compared_text", reason=words.sentence(apart[0].not_compared or ""))
         return _doubt(title, text, "changed")
     camera = weakest_camera(report)
-    if camera is not None:
+    is_told = report.state != "normal" and len(report.coverage.cameras) == 1  # the first thing says what it recorded
+    if camera is not None and not is_told:
         return _weak(camera, report)
     if report.coverage.is_inferred:
         return _doubt(say("things.inferred"), say("things.inferred_text"), "data")

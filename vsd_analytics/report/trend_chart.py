@@ -91,12 +91,13 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
         for i, e in enumerate(values)
     ]
     path, is_down = "", False
-    for point in points:
+    for point, after in zip(points, [*points[1:], None], strict=True):
         if point is not None:
             path += f"{'L' if is_down else 'M'}{point[0]:.0f} {point[1]:.0f}"
+            path += "h0" if not is_down and after is None else ""  # a week between gaps is a point
         is_down = point is not None
     x, y = points[-1] or (0.0, 0.0)
-    line = el("path", class_="tl", fill="none", stroke=MUTED, stroke_width=1.6, d=path)
+    line = el("path", class_="tl", fill="none", stroke=MUTED, stroke_width=1.6, stroke_linecap="round", d=path)
     dot = el("circle", class_="tn", fill=WARM, cx=round(x), cy=round(y), r=3.4)
     return el("svg", line + dot, class_="spark", viewBox="0 0 140 28", aria_hidden="true")
 

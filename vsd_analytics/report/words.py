@@ -100,6 +100,11 @@ def n_words(sentence: str) -> int:
     return len(sentence.split())
 
 
+def capital(text: str) -> str:
+    """Return `text` with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
 def sentence(text: str) -> str:
     """Return `text` with a capital first letter and one full stop at its end."""
     text = text.strip().rstrip(".")

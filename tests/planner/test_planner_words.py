@@ -1,0 +1,97 @@
+"""Every word of the page stands in the catalogue: none in the script, none left over in a page of another language."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vsd_analytics.planner.data import PlannerData
+from vsd_analytics.planner.render import render_planner
+from vsd_analytics.planner.script import SCRIPTS, script, sentences
+from vsd_analytics.report import format as fmt
+from vsd_analytics.report import wording
+from vsd_analytics.resources import shipped
+
+STATIC = shipped("reports") / "static"
+VIEWS = (
+    *("", "show=split", "show=difference", "map=risk&days=1111100", "map=excess", "days=0000011", "days=0000001"),
+    *("place=rect&rect=1,1,6,6", "place=rect&rect=16,1,18,3", "place=area%3Adoor&show=difference&days=1100000"),
+)
+READ = """hash => {
+  location.hash = hash || '#'; dispatchEvent(new HashChangeEvent('hashchange'));
+  const heard = [...document.querySelectorAll('[aria-label],[data-l],[title]')]
+    .flatMap(e => ['aria-label', 'data-l', 'title'].map(n => e.getAttribute(n) || ''));
+  const read = [...document.querySelectorAll('header,main,.more')].map(e => e.textContent);
+  return [document.title, ...read, ...heard].join('\\n');
+}"""
+
+
+def literals(text: str) -> list[str]:
+    """Return the texts in quotes of a script, without its comments; what is filled into a template literal is cut."""
+    bare = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    found = [a or b for a, b in re.findall(r"'((?:[^'\\\n]|\\.)*)'|\"((?:[^\"\\\n]|\\.)*)\"", bare)]
+    return found + [re.sub(r"\$\{[^{}]*\}", "", each) for each in re.findall(r"`((?:[^`\\]|\\.)*)`", bare)]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_the_script_holds_no_sentence(name: str) -> None:
+    for text in literals((STATIC / name).read_text(encoding="utf-8")):
+        if text[:1] in ("#", ".", "[") or "px " in text:
+            continue  # a selector, a font
+        assert not re.search(r"[A-Za-z]{2,}\s+[A-Za-z]{2,}", text), text
+
+
+def test_the_script_says_what_is_there_and_all_of_it() -> None:
+    code, known = script(), sentences()
+    asked = set(re.findall(r"(?:\bword|\bsay)\('([\w.]+)'", code))
+    asked |= {key for pair in re.findall(r"\? '([\w.]+)' : '([\w.]+)'", code) for key in pair} & set(known)
+    asked |= {f"reason.none_{kind}" for kind in ("often", "risky")}
+    asked |= {f"words.{verdict}" for verdict in ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")}
+    assert asked == set(known)
+
+
+def test_the_style_holds_no_word() -> None:
+    for text in re.findall(r"content:([^;}]*)", (STATIC / "planner.css").read_text(encoding="utf-8")):
+        assert not re.search(r"[A-Za-z]{2,}", text.replace("attr(data-l)", "")), text
+
+
+def test_reasons_are_those_of_the_analysis() -> None:
+    """The page and `vsd compare` give the same reason in the same words."""
+    code = "".join((Path(wording.__file__).parents[1] / "stats" / f"{n}.py").read_text() for n in ("rates", "changes"))
+    bare = re.sub(r"\{[^{}]*\}", "{}", code)
+    for name in ("days", "events", "camera", "unrecorded", "person_hours", "person_hours_each"):
+        assert re.sub(r"\{\w+\}", "{}", str(sentences()[f"reason.{name}"])) in bare, name
+
+
+@pytest.mark.browser
+def test_a_page_of_another_language_has_no_word_of_this_one(
+    masked: PlannerData, browser: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A made-up language marks every sentence; what stands outside the marks must come from the data."""
+    real = wording.template
+    monkeypatch.setattr(wording, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
+    monkeypatch.setattr(fmt, "DAYS", ("1",) * 7)
+    monkeypatch.setattr(fmt, "MONTHS", ("2",) * 12)
+    path = tmp_path / "marked.html"
+    path.write_text(render_planner(masked), encoding="utf-8")
+    names = {masked.site.name, masked.floor.name, *(p.name for p in masked.places), "vsd-analytics"}
+    names |= {p.often.reason or "" for p in masked.places} | {p.risky.reason or "" for p in masked.places}
+    names |= {masked.hotspots.reason or "", "JSON"}
+    names |= {"Clear fall", "Clear rise", "No clear change", "Too little data"}  # read once, with the module
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_function("document.body.dataset.first")
+    for at in VIEWS:
+        seen = page.evaluate(READ, at)
+        assert "undefined" not in seen, at
+        while "⟦" in seen:
+            fewer = re.sub(r"⟦[^⟦⟧]*⟧", "", seen)
+            assert fewer != seen, at
+            seen = fewer
+        for text in sorted(names - {""}, key=len, reverse=True):
+            seen = seen.replace(text, "")
+        assert set(re.findall(r"[A-Za-z]{2,}", seen)) == set(), at
+    page.close()
