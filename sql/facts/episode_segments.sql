@@ -31,7 +31,7 @@
 --   n_owned_located  those of n_owned with floor positions
 --   owned_x2_mm      sum of x_a + x_b over these
 --   owned_y2_mm      sum of y_a + y_b over these
--- assumes: from one frame to the next, at most two intervals on, people walk straight on; pairs without ids have no episodes
+-- assumes: over a step of at most two frame intervals people walk straight to the middle of a cubic, then on; episodes need track ids
 with segments as (
     select
         hour,
@@ -67,11 +67,14 @@ frames as (
     select
         camera_id,
         ts_ms,
-        lag(ts_ms) over (partition by camera_id order by ts_ms) as before_ms,
-        lead(ts_ms) over (partition by camera_id order by ts_ms) as after_ms
+        lag(ts_ms, 2) over (partition by camera_id order by ts_ms) as before_last_ms,
+        lag(ts_ms) over (partition by camera_id order by ts_ms) as last_ms,
+        lead(ts_ms) over (partition by camera_id order by ts_ms) as next_ms,
+        lead(ts_ms, 2) over (partition by camera_id order by ts_ms) as after_next_ms
     from instants
 ),
 
+-- both ends of a run
 ends as (
     select
         camera_id,
@@ -100,7 +103,8 @@ ends as (
     where not is_followed
 ),
 
-beside as (
+-- the frames around an end, counted outwards, and how far off they may be: 1 beside it, where they are apart, 2 beyond that, -1 behind it
+around as (
     select
         e.camera_id,
         e.track_a,
@@ -111,44 +115,152 @@ beside as (
         e.ts_ms,
         e.x_mm,
         e.y_mm,
-        case when e.is_start then f.before_ms else f.after_ms end as beside_ms
+        n.number,
+        n.n_half_intervals,
+        case
+            when n.number = 2 and e.is_start then f.before_last_ms
+            when n.number = 2 then f.after_next_ms
+            when n.number = 1 and e.is_start or n.number = -1 and not e.is_start then f.last_ms
+            else f.next_ms
+        end as frame_ms
     from ends as e
     inner join frames as f on e.camera_id = f.camera_id and e.ts_ms = f.ts_ms
+    cross join (
+        select
+            1 as number,
+            4 as n_half_intervals
+        union all
+        select
+            2 as number,
+            5 as n_half_intervals
+        union all
+        select
+            -1 as number,
+            4 as n_half_intervals
+    ) as n
 ),
 
--- from a to b: where b stands seen from a, and how far that place moves to the frame beside
-moved as (
+-- where b stands seen from a: at the end itself, and in these frames
+places as (
     select
         e.camera_id,
         e.track_a,
         e.track_b,
         e.started_ms,
         e.is_start,
-        abs(e.beside_ms - e.ts_ms) as step_ms,
-        cast(e.x_mm as double) as x_mm,
-        cast(e.y_mm as double) as y_mm,
-        cast(a.x_mm - b.x_mm - e.x_mm as double) as dx_mm,
-        cast(a.y_mm - b.y_mm - e.y_mm as double) as dy_mm
-    from beside as e
-    inner join located as a on e.camera_id = a.camera_id and e.beside_ms = a.ts_ms and e.track_a = a.track_id
-    inner join located as b on e.camera_id = b.camera_id and e.beside_ms = b.ts_ms and e.track_b = b.track_id
-    where abs(e.beside_ms - e.ts_ms) <= 2 * e.interval_ms
+        e.number,
+        cast(abs(e.frame_ms - e.ts_ms) as integer) as away_ms,
+        e.x_mm as end_x_mm,
+        e.y_mm as end_y_mm,
+        a.x_mm - b.x_mm as x_mm,
+        a.y_mm - b.y_mm as y_mm
+    from around as e
+    inner join located as a on e.camera_id = a.camera_id and e.frame_ms = a.ts_ms and e.track_a = a.track_id
+    inner join located as b on e.camera_id = b.camera_id and e.frame_ms = b.ts_ms and e.track_b = b.track_id
+    where 2 * abs(e.frame_ms - e.ts_ms) <= e.n_half_intervals * e.interval_ms
 ),
 
--- |place + share * move| = distance is a square equation of the share: a * share^2 + 2 * b * share + c = 0 with c < 0
-squares as (
+steps as (
+    select
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        is_start,
+        cast(min(away_ms) filter (where number = 1) as double) as step_ms,
+        cast(min(away_ms) filter (where number = 2) as double) as beyond_ms,
+        cast(min(away_ms) filter (where number = -1) as double) as behind_ms,
+        cast(min(end_x_mm) as double) as x_mm,
+        cast(min(end_y_mm) as double) as y_mm,
+        cast(min(x_mm) filter (where number = 1) as double) as beside_x_mm,
+        cast(min(y_mm) filter (where number = 1) as double) as beside_y_mm,
+        cast(min(x_mm) filter (where number = 2) as double) as beyond_x_mm,
+        cast(min(y_mm) filter (where number = 2) as double) as beyond_y_mm,
+        cast(min(x_mm) filter (where number = -1) as double) as behind_x_mm,
+        cast(min(y_mm) filter (where number = -1) as double) as behind_y_mm
+    from places
+    group by camera_id, track_a, track_b, started_ms, is_start
+),
+
+-- the cubic from place r to r' with the speeds v and v' is half way at (r + r') / 2 + step * (v - v') / 8; v is the speed from the frame
+-- behind to the one beside, v' from the end to the frame beyond, and either is that of the step itself where nothing else is known
+middles as (
+    select
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        is_start,
+        step_ms,
+        x_mm,
+        y_mm,
+        beside_x_mm,
+        beside_y_mm,
+        (x_mm + beside_x_mm) / 2
+        + step_ms / 8 * coalesce((beside_x_mm - behind_x_mm) / (behind_ms + step_ms), (beside_x_mm - x_mm) / step_ms)
+        - step_ms / 8 * coalesce((beyond_x_mm - x_mm) / beyond_ms, (beside_x_mm - x_mm) / step_ms) as middle_x_mm,
+        (y_mm + beside_y_mm) / 2
+        + step_ms / 8 * coalesce((beside_y_mm - behind_y_mm) / (behind_ms + step_ms), (beside_y_mm - y_mm) / step_ms)
+        - step_ms / 8 * coalesce((beyond_y_mm - y_mm) / beyond_ms, (beside_y_mm - y_mm) / step_ms) as middle_y_mm
+    from steps
+    cross join params
+    where
+        x_mm * x_mm + y_mm * y_mm < params.distance_mm * params.distance_mm
+        and beside_x_mm * beside_x_mm + beside_y_mm * beside_y_mm >= params.distance_mm * params.distance_mm
+),
+
+-- the half of the step in which the distance is crossed: when it begins, from where, and how far that place moves
+halves as (
     select
         m.camera_id,
         m.track_a,
         m.track_b,
         m.started_ms,
         m.is_start,
-        m.step_ms,
-        m.dx_mm * m.dx_mm + m.dy_mm * m.dy_mm as a,
-        m.x_mm * m.dx_mm + m.y_mm * m.dy_mm as b,
-        m.x_mm * m.x_mm + m.y_mm * m.y_mm - s.distance_mm * s.distance_mm as c
-    from moved as m
+        m.step_ms / 2 as half_ms,
+        m.middle_x_mm * m.middle_x_mm + m.middle_y_mm * m.middle_y_mm < s.distance_mm * s.distance_mm as is_second,
+        m.x_mm,
+        m.y_mm,
+        m.middle_x_mm,
+        m.middle_y_mm,
+        m.beside_x_mm,
+        m.beside_y_mm,
+        s.distance_mm
+    from middles as m
     cross join params as s
+),
+
+moved as (
+    select
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        is_start,
+        half_ms,
+        case when is_second then half_ms else 0 end as from_ms,
+        case when is_second then middle_x_mm else x_mm end as x_mm,
+        case when is_second then middle_y_mm else y_mm end as y_mm,
+        case when is_second then beside_x_mm - middle_x_mm else middle_x_mm - x_mm end as dx_mm,
+        case when is_second then beside_y_mm - middle_y_mm else middle_y_mm - y_mm end as dy_mm,
+        distance_mm
+    from halves
+),
+
+-- |place + share * move| = distance is a square equation of the share: a * share^2 + 2 * b * share + c = 0 with c < 0
+squares as (
+    select
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        is_start,
+        from_ms,
+        half_ms,
+        dx_mm * dx_mm + dy_mm * dy_mm as a,
+        x_mm * dx_mm + y_mm * dy_mm as b,
+        x_mm * x_mm + y_mm * y_mm - distance_mm * distance_mm as c
+    from moved
 ),
 
 crossings as (
@@ -157,11 +269,10 @@ crossings as (
         track_a,
         track_b,
         started_ms,
-        is_start,
-        cast(round(min(step_ms * (sqrt(b * b - a * c) - b) / a)) as bigint) as lead_ms
+        cast(round(min(from_ms + half_ms * (sqrt(b * b - a * c) - b) / a) filter (where is_start)) as bigint) as before_ms,
+        cast(round(min(from_ms + half_ms * (sqrt(b * b - a * c) - b) / a) filter (where not is_start)) as bigint) as after_ms
     from squares
-    where c < 0 and a + 2 * b + c >= 0
-    group by camera_id, track_a, track_b, started_ms, is_start
+    group by camera_id, track_a, track_b, started_ms
 )
 
 select
@@ -184,8 +295,8 @@ select
     g.n_below_1500,
     g.open_left,
     g.open_right,
-    b.lead_ms as before_ms,
-    a.lead_ms as after_ms,
+    c.before_ms,
+    c.after_ms,
     g.n_owned,
     g.owned_from_ms,
     g.owned_to_ms,
@@ -193,18 +304,10 @@ select
     g.owned_x2_mm,
     g.owned_y2_mm
 from segments as g
-left join crossings as b
+left join crossings as c
     on
-        b.is_start
-        and g.camera_id = b.camera_id
-        and g.track_a = b.track_a
-        and g.track_b = b.track_b
-        and g.started_ms = b.started_ms
-left join crossings as a
-    on
-        not a.is_start
-        and g.camera_id = a.camera_id
-        and g.track_a = a.track_a
-        and g.track_b = a.track_b
-        and g.started_ms = a.started_ms
+        g.camera_id = c.camera_id
+        and g.track_a = c.track_a
+        and g.track_b = c.track_b
+        and g.started_ms = c.started_ms
 order by g.hour, g.camera_id, g.track_a, g.track_b, g.started_ms

@@ -99,4 +99,4 @@ select
     summed.n_violations::bigint as n_violations_open
 from summed
 inner join places on summed.place = places.place
-order by summed.local_date, summed.place, summed.hour_start_ms, summed.cy, summed.cx
+order by summed.hour_start_ms, summed.place, summed.cy, summed.cx

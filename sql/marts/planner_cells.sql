@@ -63,4 +63,4 @@ select
     sum(n_violations)::bigint as n_violations
 from stood
 group by floor_id, camera_id, hour_start_ms, cx, cy
-order by local_date, floor_id, camera_id, hour_start_ms, cy, cx
+order by hour_start_ms, floor_id, camera_id, cy, cx

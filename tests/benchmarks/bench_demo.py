@@ -41,8 +41,8 @@ def read_all(site: Site) -> None:
 
 
 def all_marts(site: Site) -> None:
-    """Open the warehouse of a week and compute every mart in full."""
-    with open_warehouse(site, MONDAY, SUNDAY) as warehouse:
+    """Open the warehouse of a week and compute every mart in full, none from days that are kept."""
+    with open_warehouse(site, MONDAY, SUNDAY, uses_days=False) as warehouse:
         for name in relations("marts"):
             warehouse.table(f"select * from {name}")
 

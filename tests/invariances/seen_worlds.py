@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from datetime import date
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,21 @@ def shoppers(seed: int, *, start: int, seconds: int, step_ms: int, n_people: int
         x, y = (np.rint(np.interp(instants, t_ms, v)).astype(int) for v in (x_mm, y_mm))
         found += [Person(start + int(t), f"t{i}", int(a), int(b)) for t, a, b in zip(instants, x, y, strict=True)]
     return found
+
+
+def true_spells(people: list[Person], *, gap_s: float) -> np.ndarray:
+    """Return for how many tenths of a second any two people are closer than 2 m, apart for `gap_s` at most."""
+    by_track: dict[str, list[tuple[int, int]]] = {}
+    for p in people:
+        by_track.setdefault(str(p.track), []).append((p.x, p.y))  # type: ignore[arg-type]
+    spells = []
+    for a, b in combinations([np.array(xy) for xy in by_track.values()], 2):
+        near = np.concatenate([[0], (((a - b) ** 2).sum(axis=1) < 2000**2).astype(int), [0]])
+        turns = np.flatnonzero(np.diff(near))
+        starts, ends = turns[::2], turns[1::2]
+        is_apart = starts[1:] - ends[:-1] > gap_s * 10
+        spells += [ends[np.append(is_apart, True)] - starts[np.append(True, is_apart)]] if len(turns) else []
+    return np.concatenate(spells)
 
 
 def marts(site: Site, first: str, last: str) -> dict[str, list[str]]:

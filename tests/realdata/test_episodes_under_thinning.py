@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from prove_thinning import FPS, STEP, measure
+from prove_atc import FILES
+from prove_thinning import FPS, STEP, measure, shopping_centre
 
 pytestmark = pytest.mark.realdata
 
@@ -22,3 +23,12 @@ def test_a_third_of_the_frames_counts_the_same_violations(realdata: Callable[[st
         n_whole += whole.n_violations
         n_thinned += sum(t.n_violations for t in thinned) / STEP
     assert abs(n_thinned / n_whole - 1) <= 0.01
+
+
+def test_half_the_frames_of_a_shopping_centre_count_the_same_violations(realdata: Callable[[str], Path]) -> None:
+    """Within 3 % in either phase, of some 2,600."""
+    for name in FILES:
+        realdata(f"atc/{name}")
+    whole, thinned = shopping_centre(realdata("atc"), step=2)
+    assert (whole.interval_ms, {t.interval_ms for t in thinned}) == (1000, {2000})
+    assert max(abs(t.n_violations / whole.n_violations - 1) for t in thinned) <= 0.03

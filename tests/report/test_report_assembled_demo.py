@@ -188,16 +188,17 @@ def runs_of(camera: str, told: Frames) -> list[Run]:
 
 
 def lead(told: Frames, run: Run, ms: int, step: int) -> float:
-    """Return for how long they were close before a record (-1) or after it (1), walking straight between two frames."""
-    beside = told.get(ms + 2000 * step, {})
-    if ms != run[3][0 if step < 0 else -1] or not {run[1], run[2]} <= beside.keys():
+    """Return for how long they were close before a record (-1) or after it (1), by way of the middle of a cubic."""
+    around = (told.get(ms + n * 2000 * step, {}) for n in (-1, 0, 1, 2))
+    seen = [np.subtract(f[run[1]], f[run[2]]) if {run[1], run[2]} <= f.keys() else None for f in around]
+    behind, r0, r1, beyond = seen
+    if ms != run[3][0 if step < 0 else -1] or r0 is None or r1 is None or math.hypot(*r1) < 2000:
         return 1000.0
-    r0, r1 = (np.subtract(f[run[1]], f[run[2]]).astype(float) for f in (told[ms], beside))
-    if math.hypot(*r1) < 2000:
-        return 1000.0
-    shares = np.linspace(0, 1, 2001)
-    inside = np.hypot(*(r0[:, None] + shares * (r1 - r0)[:, None])) < 2000
-    return float(inside.sum())
+    v0 = r1 - r0 if behind is None else (r1 - behind) / 2
+    v1 = r1 - r0 if beyond is None else (beyond - r0) / 2
+    middle = (r0 + r1) / 2 + (v0 - v1) / 8
+    way = np.concatenate([np.linspace(r0, middle, 1001), np.linspace(middle, r1, 1001)[1:]])
+    return float(np.argmax(np.hypot(*way.T) >= 2000))
 
 
 def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:

@@ -223,7 +223,7 @@ def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S
     """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more.
 
     The same rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see:
-    from one frame to the next people walk straight on.
+    from one frame to the next people walk straight to the middle of a cubic, then on.
     """
     first, second = close_pairs(day, distance_m=distance_m)
     swap = day.person[first] > day.person[second]
@@ -267,20 +267,37 @@ def _share_close(day: Day, first: IntArray, second: IntArray, *, step: int, dist
         distance_m: When a pair parts.
 
     Returns:
-        u with |r + u (r' - r)| = D, for one person seen from the other at r and, in that frame, at r'; 1/2 where one
-        of the two is not there, or they are close there as well.
+        When one person, seen from the other, crosses the distance on the way from r to r' in that frame, straight to
+        its middle and on: (r + r') / 2 + (v - v') / 8, where v is half the way from the frame behind r to r' and v'
+        half that from r to the frame beyond r', or r' - r where one of the two is not there. 1/2 where one of the two
+        is not there at r', or they are close there as well.
     """
-    a, b = (np.clip(rows + step, 0, max(0, len(day.person) - 1)) for rows in (first, second))
-    is_there = np.ones(len(first), dtype=np.bool_)
-    for row, beside in ((first, a), (second, b)):
-        is_there &= (day.person[beside] == day.person[row]) & (day.frame[beside] == day.frame[row] + step)
-    here, there = (np.stack([day.x_m[p] - day.x_m[q], day.y_m[p] - day.y_m[q]]) for p, q in ((first, second), (a, b)))
+    here, _ = _seen(day, first, second, step=0)
+    there, is_there = _seen(day, first, second, step=step)
+    beyond, knows_beyond = _seen(day, first, second, step=2 * step)
+    behind, knows_behind = _seen(day, first, second, step=-step)
+    v_here = np.where(knows_behind, (there - behind) / 2, there - here)
+    v_there = np.where(knows_beyond, (beyond - here) / 2, there - here)
+    middle = (here + there) / 2 + (v_here - v_there) / 8
+    is_late = np.hypot(*middle) < distance_m
     is_there &= np.hypot(*there) >= distance_m
-    here, move = here[:, is_there], (there - here)[:, is_there]
-    square, mixed, rest = (move**2).sum(axis=0), (here * move).sum(axis=0), (here**2).sum(axis=0) - distance_m**2
+    start = np.where(is_late, middle, here)[:, is_there]
+    move = np.where(is_late, there - middle, middle - here)[:, is_there]
+    square, mixed, rest = (move**2).sum(axis=0), (start * move).sum(axis=0), (start**2).sum(axis=0) - distance_m**2
     share = np.full(len(first), 0.5)
-    share[is_there] = (np.sqrt(mixed**2 - square * rest) - mixed) / square
+    share[is_there] = (is_late[is_there] + (np.sqrt(mixed**2 - square * rest) - mixed) / square) / 2
     return share
+
+
+def _seen(day: Day, first: IntArray, second: IntArray, *, step: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return where the first of a pair stands, seen from the second, `step` frames on, and whether both are there."""
+    there = []
+    is_there = np.ones(len(first), dtype=np.bool_)
+    for rows in (first, second):
+        later = np.clip(rows + step, 0, max(0, len(day.person) - 1))
+        is_there &= (day.person[later] == day.person[rows]) & (day.frame[later] == day.frame[rows] + step)
+        there.append(np.stack([day.x_m[later], day.y_m[later]]))
+    return there[0] - there[1], is_there
 
 
 def hours_of(day: Day) -> tuple[HourTruth, ...]:
