@@ -152,13 +152,16 @@ def test_changed_opening_hours_renew_the_weekdays_they_change(project: Site) -> 
 
 
 def test_a_disk_that_takes_no_day_file_costs_time_and_no_rows(project: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    was = rows(project)
-    shutil.rmtree(project.root / FOLDER)
+    was, before = rows(project), day_files(project)
+    moved = replace(project, areas=(replace(AREAS[0], polygon=((0, 0), (8, 0), (8, 8), (0, 8))),))
 
     def full(path: Path, data: bytes, **options: bool) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
 
     monkeypatch.setattr(sources, "publish", full)
+    assert rows(moved)["area_hours"] == rows(moved, uses_days=False)["area_hours"]
+    assert day_files(project) == before  # what cannot be replaced stays
+    shutil.rmtree(project.root / FOLDER)
     assert rows(project) == was
     assert day_files(project) == {}
     monkeypatch.setattr(sources, "publish", durable.publish)

@@ -128,6 +128,7 @@ class SiteTimes:
         """Return the hash of the cameras as the facts of days read them: with the frame rates that are set."""
         return {"cameras": text_hash(sorted((c.camera_id, c.hz or 0) for c in self._site.cameras))}
 
+    @cached_property
     def owners(self) -> str:
         """Return the hash of the owners of cells at all times."""
         return text_hash(self._owners)

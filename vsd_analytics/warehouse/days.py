@@ -59,7 +59,7 @@ class Days:
 
     def __init__(self, site: Site, built: BuildResult, *, first: date, last: date) -> None:
         self._site, self._first, self._last = site, first, last
-        self._params = params(site)
+        self._params, self._times = params(site), SiteTimes(site)
         hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
         self._hours: Mapping[int, object] = {**dict(built.fingerprints), **hours}
         days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
@@ -99,7 +99,7 @@ class Days:
         if "cameras" in read:
             found["cameras"] = text_hash([(c.camera_id, c.floor_id, c.hz) for c in self._site.cameras])
         if "owner_cells" in read:
-            found["views"] = SiteTimes(self._site).owners()
+            found["views"] = self._times.owners
         if read & _OF_AREAS:
             areas = [(a.area_id, a.floor_id, a.polygon) for a in self._site.areas]
             found["areas"] = text_hash([areas, self._site.settings.cell_m])

@@ -12,7 +12,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.duck import literal_list
-from vsd_analytics.errors import DiskError
 from vsd_analytics.site import Site
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import list_parts
@@ -140,12 +139,13 @@ class Sources:
         refused: dict[Day, pa.Table] = {}
         for day, rows in made:
             file = files[day]
-            sweep_temporaries(file.path.parent)
-            self.leftovers += [p for p in file.path.parent.glob("*.parquet") if p != file.path]
             try:
                 publish(file.path, fact_bytes(rows, causes=file.causes), is_synced=False)
-            except (DiskError, OSError):
+                sweep_temporaries(file.path.parent)
+            except OSError:
                 refused[day] = rows
+            else:
+                self.leftovers += [p for p in file.path.parent.glob("*.parquet") if p != file.path]
         return refused
 
     def _in_order(self, relation: Relation, pieces: Sequence[str | Path | pa.Table]) -> str:
