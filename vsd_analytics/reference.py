@@ -189,7 +189,12 @@ Settings reach SQL as the one-row relation `params`. The site stands in `cameras
 quarter-hour that starts at the day_starts of vsd.toml, for the days that touch the range.""",
     ]
     for layer, title, said in (
-        ("marts", "Marts", "One relation for each figure, over the range that was asked for."),
+        (
+            "marts",
+            "Marts",
+            "One relation for each figure, over the range that was asked for; most are kept by day once they were computed\n"
+            "([storage](storage.md#promises)).",
+        ),
         (
             "facts",
             "Facts",
@@ -239,9 +244,14 @@ def _python(name: str) -> str:
     return f"[`{short}`](../{where})"
 
 
+_DAYS = {"local_date": "local date", "site_day": "site day", "utc_day": "UTC day"}
+
+
 def _relation(relation: Relation) -> list[str]:
     where = f"sql/{relation.layer}/{relation.name}.sql"
     told = [f"One row is identified by {_listed(relation.grain)}."]
+    if relation.kept:
+        told.append(f"Kept by {_DAYS[relation.kept]}.")
     if relation.reads:
         told.append(f"Reads {_listed(relation.reads)}.")
     if relation.params:
