@@ -192,7 +192,7 @@ quarter-hour that starts at the day_starts of vsd.toml, for the days that touch 
         (
             "marts",
             "Marts",
-            "One relation for each figure, over the range that was asked for; most are kept by day once they were computed\n"
+            "One relation for each figure, over the range that was asked for; most are kept by day\n"
             "([storage](storage.md#promises)).",
         ),
         (
