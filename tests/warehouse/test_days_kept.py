@@ -19,6 +19,7 @@ from vsd_analytics.retention import Terms, purge_range
 from vsd_analytics.site import Area, Camera, Site
 from vsd_analytics.store import durable
 from vsd_analytics.warehouse import sources
+from vsd_analytics.warehouse.analyst import run_query
 from vsd_analytics.warehouse.days import FOLDER, kept_relations
 from vsd_analytics.warehouse.verify import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -182,6 +183,37 @@ def test_a_day_file_of_garbage_says_how_to_mend_it(project: Site) -> None:
     with pytest.raises(StoreError, match="facts") as caught:
         rows(project)
     assert (caught.value.code, "delete the folder facts" in str(caught.value.mend)) == ("E302", True)
+
+
+def test_a_damaged_day_file_is_told_to_an_analyst_as_well(project: Site) -> None:
+    path = sorted((project.root / FOLDER / "episodes").rglob("*.parquet"))[-1]
+    path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
+    with Warehouse(project, FIRST, LAST) as warehouse, pytest.raises(StoreError) as caught:
+        run_query(warehouse, "select sum(duration_s) from episodes")
+    assert caught.value.code == "E302"
+
+
+def test_a_relation_that_could_not_be_kept_is_there_for_the_next_question(project: Site) -> None:
+    with Warehouse(project, FIRST, LAST) as warehouse:
+        path = sorted((project.root / FOLDER / "episodes").rglob("*.parquet"))[-1]
+        whole = path.read_bytes()
+        n = warehouse.rows("select count(*) as n from episodes")
+        path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
+        with pytest.raises(StoreError):
+            warehouse.keep("episodes")
+        path.write_bytes(whole)
+        assert warehouse.rows("select count(*) as n from episodes") == n
+
+
+def test_what_a_killed_process_left_half_written_is_swept(project: Site) -> None:
+    path = sorted((project.root / FOLDER / "episodes").rglob("*.parquet"))[0]
+    torn = path.with_name(f".{path.name}.4194999.tmp")
+    torn.write_bytes(path.read_bytes()[:100])
+    path.unlink()
+    assert verify(project).is_whole
+    rows(project)
+    assert path.is_file()
+    assert not torn.exists()
 
 
 def test_verify_tells_of_a_flipped_bit_and_of_a_file_under_another_name(project: Site) -> None:

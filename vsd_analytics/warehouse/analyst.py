@@ -78,7 +78,8 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
             )
         warehouse.prepare(query)
         _shut(con, warehouse)
-        return read(con, statements[0])
+        with warehouse.telling_damage():
+            return read(con, statements[0])
     except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows Python or pandas cannot hold
         raise SqlError(
             "the query could not be run",

@@ -91,14 +91,16 @@ class Catalog:
     def _keep(self, name: str) -> None:
         if name in self._tables:
             return
-        self._tables.add(name)
         if name in self._views:
             is_view = self._con.execute(
                 "select count(*) > 0 from duckdb_views() where view_name = $name", {"name": name}
             ).fetchall()[0][0]
             if not is_view:  # somebody else put something in its place
+                self._tables.add(name)
                 return
             self._con.execute(f"drop view {name}")
+            self._views.discard(name)
         source = self._sources[name]
         with one_thread(self._con) if source.is_files else nullcontext():
             self._con.execute(f"create temp table {name} as {source.query}")
+        self._tables.add(name)

@@ -140,23 +140,23 @@ class Warehouse:
 
     def keep(self, *names: str) -> None:
         """Compute facts and marts once and keep their rows, before several queries read them."""
-        with self._told():
+        with self.telling_damage():
             self._catalog.keep(names)
 
     def prepare(self, query: str) -> None:
         """Make the facts and marts that a query names; the methods below do it themselves."""
-        with self._told():
+        with self.telling_damage():
             self._catalog.asked(query)
 
     def table(self, query: str, values: dict[str, Any] | None = None) -> pa.Table:
         """Return a query's rows as an Arrow table; values are bound, never pasted."""
-        with self._told():
+        with self.telling_damage():
             self._catalog.asked(query)
             return self.con.sql(query, params=values or None).to_arrow_table()
 
     def frame(self, query: str, values: dict[str, Any] | None = None) -> pd.DataFrame:
         """Return a query's rows as a pandas frame."""
-        with self._told():
+        with self.telling_damage():
             self._catalog.asked(query)
             return self.con.execute(query, values or {}).df()
 
@@ -164,6 +164,19 @@ class Warehouse:
         """Return a query's rows as dictionaries."""
         found: list[dict[str, Any]] = self.table(query, values).to_pylist()
         return found
+
+    @contextlib.contextmanager
+    def telling_damage(self) -> Iterator[None]:
+        """Tell of a query that failed whether it was for a damaged file."""
+        import duckdb
+
+        try:
+            yield
+        except duckdb.OutOfMemoryException:
+            raise
+        except duckdb.Error as error:
+            self._sources.refuse_damaged(error)
+            raise
 
     def _whole_facts(self) -> None:
         """Look at every file of hourly facts of the range, and make anew what is torn."""
@@ -177,19 +190,6 @@ class Warehouse:
         inner = self._of_days[days]
         inner.keep(relation.name)
         return inner.table(f"select * from {relation.name}")
-
-    @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
-        """Tell of a query that failed whether it was for a damaged file."""
-        import duckdb
-
-        try:
-            yield
-        except duckdb.OutOfMemoryException:
-            raise
-        except duckdb.Error as error:
-            self._sources.refuse_damaged(error)
-            raise
 
 
 def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Warehouse:
