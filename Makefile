@@ -1,17 +1,28 @@
 # make demo   installs into .venv and makes the made-up shop's weekly report
+# make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
 # make test   installs the test extra and runs everything, within 15 minutes on two cores
-# make prove  the long proofs, whose tables stand in docs/
+# make prove  the long proofs, whose tables are in docs/
 # make docs   writes the pages of docs/ that are made from the code
 # make screenshots  the pictures of the documentation, from the demo (needs a Chromium)
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo test prove docs lint screenshots clean
+.PHONY: demo check test prove docs lint screenshots clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
 	$(BIN)/vsd demo vsd-demo
+
+# What `make check` runs: folders and files without a demo project, a browser, a subprocess or a loop over simulated weeks.
+FAST := $(addprefix tests/, test_architecture.py cli_site docs/test_contributing.py docs/test_docs.py docs/test_words.py \
+        geometry site sql/test_sql_files.py)
+
+check: $(VENV)/.installed-test
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/ruff check --quiet .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation" $(FAST)
 
 test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile
@@ -40,14 +51,16 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
 	$(BIN)/python tests/live/prove_soak.py --hours 24 --seed 1 --rate 2000
 	$(BIN)/python tests/retention/prove_purge_crashes.py
+	$(BIN)/python tests/report/prove_hidden_counts.py --seeds 11 --weeks 10
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
+	$(BIN)/python tests/fuzz/prove_limits.py --inputs 25000 --seed 0
 	$(BIN)/python tests/realdata/prove_cameras.py
 	$(BIN)/python tests/realdata/prove_thinning.py
 	$(BIN)/python tests/realdata/prove_atc.py
 
 docs: $(VENV)/.installed-test
-	$(BIN)/python -m vsd_analytics.reference docs
+	$(BIN)/python docs/generate_reference.py docs
 
 screenshots: $(VENV)/.installed-test
 	$(BIN)/python docs/screenshots.py

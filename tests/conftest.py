@@ -50,7 +50,7 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Return a headless Chromium, one for all tests of a worker; skips where none is found."""
-    from vsd_analytics.delivery.pdf import find_chromium
+    from vsd_analytics.report.pages.pdf import find_chromium
 
     chromium = find_chromium(environ=os.environ)
     if chromium is None:

@@ -151,7 +151,7 @@ function placeNow() {
 /* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
 function rates(place) {
   const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : word('reason.nobody'));
-  const usual = place.index >= 0 && past ? panelOf(past, past.counted, place) : null;
+  const usual = place.index >= 0 && place.past && past ? panelOf(past, past.counted, place) : null;
   const history = (kind, k) => usual && { n: usual[kind].n, x: usual[kind].x, weekday: usual.weekday };
   const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false, reason });
   const told = {

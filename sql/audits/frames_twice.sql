@@ -1,5 +1,5 @@
 -- name: audits/frames_twice
--- One row per key of frames that stands more than once among the parts looked at.
+-- One row per key of frames that occurs more than once among the parts checked.
 -- grain: camera_id, ts
 -- reads: part_frames
 -- columns:
@@ -7,8 +7,8 @@
 --   ts            instant, UTC
 --   n_rows        rows with this key, at least 2
 --   first_part    number of the first part that holds it
---   last_part     number of the last one; the same when it stands twice in one
--- assumes: all parts of an hour are looked at together, so that a key twice in the store is a key twice here
+--   last_part     number of the last one; the same when one part holds both
+-- assumes: all parts of an hour are checked together, so that a key twice in the store is a key twice here
 select
     camera_id,
     ts,

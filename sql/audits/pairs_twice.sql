@@ -1,5 +1,5 @@
 -- name: audits/pairs_twice
--- One row per key of pairs that stands more than once among the parts looked at.
+-- One row per key of pairs that occurs more than once among the parts checked.
 -- grain: camera_id, ts, track_a, track_b, x_a_mm, y_a_mm, x_b_mm, y_b_mm, person_a, person_b, distance_mm
 -- reads: part_pairs
 -- columns:
@@ -16,8 +16,8 @@
 --   distance_mm   as stored, where a track is missing; else null
 --   n_rows        rows with this key, at least 2
 --   first_part    number of the first part that holds it
---   last_part     number of the last one; the same when it stands twice in one
--- assumes: all parts of an hour are looked at together, so that a key twice in the store is a key twice here
+--   last_part     number of the last one; the same when one part holds both
+-- assumes: all parts of an hour are checked together, so that a key twice in the store is a key twice here
 select
     camera_id,
     ts,

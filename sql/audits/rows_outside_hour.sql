@@ -1,5 +1,5 @@
 -- name: audits/rows_outside_hour
--- One row per part with rows of another UTC hour than its name says.
+-- One row per part with rows of another UTC hour than that of its name.
 -- grain: stored_table, part
 -- reads: part_frames, part_observations, part_pairs
 -- columns:

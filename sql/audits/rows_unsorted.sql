@@ -1,13 +1,13 @@
 -- name: audits/rows_unsorted
--- One row per part whose rows do not stand in the order in which a fold writes them.
+-- One row per part whose rows are not in the order in which a fold writes them.
 -- grain: stored_table, part
 -- reads: part_frames, part_observations, part_pairs
 -- columns:
 --   stored_table  frames, observations or pairs
 --   part          number of the part
---   n_rows        rows that stand elsewhere than sorting would put them
+--   n_rows        rows that are not where sorting puts them
 --   first_row     first of them, counted from 0
--- assumes: a part is sorted by its columns from left to right, missing values last; rows that are wholly equal have no order
+-- assumes: a part is sorted by its columns from left to right, missing values last; equal rows have no order
 with placed_frames as (
     select
         part,

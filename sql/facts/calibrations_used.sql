@@ -1,16 +1,16 @@
 -- name: facts/calibrations_used
--- One row per camera, UTC hour and calibration through which pixels of that hour became floor positions.
--- kept: utc_day
+-- One row per camera, UTC hour and calibration that turned pixels of that hour into floor positions.
+-- stored_by: utc_day
 -- grain: hour, camera_id, calibration_id
 -- reads: stored_observations, calibrations
 -- columns:
 --   hour            UTC hour number
 --   camera_id
 --   calibration_id  8 hexadecimal digits over the nine numbers of the homography
---   first_ms        first record it placed, milliseconds since 1970, UTC
+--   first_ms        first record whose position it gave, milliseconds since 1970, UTC
 --   last_ms         last one
---   n_records       person records it placed
--- assumes: records with floor positions of their own are placed by the engine, through no calibration
+--   n_records       person records whose position it gave
+-- assumes: records that come with floor positions use no calibration
 with placed as (
     select
         c.camera_id,

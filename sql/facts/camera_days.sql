@@ -1,5 +1,5 @@
 -- name: facts/camera_days
--- One row per camera and UTC day with records: how often it reports, and what it reports.
+-- One row per camera and UTC day with records: its frame interval, and what its engine reports.
 -- unit: day
 -- grain: utc_day, camera_id
 -- reads: stored_frames, stored_observations, stored_pairs, cameras
@@ -8,7 +8,7 @@
 --   camera_id
 --   interval_ms    frame interval: 1000 / hz of vsd.toml, else the median time between frames of the day; 1000 when the day has one frame
 --   has_heartbeat  frames were reported, not only records of people
---   has_persons    people were reported, not only their pairs, so that a count of 0 is one
+--   has_persons    people were reported, not only pairs, so that no person record means nobody
 --   has_tracks     most of its records carry track ids, so that records can be joined to violations; true where nobody was seen
 --   sends_pairs    the engine measures pairs itself
 -- figure: M29 Data quality
@@ -18,8 +18,13 @@
 --   denominator  person records
 --   needs        always shown
 --   uncertainty  none
---   by           vsd_analytics.report.figures.recorded.figures
--- assumes: a whole UTC day of stored records is loaded; an interval beyond 20 minutes is taken as 20, so that neighbouring hours tell all
+--   by           vsd_analytics.figures.catalogue.recording_figures.figures
+-- steps:
+--   told       per day, because an engine may start to send ids or pairs after an update
+--   announced  an engine that reports n_pairs sends pairs, also on a day without any
+--   spaced     the median ignores outages; 1200000 ms (20 minutes) is the longest interval, so that an hour needs no more than its
+--              neighbours
+-- assumes: a whole UTC day of stored records is loaded; a longer interval than 20 minutes counts as 20 minutes
 with seen as (
     select
         camera_id,

@@ -1,6 +1,6 @@
 -- name: facts/cluster_times
--- One row per camera, time bucket and number of people in a cluster: how long such clusters were there.
--- kept: utc_day
+-- One row per camera, time bucket and number of people in a cluster: how long such clusters lasted.
+-- stored_by: utc_day
 -- grain: camera_id, bucket_quarter, n_people
 -- reads: clusters
 -- params: bucket_quarters
@@ -9,8 +9,8 @@
 --   camera_id
 --   bucket_quarter  first UTC quarter-hour of the bucket (an hour; a quarter where hours do not start on UTC hours)
 --   n_people        people in the cluster, at least 2
---   cluster_ms      sum of the time they were there, of clusters this camera counts (it owns their middle)
--- assumes: a row stands also where another camera counts, with 0: wherever there is a violation record there is a row
+--   cluster_ms      time they lasted, summed over clusters that this camera counts (it owns their middle)
+-- assumes: where another camera counts a cluster there is a row with 0: every violation record has a row
 with in_buckets as (
     select
         c.camera_id,

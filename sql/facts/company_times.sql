@@ -1,5 +1,5 @@
 -- name: facts/company_times
--- One row per person in violation, time bucket and company: how long it was closer than distance_m to just these others.
+-- One row per person in violation, time bucket and company: how long exactly these others were closer than distance_m.
 -- grain: camera_id, bucket_quarter, track_id, company
 -- reads: pairs, in_violation
 -- params: bucket_quarters, distance_mm
@@ -10,6 +10,10 @@
 --   track_id        the person; null when it has no id
 --   company         track ids of all that were closer than distance_m, in order, joined by chr(1); null when one has no id
 --   violation_ms    person-milliseconds counted by this camera (it owns the person's own position)
+-- steps:
+--   companies   chr(1) separates ids, as no pseudonym holds it; a company with an unknown member is null, since it cannot be compared
+--               with a group
+--   in_buckets  people are counted by the camera that owns their own place, not that of the pair: sums equal violation_time
 -- assumes: sums over all rows are the violation_ms of violation_time
 with sides as (
     select

@@ -1,6 +1,6 @@
 -- name: facts/coverage
 -- One row per camera and UTC quarter-hour with any recorded time.
--- kept: utc_day
+-- stored_by: utc_day
 -- grain: camera_id, quarter
 -- reads: instants, quarters
 -- columns:
@@ -9,15 +9,17 @@
 --   quarter      UTC quarter-hours since 1970
 --   n_frames     processed frames in it
 --   recorded_ms  milliseconds recorded, 0 to 900000
---   is_inferred  true when the engine sends no heartbeat, so that recorded_ms is concluded from silences
+--   is_inferred  true when the engine sends no heartbeat, so that recorded_ms is inferred from silences
 -- figure: M1 Data recorded
 --   definition   recorded / scheduled open camera-hours
 --   unit         share
 --   denominator  scheduled open camera-hours
 --   needs        always shown
 --   uncertainty  none: a full count
---   by           vsd_analytics.report.recorded.coverage
--- assumes: what a last frame covers of the next hour does not count there, so that an hour without a frame is an hour without data
+--   by           vsd_analytics.figures.week.recording.coverage
+-- steps:
+--   pieces  most frames stand for time within one quarter-hour; only the others are joined with the quarters they touch
+-- assumes: the last frame of an hour adds nothing to the next hour, so that an hour without a frame has no data
 with spans as (
     select
         camera_id,

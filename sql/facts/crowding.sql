@@ -1,5 +1,5 @@
 -- name: facts/crowding
--- One row per camera and UTC quarter-hour in which it counted anybody with a floor position: how crowded, and how close.
+-- One row per camera and UTC quarter-hour in which it counted a person with a floor position: person-time and pair-time in view.
 -- grain: camera_id, quarter
 -- reads: located, pairs
 -- params: distance_mm
@@ -11,7 +11,9 @@
 --   person_ms          person-milliseconds of these persons
 --   copresent_pair_ms  pair-milliseconds of any two of them at one instant: n (n - 1) / 2 pairs of n persons
 --   close_pair_ms      pair-milliseconds of two of them closer than distance_m
--- assumes: two persons counted by different cameras are no pair of either, neither of all pairs nor of the close ones
+-- steps:
+--   close_pairs  both persons must be counted by this camera, as in crowds: else close pairs could exceed all pairs
+-- assumes: two persons counted by different cameras are a pair of neither, in all pairs and in close pairs
 with standing as (
     select
         camera_id,

@@ -1,5 +1,5 @@
 -- name: facts/distance_times
--- One row per camera, time bucket and millimetre of distance: how many pairs were that far apart, and whose nearest neighbour was.
+-- One row per camera, time bucket and millimetre of distance: pairs and person-time with the nearest neighbour that far apart.
 -- grain: camera_id, bucket_quarter, distance_mm
 -- reads: pairs, cameras, owner_cells
 -- params: bucket_quarters, owner_cell_mm

@@ -23,14 +23,26 @@
 --   n_below_1500     records closer than 1.5 m
 --   open_left        the pair's previous violation record lies within gap_ms, in an earlier hour
 --   open_right       the pair's next violation record lies within gap_ms, in a later hour
---   before_ms        how long before started_ms they came closer than distance_m; null when the frame before does not tell
---   after_ms         how long after ended_ms they parted; null when the frame after does not tell
+--   before_ms        how long before started_ms they came closer than distance_m; null when the frame before does not show it
+--   after_ms         how long after ended_ms they parted; null when the frame after does not show it
 --   n_owned          violation records that this camera counts, because it owns their midpoint
 --   owned_from_ms    first of these
 --   owned_to_ms      last of these
 --   n_owned_located  those of n_owned with floor positions
 --   owned_x2_mm      sum of x_a + x_b over these
 --   owned_y2_mm      sum of y_a + y_b over these
+-- steps:
+--   segments   sums of x_a + x_b stay whole numbers, so that stitched segments give exactly the midpoint of an episode that was never
+--              cut
+--   frames     frames of the camera, with or without the pair: only a frame in which both stand farther apart shows when they parted
+--   ends       both ends are computed alike, with time running outwards from the run
+--   around     a frame beside the end may be two frame intervals off (4 halves), so that one lost frame does not hide the crossing; the
+--              frame beyond two and a half
+--   middles    people turn while they pass, so a straight line between two frames dates the crossing wrongly; a cubic through both
+--              places with the speeds at both follows the turn, and its middle is all the next steps need
+--   halves     the cubic is replaced by two straight halves, because the crossing of a straight line has a closed form
+--   squares    c < 0 as the line starts inside distance_m, and a > 0 as it leaves it: exactly one root is positive
+--   crossings  share = (sqrt(b^2 - a c) - b) / a is that root; no row for an end whose frames do not show it, so its time is null
 -- assumes: over a step of at most two frame intervals people walk straight to the middle of a cubic, then on; episodes need track ids
 with segments as (
     select

@@ -1,6 +1,6 @@
 -- name: facts/exposure
--- One row per camera and UTC quarter-hour in which anybody was seen: how many person records, and how much person-time.
--- kept: utc_day
+-- One row per camera and UTC quarter-hour in which anybody was seen: person records and person-time.
+-- stored_by: utc_day
 -- grain: camera_id, quarter
 -- reads: located
 -- columns:
@@ -17,14 +17,14 @@
 --   denominator  recorded open camera-hours
 --   needs        persons sent, not pairs only
 --   uncertainty  that of M5 over the same hours: what weeks like this one have
---   by           vsd_analytics.analysis.person_time.person_time
+--   by           vsd_analytics.figures.person_time.person_time
 -- figure: M5 Mean and peak people in view
 --   definition   sum over cameras of person-hours / recorded open hours of that camera; and the fullest quarter-hour
 --   unit         people
 --   denominator  recorded open camera-hours
 --   needs        persons sent; 5 recorded days for an interval
 --   uncertainty  day-clustered 95 % interval of the mean; none of the peak
---   by           vsd_analytics.analysis.person_time.person_time
+--   by           vsd_analytics.figures.person_time.person_time
 -- assumes: a record without a floor position is counted by its own camera
 with records as (
     select

@@ -1,5 +1,5 @@
 -- name: facts/floor_cells
--- One row per camera, time bucket and floor cell in which anybody stood or a violation record had its midpoint.
+-- One row per camera, time bucket and floor cell with a person or the midpoint of a violation record: person-time and violations.
 -- grain: camera_id, bucket_quarter, cx, cy
 -- reads: located, in_violation, pairs
 -- params: cell_mm, bucket_quarters, distance_mm
@@ -15,6 +15,8 @@
 --   violation_ms       their person-milliseconds
 --   violation_records  violation records of this camera with their midpoint here
 --   n_tracks           different tracks of this camera that stood here in the bucket; 0 where the engine sends no ids
+-- steps:
+--   standing  scale 2 marks midpoints, whose coordinates are sums of two: halving in whole millimetres would move some to the next cell
 -- assumes: only what this camera owns is counted, so that sums over cameras count nobody twice
 with standing as (
     select

@@ -1,5 +1,5 @@
 -- name: facts/gathering_joins
--- One row per two track ids by which a part of a gathering goes on from an earlier UTC hour, or in a later one.
+-- One row per two track ids that link a part of a gathering to a part in an earlier or a later UTC hour.
 -- grain: camera_id, ts_ms, track_a, track_b, started_ms, cluster
 -- reads: shared_tracks, gathering_links, gathering_clusters
 -- columns:
@@ -10,9 +10,11 @@
 --   track_a     the lesser track id
 --   track_b     the greater track id
 --   ts_ms       instant of their first cluster of this hour, or of their last one, milliseconds since 1970, UTC
---   before_ms   instant of the one before it, in an earlier hour; null when these two do not go on from there
---   after_ms    instant of the one after it, in a later hour; null when these two do not go on there
--- assumes: what before_ms of one row tells, after_ms of that of the earlier hour tells as well
+--   before_ms   instant of the one before it, in an earlier hour; null when these two link it to none
+--   after_ms    instant of the one after it, in a later hour; null when these two link it to none
+-- steps:
+--   crossing  links within one hour are edges of gathering_links; only those between hours are left for the mart
+-- assumes: a link is in two rows: before_ms of the later hour, after_ms of the earlier one
 with crossing as (
     select
         hour,

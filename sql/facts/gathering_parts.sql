@@ -1,6 +1,6 @@
 -- name: facts/gathering_parts
 -- One row per part of a gathering within one UTC hour: clusters of at least gathering_people people that share two track ids from each
--- to the next. Parts that are too short for a gathering and go on in no other hour are left out; the mart `gatherings` joins parts.
+-- to the next. Parts that are too short for a gathering and continue in no other hour are left out. The mart `gatherings` joins parts.
 -- grain: camera_id, started_ms, cluster
 -- reads: gathering_links, gathering_clusters, shared_tracks
 -- params: gathering_last_ms
@@ -18,9 +18,13 @@
 --   y_mm_ms       likewise
 --   wide_ms       time of clusters with two positions
 --   width_mm_ms   sum of that time * the largest distance between two of its people
---   open_left     it goes on from an earlier hour
---   open_right    it goes on in a later hour
--- assumes: two parts of one hour that only another hour joins are two, also when they are there at the same time
+--   open_left     it continues a part of an earlier hour
+--   open_right    it continues in a later hour
+-- steps:
+--   parts     weights times places, so that the mean place of joined parts is a division of sums
+--   at_once   a part may hold two clusters at one instant, when a gathering splits for a moment: its people are added
+--   going_on  a part that is too short alone may belong to a long gathering of the hour before or after
+-- assumes: two parts of one hour that are linked only through another hour are two rows, even when they overlap in time
 with parts as (
     select
         g.component as part,

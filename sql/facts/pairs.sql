@@ -7,7 +7,7 @@
 --   hour         UTC hour number
 --   camera_id
 --   ts_ms        milliseconds since 1970, UTC
---   member_a     number of the first person within camera and instant, as in located; negative for one known from sent pairs only
+--   member_a     number of the first person within camera and instant, as in located; negative for a person who is in sent pairs only
 --   member_b     number of the second person
 --   track_a      track id of the first person, the lesser one where both are known
 --   track_b      track id of the second person
@@ -17,9 +17,23 @@
 --   y_b_mm       floor millimetres
 --   distance_mm  whole millimetres, rounded down: strictly closer than D metres is distance_mm < 1000 D, exactly
 --   weight_ms    time the frame stands for
---   is_owned     false where another camera that sees the midpoint better counts
+--   is_owned     false where another camera counts it, because it sees the midpoint better
 --   is_derived   true when the engine sends no pairs and this one was measured here
--- assumes: an engine that sends pairs for a frame sends all of them; positions of that frame derive none
+-- steps:
+--   told          a frame with n_pairs was reported with its pairs, also when it has none: deriving some would count people that the
+--                 engine ruled out
+--   untold        people of all other frames that have a floor position
+--   crowds        up to 40 people, comparing all pairs costs less than the squares below
+--   reaching      within a square each pair is found once (after_member), between squares once as only half of the neighbours are
+--                 visited
+--   derived       members in order of their numbers, and the distance rounded down: distance_mm < 1000 D then says exactly "closer than
+--                 D metres"
+--   named         a pair that an engine sends has no reference to observations, so its persons get a name that is the same in all pairs
+--                 of the frame
+--   told_persons  the member number of the observation with the same track id; without one a negative number, so that both kinds never
+--                 collide
+--   sent          positions of the observations fill in for positions that the pair lacks
+-- assumes: an engine that sends pairs for a frame sends all of them, so none are derived from its positions
 with told as (
     select
         camera_id,

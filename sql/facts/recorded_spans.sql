@@ -1,6 +1,6 @@
 -- name: facts/recorded_spans
--- One row per unbroken run of recorded time of a camera that starts in the hour.
--- kept: utc_day
+-- One row per camera and unbroken run of recorded time within one UTC hour.
+-- stored_by: utc_day
 -- grain: camera_id, started_ms
 -- reads: instants
 -- columns:
@@ -9,6 +9,8 @@
 --   started_ms     first instant, milliseconds since 1970, UTC
 --   ended_ms       end of the time the last frame of the run covers
 --   is_inferred    true when the engine sends no heartbeat
+-- steps:
+--   numbered  a run ends where the time that a frame covers does not reach the next frame
 -- assumes: a run is cut at every UTC hour, so that the unit of an hour depends on that hour alone
 with marked as (
     select

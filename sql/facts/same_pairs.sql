@@ -1,5 +1,5 @@
 -- name: facts/same_pairs
--- One row per two episode segments of two cameras that are one pair of persons: where both cameras see it, it is in one place.
+-- One row per two episode segments of two cameras that show the same two people: where both cameras see the pair, it is in the same place.
 -- grain: camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms
 -- reads: close_records, cameras, owner_cells
 -- params: owner_cell_mm
@@ -13,9 +13,19 @@
 --   other_track_a     pair of that camera's segment
 --   other_track_b     likewise
 --   other_started_ms  start of that segment
---   n_same            whole seconds in which both persons stand at most 0.5 m apart in the two, and no other pair fits better
+--   n_same            whole seconds in which each person is at most 0.5 m apart in the two views, and no other pair fits better
 --   n_both            whole seconds in which both segments place the pair on floor from which several cameras may report
--- assumes: at least half of n_both agree; clocks of the cameras agree; what ids the cameras give tells nothing
+-- steps:
+--   lasting     pairs on floor without an owner cell are seen by one camera alone and cannot be counted twice; 4 s and 1 s bound how
+--               far a position may be carried on without a record
+--   seconds     a stretch of at most 4 s holds at most four whole seconds
+--   at_seconds  frames of two cameras fall on different instants; their places are compared at whole seconds, by linear interpolation
+--   seen        g is the square of side 1 m that holds the midpoint: a sum of two coordinates divided by 2000
+--   corners     joining by squares compares each pair with those around it, not with all of the floor
+--   ranked      250000 is the square of 500 mm; each must be the best fit of the other, so that in a crowd a pair is not joined with
+--               its neighbours
+--   compared    seconds in which only one camera sees its pair say nothing, so agreement is counted over seconds that both have
+-- assumes: at least half of n_both agree; clocks of the cameras agree; ids of different cameras are never compared
 with lasting as (
     select
         r.hour,

@@ -1,20 +1,26 @@
 -- name: facts/sequence_runs
--- One row per camera, UTC hour and unbroken stretch of the engine's running number: what arrived of what was sent.
--- The engine has begun a new count when the number falls after a minute of silence; or for good: a minute's numbers are all below those
--- of the minute before; or to 0 or 1, with no higher number right after. Any other fall is a clock that was set: numbers tell the order.
--- kept: utc_day
+-- One row per camera, UTC hour and unbroken stretch of the engine's running number: which messages arrived.
+-- The engine has started a new count when the number falls after a minute of silence; when all numbers of a minute are below all those
+-- of the minute before; or when it falls to 0 or 1, with no higher number right after. Any other fall is a clock that was set: then the
+-- numbers give the order.
+-- stored_by: utc_day
 -- grain: hour, camera_id, restarts, first_seq
 -- reads: stored_frames
 -- columns:
 --   hour        UTC hour number
 --   camera_id
---   restarts    new counts of the engine in this hour before it; after five silent minutes message_gaps decides whether 0 goes on
+--   restarts    new counts of the engine in this hour so far; message_gaps decides whether 0 continues the count of the hour before
 --   first_seq   first running number of the stretch
 --   last_seq    last one; every number between arrived
 --   first_ms    earliest message of the stretch, milliseconds since 1970, UTC
 --   last_ms     latest one
 --   n_messages  messages of the stretch
--- assumes: numbers rise by one from message to message; frames without a number say nothing
+-- steps:
+--   neighboured  60000 ms is the minute of the rule above
+--   marked       over an hour with more than 300000 ms of silence before it, message_gaps decides; a count below 5 is too short to say
+--                that a fall to 0 or 1 is a new count
+--   islands      number minus rank is the same for all numbers without a gap between them
+-- assumes: numbers rise by one from message to message; frames without a number are ignored
 with numbered as (
     select
         camera_id,

@@ -1,5 +1,5 @@
 -- name: facts/track_lives
--- One row per track and UTC hour it was seen in: how much of it was seen, and whether another track goes on where it ends.
+-- One row per track and UTC hour it was seen in: its records and time, and how many other tracks begin where it ends.
 -- grain: hour, camera_id, track_id
 -- reads: located, camera_days
 -- columns:
@@ -11,9 +11,15 @@
 --   last_ms        last of them
 --   exposure_ms    person-milliseconds: sum of their weights
 --   n_ends         1 where the track ends in this hour at a known place, else 0
---   n_goes_on      other tracks that begin within reach after its end, where it would have been
---   n_came_before  other tracks that began within reach before its end, where it was: so many do by chance
--- assumes: reach is 1.5 frame intervals, 1 to 10 s; "where" is 0.5 m, plus 0.3 m a second, around the way of its mean velocity
+--   n_goes_on      other tracks that begin within reach after its end, near the place where it would have been
+--   n_came_before  other tracks that began within reach before its end, near where it was: as many as chance gives
+-- steps:
+--   reaching  mean velocity from the first to the last known place; reach_ms is one frame and a half, at least 1 s and at most 10 s
+--   starts    only starts that the same track does not continue from an earlier hour, likewise for ends
+--   judged    within 500 mm, plus 3/10 mm per millisecond (0.3 m/s): how far a walker may leave its straight way in that time
+--   ended     starts before the end cannot be the same person, so their number is what chance gives; the difference is tracks that were
+--             cut
+-- assumes: reach is 1.5 frame intervals, 1 to 10 s; "near" is 0.5 m, plus 0.3 m a second, around its path at mean velocity
 with lives as (
     select
         cast(floor(ts_ms / 3600000) as bigint) as hour,

@@ -1,5 +1,5 @@
 -- name: facts/track_pairs
--- One row per pair of tracks and UTC hour in which they were closer than distance_m: how often, how near, and from where to where.
+-- One row per pair of tracks and UTC hour in which they were closer than distance_m: records, time, and first and last midpoint.
 -- grain: hour, camera_id, track_a, track_b
 -- reads: pairs
 -- params: distance_mm, together_mm
@@ -17,7 +17,7 @@
 --   last_ms       last violation record with positions
 --   last_x2_mm    x_a + x_b of it
 --   last_y2_mm    y_a + y_b of it
--- assumes: both persons carry track ids; whoever has the same id twice in a frame is no pair
+-- assumes: both persons carry track ids; two records with the same id in one frame are no pair
 with close as (
     select
         p.hour,

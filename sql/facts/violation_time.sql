@@ -1,6 +1,6 @@
 -- name: facts/violation_time
--- One row per camera and UTC quarter-hour with a violation record: how many, and how much person-time in violation.
--- kept: utc_day
+-- One row per camera and UTC quarter-hour with a violation record: violation records and person-time in violation.
+-- stored_by: utc_day
 -- grain: camera_id, quarter
 -- reads: pairs, in_violation
 -- params: distance_mm
@@ -16,8 +16,8 @@
 --   denominator  person-hours
 --   needs        5 recorded days and 20 person-hours for an interval
 --   uncertainty  day-clustered 95 % interval, as M7
---   by           vsd_analytics.analysis.person_time.person_time
--- assumes: of two persons of a pair a camera may count one, or the pair and none of them, where views overlap
+--   by           vsd_analytics.figures.person_time.person_time
+-- assumes: where views overlap, a camera may count one person of a pair, or the pair and neither person
 with counted as (
     select
         p.camera_id,

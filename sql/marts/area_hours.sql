@@ -1,6 +1,6 @@
 -- name: marts/area_hours
--- One row per area, camera and local hour in which the camera counted anybody in the area; area null is the rest of the floor.
--- kept: local_date
+-- One row per area, camera and local hour with a person or violation in the area; area_id null is the rest of the floor.
+-- stored_by: local_date
 -- grain: floor_id, area_id, camera_id, hour_start_ms
 -- reads: floor_cells, violations, area_cells, cameras, calendar
 -- columns:
@@ -19,15 +19,15 @@
 --   denominator  recorded open hours; person-hours
 --   needs        as M0 and M7; ranked in a week recorded to 60 %
 --   uncertainty  as M0 and M7; pulled rates by empirical Bayes (vsd_analytics.stats.shrinkage)
---   by           vsd_analytics.report.areas.areas
+--   by           vsd_analytics.figures.week.areas.areas
 -- figure: M27 Before and after
 --   definition   ratio of M7 after / before a logged change in its area, over the same ratio of areas left alone
 --   unit         ratio
 --   denominator  person-hours, and those of the comparison areas
 --   needs        a whole week and 30 violations on either side; no recalibration between
 --   uncertainty  day-clustered 95 % interval, spread of placebo areas, estimate shrunken for regression to the mean
---   by           vsd_analytics.analysis.before_after.before_after
--- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+--   by           vsd_analytics.figures.before_after.before_after
+-- assumes: an hour without a row is 0 where the camera recorded, unknown where it did not
 with stood as (
     select
         cameras.floor_id,

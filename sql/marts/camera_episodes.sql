@@ -12,10 +12,10 @@
 --   ended_ms         last violation record
 --   from_ms          first record that counts: that this camera owns; where it owns none, started_ms
 --   to_ms            last record that counts
---   before_ms        how long before from_ms they came closer than distance_m; half a frame interval when the frames do not tell
+--   before_ms        how long before from_ms they came closer than distance_m; half a frame interval when the frames do not show it
 --   after_ms         how long after to_ms they parted; likewise
---   knows_start      the frames tell when they came closer; null in hours sealed by older versions, which did not ask
---   knows_end        the frames tell when they parted; likewise
+--   knows_start      the frames show when they came closer; null in hours sealed by older versions, which did not compute it
+--   knows_end        the frames show when they parted; likewise
 --   n_records        records that count
 --   n_located        those with floor positions
 --   x2_mm            sum of x_a + x_b over these
@@ -23,7 +23,13 @@
 --   n_measured       violation records that the distances are of: also those another camera counts
 --   min_distance_mm  closest approach
 --   sum_distance_mm  sum of distances over n_measured
---   is_owned         this camera counts any of it; in hours sealed by older versions, whose records do not tell: it owns the mean midpoint
+--   is_owned         this camera counts any of it; in hours sealed by older versions, which did not store it: it owns the mean midpoint
+-- steps:
+--   marked    the greatest end of all earlier segments, because a later segment may end first
+--   numbered  a running number per episode: it grows at each segment that does not follow within gap_ms
+--   stitched  time before and after comes from the first and the last segment; distances from all records, owned or not
+--   counted   only records this camera owns count; where another camera owns the first record, this one does not know when the two met,
+--             so before_ms is null
 -- assumes: segments of the hours around a range are loaded, so that an episode is whole
 with marked as (
     select

@@ -1,6 +1,6 @@
 -- name: marts/camera_hours
--- One row per camera and local hour of the calendar, also where nothing was recorded.
--- kept: local_date
+-- One row per camera and local hour of the calendar, including hours without data.
+-- stored_by: local_date
 -- grain: camera_id, hour_start_ms
 -- reads: calendar, cameras, camera_days, coverage, exposure, violation_time, violations
 -- columns:
@@ -16,7 +16,7 @@
 --   open_s               opening time in it
 --   recorded_s           recorded time
 --   recorded_open_s      recorded time in opening hours
---   is_inferred          recorded time is concluded from silences; null without data
+--   is_inferred          recorded time is inferred from silences; null without data
 --   person_records       person records; null also where the engine sends pairs only
 --   exposure_s           person-seconds in view; likewise
 --   exposure_open_s      person-seconds in opening hours
@@ -30,7 +30,7 @@
 --   denominator  recorded open camera-hours
 --   needs        5 recorded days and 5 violations for an interval
 --   uncertainty  day-clustered 95 % interval; four verdicts on the change
---   by           vsd_analytics.analysis.rates.level_often
+--   by           vsd_analytics.figures.rates.level_often
 -- figure: M13 Hour-of-week profile
 --   definition   M7, M0 and people in view by local hour and weekday over the last 4 weeks; rates pulled towards the mean hour as far
 --                as chance may have made them
@@ -38,21 +38,21 @@
 --   denominator  person-hours; recorded open hours
 --   needs        an hour recorded in 3 of 4 weeks
 --   uncertainty  95 % interval of the pulled rate
---   by           vsd_analytics.analysis.hour_of_week.week_profile
+--   by           vsd_analytics.figures.hour_of_week.week_profile
 -- figure: M14 Peak hours
---   definition   the three highest hours of M13, per open hour and per person-hour, and all that cannot be told apart from the first
+--   definition   the three highest hours of M13, per open hour and per person-hour, and all that cannot be distinguished from the first
 --   unit         as M13
 --   denominator  as M13
 --   needs        as M13, in a week recorded to 60 %
 --   uncertainty  all hours whose interval reaches that of the first are named
---   by           vsd_analytics.analysis.hour_of_week.week_profile
+--   by           vsd_analytics.figures.hour_of_week.week_profile
 -- figure: M24 Unusual hours
 --   definition   hours 50 % and 5 violations away from the median of the same hour of up to 8 earlier weeks, at most five
 --   unit         violations of the hour beside the usual range
 --   denominator  hours that were recorded and have a usual count
 --   needs        4 recorded weeks before, in a week recorded to 60 %
 --   uncertainty  negative binomial tails, false discovery rate 5 % over the hours of the week
---   by           vsd_analytics.analysis.unusual.unusual
+--   by           vsd_analytics.figures.unusual.unusual
 -- figure: M25 Forecast of next week
 --   definition   median of the last 8 recorded weeks by hour of the week, times the late weeks' level: people, violations; chance of a
 --                gathering where they are counted
@@ -60,14 +60,17 @@
 --   denominator  open hours
 --   needs        4 recorded weeks
 --   uncertainty  80 % range; last week's forecast is scored beside the seasonal naive one
---   by           vsd_analytics.analysis.forecast.forecast
+--   by           vsd_analytics.figures.forecast.forecast
 -- figure: M28 Trend
 --   definition   M0 and M7 of each of the last 12 weeks; weeks recorded too little are gaps
 --   unit         per open hour; per person-hour
 --   denominator  recorded open hours; person-hours
 --   needs        3 recorded weeks
 --   uncertainty  each week's 95 % interval
---   by           vsd_analytics.analysis.trend.trend
+--   by           vsd_analytics.figures.trend.trend
+-- steps:
+--   spine     every camera and quarter-hour of the calendar, so that an hour without data has a row
+--   per_hour  900 s is a quarter-hour; has_distances: pairs were sent, or at least half of the records have a floor position
 -- assumes: where nothing was recorded, or a count cannot be known, it is null, never 0
 with spine as (
     select

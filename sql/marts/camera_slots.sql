@@ -1,5 +1,5 @@
 -- name: marts/camera_slots
--- One row per camera, local day and hour of the clock, in opening hours: the two equal hours of a night are one.
+-- One row per camera, local day and hour of the clock, with opening time; the two equal hours of a night of clock change are one row.
 -- grain: camera_id, local_date, local_hour
 -- reads: camera_hours
 -- columns:

@@ -1,6 +1,6 @@
 -- name: marts/cell_days
--- One row per camera, local date and floor cell of half a metre in which anybody stood in opening hours, or a violation lies.
--- kept: local_date
+-- One row per camera, local date and floor cell of half a metre with a person or violation in opening hours.
+-- stored_by: local_date
 -- grain: floor_id, camera_id, local_date, cx, cy
 -- reads: floor_cells, violations, calendar, cameras
 -- params: cell_mm
@@ -20,8 +20,10 @@
 --   denominator  person-hours by day and cell
 --   needs        14 recorded days of 28, 300 violations, in a week recorded to 60 %
 --   uncertainty  moderated day-clustered t, false discovery rate 5 %; 95 % interval of the ratio
---   by           vsd_analytics.analysis.hotspots.hotspots
--- assumes: a cell without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+--   by           vsd_analytics.figures.hotspots.hotspots
+-- steps:
+--   stood  500 mm: hotspots are found on cells of half a metre, about the space of one standing person
+-- assumes: a cell without a row is 0 where the camera recorded, unknown where it did not
 with stood as (
     select
         cameras.floor_id,

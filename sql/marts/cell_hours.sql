@@ -1,6 +1,6 @@
 -- name: marts/cell_hours
--- One row per camera, local hour and floor cell in which anybody stood in opening hours, or a violation lies.
--- kept: local_date
+-- One row per camera, local hour and floor cell with a person or violation in opening hours.
+-- stored_by: local_date
 -- grain: floor_id, camera_id, hour_start_ms, cx, cy
 -- reads: floor_cells, violations, calendar, cameras
 -- columns:
@@ -17,24 +17,26 @@
 --   definition   sum over cameras of person-seconds / recorded open hours of that camera, per m²
 --   unit         person-seconds per m² and open hour
 --   denominator  recorded open camera-hours
---   needs        0.25 person-hours in a square metre to be told in the JSON
+--   needs        0.25 person-hours in a square metre to be in the JSON
 --   uncertainty  none
---   by           vsd_analytics.analysis.maps.exposure_map
+--   by           vsd_analytics.figures.maps.exposure_map
 -- figure: M17 Map of burden
 --   definition   as M16, of person-seconds in violation, where each person stands
 --   unit         person-seconds in violation per m² and open hour
 --   denominator  recorded open camera-hours
 --   needs        as M16
 --   uncertainty  none
---   by           vsd_analytics.analysis.maps.burden_map
+--   by           vsd_analytics.figures.maps.burden_map
 -- figure: M18 Map of risk
 --   definition   M6 by cell; both parts smoothed by the same Gaussian of 1 m
 --   unit         share of person-time
 --   denominator  person-hours in the cell
 --   needs        0.25 person-hours
 --   uncertainty  none; M20 is the test
---   by           vsd_analytics.analysis.maps.risk_map
--- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+--   by           vsd_analytics.figures.maps.risk_map
+-- steps:
+--   places  numbers for cameras: grouping by a number is faster than by two texts
+-- assumes: an hour without a row is 0 where the camera recorded, unknown where it did not
 with places as (
     select
         camera_id,

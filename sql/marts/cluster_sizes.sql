@@ -1,6 +1,6 @@
 -- name: marts/cluster_sizes
--- One row per camera, local date and number of people in a cluster: how long such clusters were there in opening hours.
--- kept: local_date
+-- One row per camera, local date and number of people in a cluster: how long such clusters lasted in opening hours.
+-- stored_by: local_date
 -- grain: camera_id, local_date, n_people
 -- reads: cluster_times, calendar, cameras
 -- columns:
@@ -8,15 +8,15 @@
 --   floor_id
 --   local_date
 --   n_people   people in the cluster, at least 2
---   cluster_s  sum of the time they were there, of clusters this camera counts
+--   cluster_s  time they lasted, summed over clusters that this camera counts
 -- figure: M21 Cluster sizes
 --   definition   time people spent in clusters of 2, 3, 4, 5 to 7, 8 and more people / time in clusters
 --   unit         share of clustered person-time
 --   denominator  person-hours in clusters
 --   needs        clusters for half an hour in all
 --   uncertainty  none
---   by           vsd_analytics.analysis.gatherings.gatherings
--- assumes: in one frame, people closer than distance_m are in one cluster, and so is whom they are joined with
+--   by           vsd_analytics.figures.gatherings.gatherings
+-- assumes: in one frame, people closer than distance_m are in one cluster, and so are all whom a chain of such people connects
 select
     cluster_times.camera_id,
     cameras.floor_id,

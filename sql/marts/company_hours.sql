@@ -1,6 +1,6 @@
 -- name: marts/company_hours
--- One row per camera and local hour with anybody in violation in opening hours: how much of that time is with people of other groups.
--- kept: local_date
+-- One row per camera and local hour with anybody in violation in opening hours: time in violation, with and without other groups.
+-- stored_by: local_date
 -- grain: camera_id, hour_start_ms
 -- reads: company_times, calendar, cameras, site_days, track_groups
 -- columns:
@@ -9,8 +9,11 @@
 --   hour_start_ms  UTC instant the local hour starts
 --   local_date
 --   violation_s    person-seconds in violation
---   between_s      those with anybody closer than distance_m whom the person does not move together with
--- assumes: a bucket's ids are of the site day it starts in; who cannot be known to move together does not
+--   between_s      those in which somebody closer than distance_m is not of the person's own group
+-- steps:
+--   others        one row per other person; who has no group is between groups with everybody and needs no comparison
+--   within_group  bool_and: one stranger close by makes the time between groups
+-- assumes: a bucket's ids are of the site day it starts in; people of whom it is unknown whether they move together count as not together
 with timed as materialized (
     select
         row_number() over () as row_no,

@@ -1,6 +1,6 @@
 -- name: marts/crowding_hours
--- One row per camera and local hour in which it counted anybody with a floor position in opening hours.
--- kept: local_date
+-- One row per camera and local hour in which it counted a person with a floor position in opening hours: person-time and pair-time.
+-- stored_by: local_date
 -- grain: camera_id, hour_start_ms
 -- reads: crowding, calendar, cameras
 -- columns:
@@ -18,7 +18,7 @@
 --   denominator  expected person-seconds in violation
 --   needs        10 expected person-seconds
 --   uncertainty  cells clearly above the floor's own ratio, by the test of M20, from 14 recorded days on
---   by           vsd_analytics.analysis.maps.excess_map
+--   by           vsd_analytics.figures.maps.excess_map
 -- figure: M23 Crowding, layout, behaviour
 --   definition   V = P L B: pair-time too close = pair-time in view × chance to be close by the map × rest, and what moved since the
 --                week before
@@ -26,8 +26,8 @@
 --   denominator  pair-hours in view
 --   needs        20 person-hours; 5 days for an interval
 --   uncertainty  day-clustered 95 % interval of behaviour
---   by           vsd_analytics.analysis.mixing.mixing_of
--- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+--   by           vsd_analytics.figures.mixing.mixing_of
+-- assumes: an hour without a row is 0 where the camera recorded, unknown where it did not
 select
     crowding.camera_id,
     cameras.floor_id,

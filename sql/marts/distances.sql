@@ -1,6 +1,6 @@
 -- name: marts/distances
--- One row per camera, local date and millimetre of distance: how many pairs were that far apart, and whose nearest neighbour was.
--- kept: local_date
+-- One row per camera, local date and millimetre of distance: pairs and person-time with the nearest neighbour that far apart.
+-- stored_by: local_date
 -- grain: camera_id, local_date, distance_mm
 -- reads: distance_times, calendar, cameras
 -- columns:
@@ -16,14 +16,14 @@
 --   denominator  person-hours in violation
 --   needs        30 violations
 --   uncertainty  none; the engine's own error: M26
---   by           vsd_analytics.analysis.episodes.episode_figures
+--   by           vsd_analytics.figures.episodes.episode_figures
 -- figure: M26 Threshold sensitivity
---   definition   M6 at 0.9, 1 and 1.1 times distance_m, over all recorded hours; what the stated error of the engine does stands beside
+--   definition   M6 at 0.9, 1 and 1.1 times distance_m, over all recorded hours; beside it the effect of the stated error of the engine
 --   unit         share of person-time
 --   denominator  person-hours
---   needs        distances kept that far (pair_max_m)
+--   needs        distances stored that far (pair_max_m)
 --   uncertainty  none; it is itself one
---   by           vsd_analytics.analysis.sensitivity.threshold_sensitivity
+--   by           vsd_analytics.figures.sensitivity.threshold_sensitivity
 -- assumes: sums over distance_mm < 1000 D are the violation_records and violation_s of a legal distance of D
 select
     distance_times.camera_id,

@@ -1,6 +1,6 @@
 -- name: marts/episodes
 -- One row per episode: one pair closer than distance_m with no gap longer than gap_ms, over hours, midnight and cameras.
--- kept: local_date
+-- stored_by: local_date
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: camera_episodes, shared_episodes, calendar, site_days, track_groups
 -- params: episode_min_ms, cell_mm
@@ -10,8 +10,8 @@
 --   track_b          the greater track id
 --   started_ms       first violation record that counts, of any camera, milliseconds since 1970, UTC
 --   ended_ms         last violation record that counts
---   duration_s       from coming closer than distance_m to parting; where frames do not tell, half a frame interval before and after
---   is_cut           it was seen in part: the frames beside do not tell when they came closer, or when they parted; null if not known
+--   duration_s       from coming closer than distance_m to parting; where frames do not show it, half a frame interval before and after
+--   is_cut           seen in part: the frames do not show when they came closer or parted; null in hours sealed by older versions
 --   n_records        violation records that count, each with the camera that owns its midpoint
 --   x_m              mean midpoint, floor metres; null without positions
 --   y_m              mean midpoint, floor metres
@@ -32,14 +32,17 @@
 --   denominator  recorded open camera-hours, with the share recorded beside
 --   needs        0, or at least mask_below
 --   uncertainty  none: a raw count
---   by           vsd_analytics.analysis.panels.FloorHours
+--   by           vsd_analytics.figures.panels.FloorHours
 -- figure: M12 Close contacts
 --   definition   pairs whose episodes sum to 15 minutes within 24 hours
 --   unit         pairs
 --   denominator  pairs with any violation record
 --   needs        half of violation time in ids that can be followed for 15 minutes
 --   uncertainty  a lower bound
---   by           vsd_analytics.analysis.episodes.episode_figures
+--   by           vsd_analytics.figures.episodes.episode_figures
+-- steps:
+--   members  rank 1 is the camera that counts the episode; first_rank and last_rank find the member that saw its start and its end
+--   whole    members that own no record are left out where another member owns one, so that no record counts twice
 -- assumes: segments of the hours around the calendar are loaded, so that an episode is whole; one that began before it is left out
 with members as (
     select

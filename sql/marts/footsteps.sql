@@ -1,6 +1,6 @@
 -- name: marts/footsteps
--- One row per local date and floor cell in which tracks were seen in opening hours: at least how many different ones.
--- kept: local_date
+-- One row per local date and floor cell with tracks in opening hours: a lower bound of the number of different tracks.
+-- stored_by: local_date
 -- grain: floor_id, local_date, cx, cy
 -- reads: floor_cells, calendar, cameras
 -- columns:
@@ -9,6 +9,8 @@
 --   cx          floor(x / cell_m)
 --   cy          floor(y / cell_m)
 --   n_tracks    a lower bound of the different tracks that stood here: of each camera, those of its busiest hour
+-- steps:
+--   busiest  ids of one hour are counted once, those of two hours may be the same people: the busiest hour is a safe lower bound
 -- assumes: a track belongs to one camera and one site day, so cameras and days add up
 with busiest as (
     select

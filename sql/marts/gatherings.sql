@@ -1,6 +1,6 @@
 -- name: marts/gatherings
--- One row per gathering: clusters of at least gathering_people people that hang together by two track ids for gathering_last_ms or longer.
--- kept: local_date
+-- One row per gathering: clusters of at least gathering_people people, each sharing two track ids with the next, over gathering_last_ms.
+-- stored_by: local_date
 -- grain: camera_id, started_ms, cluster
 -- reads: gathering_parts, gathering_joins, calendar, cameras, owner_cells
 -- params: gathering_last_ms, owner_cell_mm
@@ -27,7 +27,10 @@
 --   denominator  recorded open camera-hours
 --   needs        5 recorded days and 5 gatherings for an interval
 --   uncertainty  day-clustered 95 % interval, as M0
---   by           vsd_analytics.analysis.gatherings.gatherings
+--   by           vsd_analytics.figures.gatherings.gatherings
+-- steps:
+--   joins    parts of neighbouring hours are one gathering if the same two ids link them, seen from both hours
+--   reached  a transitive closure that only walks towards lesser parts; `union` removes repeats, so it ends
 -- assumes: parts of the hours around the calendar are loaded, so that a gathering is whole; one that began before it is left out
 with recursive parts as materialized (
     select

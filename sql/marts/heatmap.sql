@@ -1,5 +1,5 @@
 -- name: marts/heatmap
--- One row per floor and heat cell: what was recorded there over the calendar's days, opening hours or not.
+-- One row per floor and heat cell: its records and person-time over the calendar's days, in and outside opening hours.
 -- grain: floor_id, cx, cy
 -- reads: floor_cells, calendar, cameras
 -- params: cell_mm, heat_cell_mm

@@ -1,5 +1,5 @@
 -- name: marts/hours
--- One row per local hour of the calendar, all cameras together.
+-- One row per local hour of the calendar, over all cameras.
 -- grain: hour_start_ms
 -- reads: camera_hours
 -- params: full_hour_share, partial_hour_share
@@ -14,7 +14,7 @@
 --   recorded_s         recorded time, mean over cameras
 --   recorded_share     of the opening time, mean over cameras; of the whole hour when closed
 --   cameras_down       cameras that recorded less than half of it
---   is_inferred        some of it is concluded from silences; null without data
+--   is_inferred        some of it is inferred from silences; null without data
 --   person_records     person records
 --   exposure_s         person-seconds in view
 --   violation_records  violation records

@@ -1,18 +1,21 @@
 -- name: marts/message_gaps
--- One row per run of an engine's messages that never arrived (or are in quarantine), told by a gap in its running number,
+-- One row per run of an engine's messages that never arrived (or are in quarantine), found by a gap in the running number,
 -- and one per restart of its count.
 -- grain: camera_id, run, first_missing
 -- reads: sequence_runs, cameras, calendar
 -- columns:
 --   camera_id
 --   camera_no      position in vsd.toml
---   run            counts of the camera in the time that is loaded, from 1: the engine starts a new one when it is restarted
+--   run            number of the count, from 1 in the time that is loaded: an engine that restarts begins a new one
 --   started_ms     last message before, milliseconds since 1970, UTC
 --   ended_ms       first message after
 --   is_restart     the engine began a new count: what it sent and lost around that is unknown
 --   first_missing  first running number that is missing; null for a restart
 --   last_missing   last one; null for a restart
 --   n_missing      messages missing; null for a restart, as it is not known
+-- steps:
+--   compared   300000 ms: a lower number after five minutes of silence is a restart, after less a clock that was set
+--   stretches  the greatest number of all earlier stretches, since stretches may overlap when a clock was set back
 -- assumes: gaps and restarts that touch the calendar count; what is lost before the first and after the last message is not known
 with runs as (
     select

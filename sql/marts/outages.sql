@@ -9,20 +9,30 @@
 --   started_ms   end of the last recorded time before, or start of opening, milliseconds since 1970, UTC
 --   ended_ms     start of the next recorded time, or end of opening
 --   open_s       opening time lost
---   is_inferred  concluded from silence, as the engine sends no heartbeat before or after it
+--   is_inferred  inferred from silence, as the engine sends no heartbeat before or after it
 -- figure: M2 Outages
 --   definition   runs of at least 10 minutes of opening time without data, per camera
 --   unit         list
 --   denominator  –
 --   needs        always shown
 --   uncertainty  inferred without a heartbeat
---   by           vsd_analytics.report.recorded.coverage
--- assumes: time the calendar does not hold, and time the site is closed, is not missed
+--   by           vsd_analytics.figures.week.recording.coverage
+-- steps:
+--   bounds  one pair of bounds per unbroken part of the calendar: years it leaves out are not missed time
+--   edges   spans of no length at the bounds: a camera without any record then has an outage of the whole range
+--   missed  an outage is cut to opening time quarter by quarter
+-- assumes: time outside the calendar and closed time are no outages
 with bounds as (
     select
         min(quarter) * 900000 as first_ms,
         (max(quarter) + 1) * 900000 as last_ms
-    from calendar
+    from (
+        select
+            quarter,
+            quarter - row_number() over (order by quarter) as stretch
+        from calendar
+    ) as numbered
+    group by stretch
 ),
 
 edges as (

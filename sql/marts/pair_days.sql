@@ -1,6 +1,6 @@
 -- name: marts/pair_days
--- One row per pair of tracks and site day in which they were closer than distance_m, and whether they move together.
--- kept: site_day
+-- One row per pair of tracks and site day in which they were closer than distance_m, with whether they move together.
+-- stored_by: site_day
 -- grain: camera_id, site_day, track_a, track_b
 -- reads: track_pairs, track_days, site_days
 -- params: together_share, together_walk_mm, together_min_ms, together_min_records
@@ -15,6 +15,8 @@
 --   life_share      violation records / records that have either of them; null where no persons are sent
 --   walked_m        from the midpoint of the first violation record to that of the last; null without positions
 --   moves_together  near_share at least half, life_share and walked_m as set, close for 2 s and in 3 records; null where either is
+-- steps:
+--   joined  n_either counts records with at least one of the two; the midpoint is half of the sum of both places, hence / 2
 -- assumes: an hour's row belongs to the site day of its first violation record, which needs its place; without, of the hour's start
 with days as (
     select

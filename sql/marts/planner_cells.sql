@@ -1,6 +1,6 @@
 -- name: marts/planner_cells
--- One row per camera, local hour and floor cell of half a metre in which anybody stood in opening hours, or a violation lies.
--- kept: local_date
+-- One row per camera, local hour and floor cell of half a metre with a person or violation in opening hours.
+-- stored_by: local_date
 -- grain: floor_id, camera_id, hour_start_ms, cx, cy
 -- reads: floor_cells, violations, calendar, cameras
 -- params: cell_mm
@@ -15,7 +15,9 @@
 --   violation_ms   person-milliseconds in violation, where each person stands
 --   n_tracks       a lower bound of the different tracks that stood here; 0 where the engine sends no ids
 --   n_violations   violations whose mean midpoint lies here and that started in opening hours
--- assumes: an hour without a row is to be read with the camera's recorded time: 0 if recorded, unknown if not
+-- steps:
+--   stood  500 mm: the planner draws areas on cells of half a metre, about the space of one standing person
+-- assumes: an hour without a row is 0 where the camera recorded, unknown where it did not
 with stood as (
     select
         cameras.floor_id,

@@ -1,11 +1,14 @@
 -- name: marts/shared_episodes
--- One row per camera's episode that another camera saw as well: which of them are one, as connected components of same_pairs.
+-- One row per camera episode that another camera saw as well, with the first of those that are the same episode (components of same_pairs).
 -- grain: number
 -- reads: camera_episodes, same_pairs
 -- columns:
 --   number  of a row of camera_episodes
 --   first   the least number of those that are one episode
--- assumes: what is one pair with the same pair is one pair
+-- steps:
+--   found    same_pairs names segments of an hour; a segment belongs to the episode whose time holds its start
+--   reached  a transitive closure that only walks towards lesser numbers; `union` removes repeats, so it ends
+-- assumes: two pairs that each equal a third are the same pair
 with recursive found as (
     select distinct
         a.number,

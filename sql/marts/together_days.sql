@@ -1,6 +1,6 @@
 -- name: marts/together_days
 -- One row per camera and site day with tracks: person-time in groups, and the time pairs were in violation within groups.
--- kept: site_day
+-- stored_by: site_day
 -- grain: camera_id, site_day
 -- reads: track_days, track_groups, pair_days
 -- columns:
@@ -13,7 +13,7 @@
 --   n_unknown    those of which it cannot be known whether they move together
 --   violation_s  seconds that pairs were in violation, summed over pairs
 --   within_s     those of pairs within one group
--- assumes: each camera for itself: its track ids mean nothing to another
+-- assumes: each camera is computed by itself: track ids of different cameras are unrelated
 with tracks as (
     select
         track_days.camera_id,

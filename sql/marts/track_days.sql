@@ -1,6 +1,6 @@
 -- name: marts/track_days
--- One row per track and site day: how long it lived, and whether another track goes on where it ends.
--- kept: site_day
+-- One row per track and site day: how long it lasted, and how many other tracks begin where it ends.
+-- stored_by: site_day
 -- grain: camera_id, site_day, track_id
 -- reads: track_lives, site_days, cameras
 -- columns:
@@ -13,15 +13,15 @@
 --   life_s         (last - first record) + the mean time a record stands for
 --   exposure_s     person-seconds: sum of the weights of its records
 --   n_ends         how often it ends at a known place: once, but for gaps on the hour
---   n_goes_on      other tracks that begin right there and then
---   n_came_before  other tracks that began there just before: so many do by chance
+--   n_goes_on      other tracks that begin there right after
+--   n_came_before  other tracks that began there right before: as many as chance gives
 -- figure: M4 Tracks seen
 --   definition   track ids, one of a camera and site day each: tracks, not visitors
 --   unit         tracks
 --   denominator  person records
 --   needs        ids sent
 --   uncertainty  none; ids that are cut count twice
---   by           vsd_analytics.analysis.episodes.episode_figures
+--   by           vsd_analytics.figures.episodes.episode_figures
 -- assumes: an hour's row belongs to the site day of its first record
 select
     track_lives.camera_id,

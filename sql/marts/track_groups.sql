@@ -1,22 +1,24 @@
 -- name: marts/track_groups
 -- One row per track and site day: the group it moves with. Groups are the connected components of pairs that move together.
--- kept: site_day
+-- stored_by: site_day
 -- grain: camera_id, site_day, track_id
 -- reads: track_days, pair_days
 -- columns:
 --   camera_id
 --   site_day   day in the site's zone that starts at day_starts; track ids end with it
 --   track_id   pseudonym of the engine's track number, of one site day
---   group_id   the least track id of the group; null for who moves with nobody
---   n_members  tracks of the group; 1 for who moves with nobody
+--   group_id   the least track id of the group; null for a track that moves with nobody
+--   n_members  tracks of the group; 1 for a track that moves with nobody
 -- figure: M9 Between-groups share
 --   definition   violations of people who do not move together / violations; M0 and M7 in both readings
 --   unit         share of violations
 --   denominator  violations
 --   needs        ids that last (half of person-time in ids of 20 s, or ids that are not cut)
 --   uncertainty  day-clustered 95 % interval; the rule's accuracy is stated
---   by           vsd_analytics.analysis.groups.groups
--- assumes: who moves together with the same person moves together
+--   by           vsd_analytics.figures.groups.groups
+-- steps:
+--   reached  a transitive closure that only walks towards lesser ids; `union` removes repeats, so it ends
+-- assumes: two people who each move with a third move together
 with recursive found as materialized (
     select
         camera_id,

@@ -1,5 +1,5 @@
 -- name: marts/violation_cells
--- One row per camera, local date and floor cell with a violation in opening hours: what the map of a week is made of.
+-- One row per camera, local date and floor cell with a violation in opening hours, for the map of a week.
 -- grain: floor_id, camera_id, local_date, cx, cy
 -- reads: violations
 -- columns:
@@ -9,7 +9,7 @@
 --   cx            floor(x / cell_m)
 --   cy            floor(y / cell_m)
 --   n_violations  violations whose mean midpoint lies here
--- assumes: violations without a position are on no map
+-- assumes: violations without a position are left out
 select
     floor_id,
     camera_id,

@@ -26,15 +26,15 @@
 --   denominator  person-hours
 --   needs        20 person-hours; 5 days and 5 violations for an interval
 --   uncertainty  day-clustered 95 % interval; four verdicts on the change
---   by           vsd_analytics.analysis.rates.level_risky
+--   by           vsd_analytics.figures.rates.level_risky
 -- figure: M10 Duration of violations
 --   definition   median, 90 % quantile, share of 30 s and longer, of violations that began in opening hours
 --   unit         s; share
 --   denominator  violations
 --   needs        30 violations; 5 days for intervals
 --   uncertainty  day-block bootstrap; "at least" where over 20 % were seen in part only
---   by           vsd_analytics.analysis.episodes.episode_figures
--- assumes: what reports call a violation is this row
+--   by           vsd_analytics.figures.episodes.episode_figures
+-- assumes: a violation in a report is a row here
 select
     episodes.camera_id,
     cameras.floor_id,

@@ -1,5 +1,5 @@
 -- name: staging/close_records
--- One row per violation record of a pair with track ids, and the run it belongs to: no gap in it is longer than gap_ms.
+-- One row per violation record of a pair with track ids, with the run it belongs to: a run has no gap longer than gap_ms.
 -- grain: camera_id, track_a, track_b, ts_ms
 -- reads: pairs, camera_days
 -- params: distance_mm, episode_gap_ms
@@ -17,7 +17,7 @@
 --   x_b_mm       place of track_b
 --   y_b_mm       likewise
 --   distance_mm  less than distance_m
---   is_owned     false where another camera that sees the midpoint better counts
+--   is_owned     false where another camera counts it, because it sees the midpoint better
 --   follows      the run has a record before this one
 --   is_followed  the run has a record after this one
 --   next_ms      the pair's next record, whether of this run or not
@@ -25,6 +25,10 @@
 --   next_y_a_mm  likewise
 --   next_x_b_mm  place of track_b
 --   next_y_b_mm  likewise
+-- steps:
+--   close        5 / 2 frame intervals: one lost frame does not cut a run, whatever the frame rate; the lesser track id comes first,
+--                with its place
+--   neighboured  the next record is read beyond the run, because same_pairs interpolates towards it
 -- assumes: both persons carry track ids; pairs without ids are in no run
 with close as (
     select

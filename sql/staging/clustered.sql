@@ -11,7 +11,7 @@
 --   x_mm       floor millimetres, null when unknown
 --   y_mm       floor millimetres
 --   weight_ms  time the frame stands for
--- assumes: whoever is in violation is in a cluster
+-- assumes: every person in violation is in a cluster
 select
     f.camera_id,
     f.ts_ms,

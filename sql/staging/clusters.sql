@@ -1,5 +1,5 @@
 -- name: staging/clusters
--- One row per cluster and instant: its people, and where they are.
+-- One row per cluster and instant: number of its people, and sums of their places.
 -- grain: camera_id, ts_ms, cluster
 -- reads: clustered, cameras, owner_cells
 -- params: owner_cell_mm
@@ -12,8 +12,8 @@
 --   sum_x_mm   sum over these: the middle is sum_x_mm / n_located; null without any
 --   sum_y_mm   likewise
 --   weight_ms  time the frame stands for
---   is_owned   false where another camera that sees the middle better counts
--- assumes: a cluster without a place belongs to its camera
+--   is_owned   false where another camera counts it, because it sees the middle better
+-- assumes: a cluster without a place is counted by its own camera
 with summed as (
     select
         camera_id,

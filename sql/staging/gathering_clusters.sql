@@ -1,5 +1,5 @@
 -- name: staging/gathering_clusters
--- One row per cluster of at least gathering_people people at an instant: what gatherings are made of.
+-- One row per cluster of at least gathering_people people at an instant: the pieces of gatherings.
 -- grain: cluster_no
 -- reads: clusters, clustered, camera_days
 -- params: gathering_people, gathering_link_ms
@@ -15,8 +15,13 @@
 --   sum_y_mm     likewise
 --   weight_ms    time the frame stands for
 --   interval_ms  frame interval of the camera's day
---   gap_ms       longest time back to a cluster it goes on from: gathering_link_ms, at least 2.5 frame intervals
+--   gap_ms       longest time back to a cluster that it continues: gathering_link_ms, at least 2.5 frame intervals
 --   square_mm2   square of the largest distance between two people of it; null without two positions
+-- steps:
+--   standing    up to 40 people all pairs are compared, above that widths in fixed directions
+--   directions  unit vectors times 1000, 11.25 degrees apart: the largest width is at most 1 - cos(5.625 degrees) = 0.5 % too small
+--   widths      millimetres times 1000 are micrometres: whole numbers, so that sums do not depend on their order
+--   widest      the diameter of the cluster, squared
 -- assumes: of more than 40 people the largest width in 16 directions is taken, at most 0.5 % less: work grows with people, not pairs
 with big as (
     select

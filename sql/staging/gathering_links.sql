@@ -1,12 +1,12 @@
 -- name: staging/gathering_links
--- One row per large cluster: the first cluster of the part of a gathering it belongs to, within its UTC hour.
+-- One row per large cluster: the part of a gathering it belongs to, named by its first cluster in the UTC hour.
 -- graph: the query gives edges (node_a, node_b); rows are their nodes, each with the least node it is connected to
 -- grain: node
 -- reads: gathering_clusters, shared_tracks
 -- columns:
 --   node       the cluster, as in gathering_clusters
 --   component  the first cluster connected to it
--- assumes: parts end with the hour, so that its unit depends on it alone; gathering_joins tells which go on
+-- assumes: parts end with the hour, so that an hour depends on its own records; gathering_joins has the links between hours
 select
     cluster_no as node_a,
     cluster_no as node_b

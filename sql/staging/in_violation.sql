@@ -11,7 +11,9 @@
 --   x_mm       floor millimetres, null when unknown
 --   y_mm       floor millimetres
 --   weight_ms  person-time: that of the instant
---   is_owned   false where another camera that sees this place better counts; without a position, that of the pairs
+--   is_owned   false where another camera counts, because it sees the place better; without a position, that of the pairs
+-- steps:
+--   persons  one row per person however many neighbours are close: person-time is counted once
 -- assumes: a person with three close neighbours is one person in violation
 with sides as (
     select

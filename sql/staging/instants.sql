@@ -1,5 +1,5 @@
 -- name: staging/instants
--- One row per camera and instant at which its engine processed a frame, with how long that frame stands for.
+-- One row per camera and instant at which its engine processed a frame, with the time that the frame stands for.
 -- grain: camera_id, ts_ms
 -- reads: stored_frames, stored_observations, stored_pairs, camera_days
 -- params: coverage_gap_ms
@@ -8,9 +8,12 @@
 --   camera_id
 --   ts_ms          milliseconds since 1970, UTC
 --   weight_ms      person-time of one record: to the next frame; one frame interval when that is missing or over two intervals away
---   covered_ms     time this frame proves to be recorded: weight_ms with a heartbeat; without one also silences of up to coverage_gap_ms
+--   covered_ms     recorded time that this frame proves: weight_ms with a heartbeat; without one also silences of up to coverage_gap_ms
 --   interval_ms    frame interval of the camera's day
 --   has_heartbeat  the engine also reports frames without people on this day
+-- steps:
+--   seen   a record of a person or pair proves a processed frame, also when the engine sends no heartbeat
+--   timed  the interval of the day decides whether the next frame is late: up to twice the interval is jitter or one lost frame
 -- assumes: neighbouring hours are loaded, so that the next frame is known wherever it matters
 with seen as (
     select

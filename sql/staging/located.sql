@@ -11,8 +11,11 @@
 --   x_mm       floor millimetres; null when the record has pixels only and no calibration, or lies at the horizon
 --   y_mm       floor millimetres
 --   weight_ms  person-time of the record: that of its instant
---   is_owned   false where another camera that sees this place better counts
--- assumes: columns decide: floor millimetres win over pixels
+--   is_owned   false where another camera counts it, because it sees the place better
+-- steps:
+--   projected  homogeneous coordinates: place = (wx, wy) / w; w_sign makes w positive on the near side of the horizon
+--   placed     compared as products, not quotients: near the horizon w approaches 0 and the quotient overflows
+-- assumes: a record with both floor millimetres and pixels uses the millimetres
 with projected as (
     select
         o.camera_id,

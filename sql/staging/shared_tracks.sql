@@ -1,5 +1,5 @@
 -- name: staging/shared_tracks
--- One row per two track ids of one large cluster: the cluster before in which both were, and when both are in one next.
+-- One row per two track ids of one large cluster: the previous cluster with both, and the instant of the next one.
 -- Of more than 40 people only ids at most 8 places apart in order are paired, so that work grows with people, not pairs.
 -- grain: cluster_no, track_a, track_b
 -- reads: gathering_clusters, clustered
@@ -13,7 +13,11 @@
 --   before_no   the cluster these two were in before, if within gap_ms; else null
 --   before_ms   its instant
 --   after_ms    instant of the cluster these two are in next, if within its gap_ms; else null
--- assumes: two clusters that share two track ids within gap_ms are one gathering; an id twice in one cluster is once
+-- steps:
+--   named        place is the rank of an id in its cluster; group by, as an engine may send one id twice in a frame
+--   steps        8 neighbours in order of ids: enough pairs to recognise a crowd in its next cluster
+--   neighboured  the cluster before and after in which the same two ids were: two shared ids make two clusters one gathering
+-- assumes: two clusters that share two track ids within gap_ms are one gathering; an id that occurs twice in a cluster counts once
 with named as (
     select
         c.hour,

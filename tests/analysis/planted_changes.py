@@ -13,7 +13,7 @@ import pyarrow as pa
 from plant import plant
 
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Area, Camera, Floor, Site
+from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 MONDAY = date(2026, 11, 9)
@@ -125,7 +125,7 @@ def planted(
         for name, rows in made.items():
             plant(warehouse, name, pa.Table.from_pylist(rows))
         if used:
-            warehouse.keep("calibrations_used")
+            warehouse.materialise("calibrations_used")
             warehouse.con.register("_planted", pa.Table.from_pylist(used))
             warehouse.con.execute("insert into calibrations_used by name select * from _planted")
         yield warehouse

@@ -13,7 +13,7 @@ import pyarrow as pa
 from plant import plant
 
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Area, Camera, Floor, Site
+from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 LAST = date(2026, 11, 15)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
-from vsd_analytics import geometry
-from vsd_analytics.analysis.borders import UNKNOWN, area_borders
-from vsd_analytics.site import Area, Camera, Floor, Site
+from vsd_analytics.figures.borders import UNKNOWN, area_borders
+from vsd_analytics.geometry import camera_views
+from vsd_analytics.site.model import Area, Camera, Floor, Site
 
 
 def square(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
@@ -54,6 +54,6 @@ def test_seen_share_is_that_of_points_drawn_in_the_disc() -> None:
     angle, radius = rng.uniform(0, 2 * np.pi, 20_000), 2 * np.sqrt(rng.uniform(0, 1, 20_000))
     offsets = np.column_stack((radius * np.cos(angle), radius * np.sin(angle)))
     drawn = [shapely.contains_xy(shapely.union_all(views), *(np.array(m) + offsets).T).mean() for m in middles]
-    assert geometry.seen_share(middles, views=views, radius_m=2.0) == pytest.approx(drawn, abs=0.015)
-    within = geometry.seen_share([(0.0, 5.0)], views=views, radius_m=2.0, bounds=(0, 0, 20, 20))
+    assert camera_views.seen_share(middles, views=views, radius_m=2.0) == pytest.approx(drawn, abs=0.015)
+    within = camera_views.seen_share([(0.0, 5.0)], views=views, radius_m=2.0, bounds=(0, 0, 20, 20))
     assert within == pytest.approx([1.0])

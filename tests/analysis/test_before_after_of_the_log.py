@@ -12,9 +12,11 @@ from typing import Any
 import pytest
 from planted_changes import AREAS, area, planted, site_of
 
-from vsd_analytics.analysis.before_after import BeforeAfterFigure, before_after
-from vsd_analytics.analysis.change_weeks import days_needed
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.before_after import BeforeAfterFigure, before_after
+from vsd_analytics.figures.change_weeks import days_needed
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 
 FIRST = date(2026, 10, 5)
 CHANGE = 29  # day of the change: four weeks and the day before it are whole
@@ -54,7 +56,7 @@ def test_the_planted_effect_is_found_and_the_season_is_not_taken_for_it(tmp_path
     assert figure.effect.hi is not None
     assert figure.effect.lo < 0.6 < figure.effect.hi
     assert figure.effect.hi - figure.effect.lo < 0.15
-    assert figure.effect.verdict == "clear fall"
+    assert figure.effect.verdict == "clear_fall"
     assert figure.alone is not None
     assert figure.alone.theta == pytest.approx(0.9, rel=0.12)
     assert figure.comparison is not None
@@ -87,13 +89,13 @@ def test_whole_weeks_equally_many_on_both_sides(tmp_path: Path) -> None:
     assert figure.effect is not None
     assert figure.effect.trend is not None, "the trend is told over all weeks before, not only those compared"
     assert figure.effect.trend.n_weeks == 4
-    assert figure.notes == ("1 of the 4 weeks asked for are stored on both sides",)
+    assert figure.notes == (Reason("redesign.stored", n=1, weeks=4),)
 
 
 def test_less_than_a_week_after_is_refused(tmp_path: Path) -> None:
     figure = found(tmp_path, n_days=4 * 7 + 3 + 6)
     assert (figure.state, figure.effect) == ("not_enough_data", None)
-    assert figure.reason == (
+    assert reason_text(figure.reason) == (
         "needs a whole week after the change, and 6 days are stored (3 days around it are left out)"
     )
 
@@ -104,7 +106,7 @@ def test_a_recalibration_in_the_weeks_is_refused(tmp_path: Path, day: int) -> No
     figure = found(tmp_path, rate=changed(0.6), calibrations=anew)
     assert (figure.state, figure.effect, figure.alone) == ("not_measurable", None, None)
     assert figure.reason is not None
-    assert "calibrated anew" in figure.reason
+    assert "calibrated anew" in reason_text(figure.reason)
     same = [("cam", d, "aaaaaaaa") for d in range(N_DAYS)]
     assert found(tmp_path, rate=changed(0.6), calibrations=same).state == "ok"
 
@@ -118,7 +120,7 @@ def test_a_recalibration_of_the_areas_own_camera_is_refused_though_others_stand(
         camera_of=lambda a: "cam-2" if a == "queue" else "cam",
     )
     assert (figure.state, figure.effect) == ("not_measurable", None)
-    assert figure.reason == (
+    assert reason_text(figure.reason) == (
         f"calibrated anew between before and after: cam-2 on {FIRST + timedelta(days=40)}; "
         "a recalibration is not a redesign"
     )
@@ -132,14 +134,14 @@ def test_only_areas_of_a_recalibrated_camera_are_no_comparison(tmp_path: Path) -
         tmp_path, site=site, rate=changed(0.6), calibrations=anew, camera_of=lambda a: "cam-2" if a in other else "cam"
     )
     assert (figure.state, figure.comparison_areas) == ("ok", ("fruit", "bakery", "back"))
-    assert dict(figure.areas_left_out) == dict.fromkeys(other, "a camera there was calibrated anew")
+    assert dict(figure.areas_left_out) == dict.fromkeys(other, Reason("redesign.calibrated_there"))
 
 
 def test_too_little_recorded_is_refused(tmp_path: Path) -> None:
     figure = found(tmp_path, recorded=lambda camera, d: 0.0 if d > CHANGE and d % 2 else 1.0)
     assert figure.state == "not_enough_data"
     assert figure.reason is not None
-    assert "cameras recorded 50%" in figure.reason
+    assert "cameras recorded 50%" in reason_text(figure.reason)
 
 
 def test_the_cameras_of_the_area_must_have_recorded(tmp_path: Path) -> None:
@@ -153,14 +155,16 @@ def test_the_cameras_of_the_area_must_have_recorded(tmp_path: Path) -> None:
     )
     assert figure.state == "not_enough_data"
     assert figure.reason is not None
-    assert figure.reason.startswith("the cameras of the area recorded 50%")
+    assert reason_text(figure.reason).startswith("the cameras of the area recorded 50%")
 
 
 def test_an_area_that_moved_already_before_is_not_credible(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=lambda a, d: 0.75 ** (d / 7) if a == "queue" else 1.0, day_sd=0.02)
     assert figure.state == "ok"
     assert not figure.is_credible
-    assert figure.doubts[0].startswith("the comparison is not credible: before the change the area moved -")
+    assert reason_text(figure.doubts[0]).startswith(
+        "the comparison is not credible: before the change the area moved -"
+    )
     assert figure.effect is not None, "the number is given all the same"
     assert figure.effect.trend is not None
     assert figure.effect.trend.lo < -0.25 < figure.effect.trend.hi
@@ -173,21 +177,21 @@ def test_near_and_changed_areas_are_no_comparison(tmp_path: Path) -> None:
     )
     assert figure.comparison_areas == ("aisle", "fruit", "far")
     left_out = dict(figure.areas_left_out)
-    assert left_out["near"] == "4.0 m away, and 5 m are needed"
-    assert left_out["door"] == f"changed too: log of {FIRST + timedelta(days=40)}"
+    assert reason_text(left_out["near"]) == "4.0 m away, and 5 m are needed"
+    assert reason_text(left_out["door"]) == f"changed too: log of {FIRST + timedelta(days=40)}"
     assert figure.is_credible
 
 
 def test_another_change_in_the_same_area_is_a_doubt(tmp_path: Path) -> None:
     figure = found(tmp_path, (CHANGE, "queue"), (45, "queue"), rate=changed(0.6))
     assert not figure.is_credible
-    assert figure.doubts == (f"the log names another change in the area, on {FIRST + timedelta(days=45)}",)
+    assert figure.doubts == (Reason("redesign.other_change", day=str(FIRST + timedelta(days=45))),)
 
 
 def test_without_a_comparison_area_only_the_area_itself_is_told_and_called_weak(tmp_path: Path) -> None:
     figure = found(tmp_path, site=site_of(tmp_path, areas=AREAS[:1]), rate=changed(0.6, season=1.5))
     assert (figure.state, figure.design, figure.effect, figure.comparison) == ("ok", "area alone", None, None)
-    assert figure.doubts[0].startswith("weak design")
+    assert reason_text(figure.doubts[0]).startswith("weak design")
     assert figure.alone is not None
     assert figure.alone.theta == pytest.approx(0.9, rel=0.12)
 
@@ -196,20 +200,20 @@ def test_what_moved_to_the_neighbours_is_told(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=changed(0.6), around=lambda a, d: 4.0 if a == "queue" and d >= CHANGE else 2.0)
     near = figure.neighbours
     assert near is not None
-    assert near.risky.verdict == "clear rise"
+    assert near.risky.verdict == "clear_rise"
     assert near.risky.theta == pytest.approx(2.0, rel=0.25)
     assert near.effect is not None
-    assert near.effect.verdict == "clear rise"
+    assert near.effect.verdict == "clear_rise"
 
 
 def test_fewer_people_are_told_beside_the_effect(tmp_path: Path) -> None:
     figure = found(tmp_path, people=lambda a, d: 20.0 if a == "queue" and d >= CHANGE else 40.0)
     assert figure.people is not None
-    assert figure.people.verdict == "clear fall"
+    assert figure.people.verdict == "clear_fall"
     assert figure.effect is not None
     assert figure.often is not None
-    assert figure.effect.verdict == "no clear change"
-    assert figure.often.verdict == "clear fall"
+    assert figure.effect.verdict == "no_clear_change"
+    assert figure.often.verdict == "clear_fall"
     assert figure.often.theta == pytest.approx(0.5, rel=0.15)
 
 
@@ -217,7 +221,7 @@ def test_few_violations_are_refused_with_the_rule(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=lambda a, d: 0.01 if a == "queue" else 1.0)
     assert figure.state == "not_enough_data"
     assert figure.reason is not None
-    assert "at least 30 violations in the area before" in figure.reason
+    assert "at least 30 violations in the area before" in reason_text(figure.reason)
 
 
 def test_unknown_entries_and_whole_site_entries_are_answered(tmp_path: Path) -> None:

@@ -14,10 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planted_changes import planted, site_of
 
-from vsd_analytics.analysis.compare import Comparison, compare, days_needed
-from vsd_analytics.analysis.panels import pair_days
 from vsd_analytics.errors import UsageError
-from vsd_analytics.site import Floor
+from vsd_analytics.figures.compare import Comparison, compare, days_needed
+from vsd_analytics.figures.panels import pair_days
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Floor
 
 FIRST = date(2026, 11, 2)
 A, B = (FIRST, FIRST + timedelta(days=6)), (FIRST + timedelta(days=7), FIRST + timedelta(days=13))
@@ -53,9 +55,9 @@ def test_more_people_at_equal_risk_is_told_as_people(tmp_path: Path) -> None:
     assert found.state == "ok"
     whole = found.places[0]
     assert whole.kind == "floor"
-    assert whole.split.often.verdict == "clear rise"
+    assert whole.split.often.verdict == "clear_rise"
     assert whole.split.people.theta == pytest.approx(2.0, rel=0.1)
-    assert whole.split.risky.verdict == "no clear change"
+    assert whole.split.risky.verdict == "no_clear_change"
     assert whole.split.people_share == pytest.approx(1.0, abs=0.3)
     assert [p.kind for p in found.places] == ["floor", *["area"] * 6, "rest"]
     json.dumps(asdict(found), default=str)
@@ -65,7 +67,7 @@ def test_only_the_areas_asked_for(tmp_path: Path) -> None:
     found = compared(tmp_path, area_ids=("door", "queue"), rate=lambda a, d: 3.0 if a == "door" and d >= 7 else 1.0)
     assert [p.area_id for p in found.places] == [None, "door", "queue"]
     assert found.places[1].split.risky.theta == pytest.approx(3.0, rel=0.15)
-    assert found.places[2].split.risky.verdict == "no clear change"
+    assert found.places[2].split.risky.verdict == "no_clear_change"
 
 
 def test_days_without_a_partner_are_named(tmp_path: Path) -> None:
@@ -86,7 +88,7 @@ def test_ranges_that_start_on_different_weekdays_are_matched(tmp_path: Path) -> 
     )
     assert found.n_pairs == 7
     change = found.places[0].split.often
-    assert change.verdict == "no clear change"
+    assert change.verdict == "no_clear_change"
     assert change.hi is not None
     assert change.hi < 1.15, "a busy weekday is no noise"
 
@@ -96,7 +98,7 @@ def test_below_the_least_coverage_nothing_is_compared(tmp_path: Path, period: in
     found = compared(tmp_path, recorded=lambda camera, d: 0.0 if d // 7 == period and d % 7 < 3 else 1.0)
     assert (found.state, found.places) == ("not_enough_data", ())
     assert found.reason is not None
-    assert "recorded 57% of the open hours" in found.reason
+    assert "recorded 57% of the open hours" in reason_text(found.reason)
     assert [round(p.coverage or 0, 2) for p in (found.a, found.b)].count(0.57) == 1
 
 
@@ -114,7 +116,7 @@ def test_other_calibrations_are_refused(tmp_path: Path) -> None:
     found = compared(tmp_path, calibrations=used)
     assert (found.state, found.places) == ("not_measurable", ())
     assert found.reason is not None
-    assert found.reason.startswith("calibrated anew between the periods: cam")
+    assert reason_text(found.reason).startswith("calibrated anew between the periods: cam")
 
 
 def test_a_recalibrated_camera_is_left_out_and_named(tmp_path: Path) -> None:
@@ -127,8 +129,8 @@ def test_a_recalibrated_camera_is_left_out_and_named(tmp_path: Path) -> None:
         rate=lambda a, d: 9.0 if a == "door" and d >= 7 else 1.0,
     )
     assert found.state == "ok"
-    assert found.cameras_left_out == {"cam-2": "calibrated anew on 2026-11-11"}
-    assert found.places[0].split.often.verdict == "no clear change"
+    assert found.cameras_left_out == {"cam-2": Reason("compare.calibrated_on", day="2026-11-11")}
+    assert found.places[0].split.often.verdict == "no_clear_change"
 
 
 def test_periods_with_common_days_and_unknown_places_are_answered(tmp_path: Path) -> None:

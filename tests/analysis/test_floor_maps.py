@@ -15,9 +15,10 @@ import pytest
 from plant import plant
 from planted_floors import site_of
 
-from vsd_analytics.analysis.floor_days import NO_FLOOR, NO_POSITIONS
-from vsd_analytics.analysis.maps import CellMap, burden_map, cell_maps, excess_map, exposure_map, risk_map
-from vsd_analytics.site import Camera, Site
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_POSITIONS
+from vsd_analytics.figures.maps import CellMap, burden_map, cell_maps, excess_map, exposure_map, risk_map
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 FIRST = date(2026, 11, 9)
@@ -308,7 +309,7 @@ def test_what_the_engine_does_not_send_is_not_measurable(tmp_path: Path, knows: 
     with planted(site, [hour_of(1)], knows=knows) as warehouse:
         found = cell_maps(warehouse, floor=site.floors[0])
     for one in (found.burden, found.risk, found.excess):
-        assert (one.state, one.reason, one.values) == ("not_measurable", reason, None)
+        assert (one.state, reason_text(one.reason), one.values) == ("not_measurable", reason, None)
 
 
 def test_people_without_distances_still_have_a_map_of_exposure(tmp_path: Path) -> None:
@@ -324,4 +325,4 @@ def test_without_records_there_is_no_map(tmp_path: Path) -> None:
     with Warehouse(site, FIRST, FIRST) as warehouse:
         found = cell_maps(warehouse, floor=site.floors[0])
     for one in (found.exposure, found.burden, found.risk, found.excess):
-        assert (one.state, one.reason) == ("not_enough_data", "nothing was recorded in opening hours")
+        assert (one.state, reason_text(one.reason)) == ("not_enough_data", "nothing was recorded in opening hours")

@@ -16,17 +16,18 @@ import pandas as pd
 import pytest
 from plant import plant
 
-from vsd_analytics.analysis import forecast as forecasting
-from vsd_analytics.analysis import hour_of_week, trend
-from vsd_analytics.analysis.slots import load_slots, open_hours, slot_name
-from vsd_analytics.analysis.unusual import unusual
-from vsd_analytics.changelog import add_entry
+from vsd_analytics.cli import forecast as command
 from vsd_analytics.cli import main
-from vsd_analytics.cli import outlook as command
+from vsd_analytics.config.change_log import add_entry
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures import forecast as forecasting
+from vsd_analytics.figures import hour_of_week, trend
+from vsd_analytics.figures.slots import load_slots, open_hours, slot_name
+from vsd_analytics.figures.unusual import unusual
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.stats.rates import how_often
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
@@ -138,9 +139,9 @@ def test_low_data_hours_are_not_trained_on(tmp_path: Path) -> None:
 def test_three_weeks_are_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), n_weeks=3) as warehouse:
         made, odd = forecasting.forecast(warehouse, MONDAY), unusual(warehouse, MONDAY)
-    assert made.people.reason == "a forecast needs 4 recorded weeks, has 3"
+    assert reason_text(made.people.reason) == "a forecast needs 4 recorded weeks, has 3"
     assert (made.people.state, made.people.rows, made.is_told) == ("not_enough_data", (), False)
-    assert odd.reason == "what is usual needs 4 recorded weeks before, has 2"
+    assert reason_text(odd.reason) == "what is usual needs 4 recorded weeks before, has 2"
 
 
 def test_gatherings_are_told_when_somebody_counts_them(tmp_path: Path) -> None:
@@ -221,7 +222,7 @@ def test_the_trend_has_each_weeks_own_figure_gaps_and_marks(tmp_path: Path) -> N
         )
     assert [w.week for w in made.weeks] == [f"2026-W{n}" for n in range(35, 47)]
     gap = made.weeks[9]
-    assert (gap.week, gap.often, gap.risky, gap.reason) == ("2026-W44", None, None, "nothing was recorded")
+    assert (gap.week, gap.often, gap.risky, reason_text(gap.reason)) == ("2026-W44", None, None, "nothing was recorded")
     assert [(m.text, m.week) for m in made.marks] == [("moved the shelf", "2026-W43")]
     n, x = (days[c].fillna(0).to_numpy().reshape(2, -1) for c in ("n", "x"))
     past = np.arange(77, 112)[x[:, 77:112].any(axis=0)]
@@ -238,7 +239,7 @@ def test_a_trend_of_two_weeks_is_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), n_weeks=2) as warehouse:
         made = trend.trend(warehouse, MONDAY)
     assert (len(made.weeks), made.state) == (2, "not_enough_data")
-    assert made.reason == "a trend needs 3 recorded weeks, has 2"
+    assert reason_text(made.reason) == "a trend needs 3 recorded weeks, has 2"
 
 
 def test_without_positions_people_are_not_measurable_and_violations_are(tmp_path: Path) -> None:
@@ -249,10 +250,10 @@ def test_without_positions_people_are_not_measurable_and_violations_are(tmp_path
         made = forecasting.forecast(warehouse, MONDAY)
         profile = hour_of_week.week_profile(warehouse, MONDAY)
         levels = trend.trend(warehouse, MONDAY)
-    assert (made.people.state, made.people.reason) == ("not_measurable", "the engine sends no positions")
+    assert (made.people.state, reason_text(made.people.reason)) == ("not_measurable", "the engine sends no positions")
     assert made.violations.state == "ok"
     assert (profile.state, profile.by_risk.state, profile.by_burden.state) == ("not_measurable", "not_measurable", "ok")
-    assert levels.risky_reason == "the engine sends no positions"
+    assert reason_text(levels.risky_reason) == "the engine sends no positions"
     assert all(w.risky is None and w.often is not None for w in levels.weeks if w.state == "ok")
 
 
@@ -344,10 +345,10 @@ def test_ten_days_of_an_office_are_refused_with_the_reason(realdata: Callable[[s
     with open_warehouse(site, date(2013, 6, 24), date(2013, 7, 7)) as warehouse:
         made, odd = forecasting.forecast(warehouse, last), unusual(warehouse, last)
         levels = trend.trend(warehouse, last)
-    assert (made.violations.state, made.violations.reason) == (
+    assert (made.violations.state, reason_text(made.violations.reason)) == (
         "not_enough_data",
         "a forecast needs 4 recorded weeks, has 2",
     )
-    assert (made.people.state, made.people.reason) == ("not_measurable", "the engine sends no positions")
-    assert odd.reason == "what is usual needs 4 recorded weeks before, has 1"
+    assert (made.people.state, reason_text(made.people.reason)) == ("not_measurable", "the engine sends no positions")
+    assert reason_text(odd.reason) == "what is usual needs 4 recorded weeks before, has 1"
     assert levels.state == "not_enough_data"

@@ -13,9 +13,9 @@ import pytest
 from plant import plant
 from planted_floors import site_of
 
-from vsd_analytics.analysis.forecast import HISTORY_WEEKS, forecast
-from vsd_analytics.analysis.gathering_hours import gathering_hours
-from vsd_analytics.site import Site
+from vsd_analytics.figures.forecast import HISTORY_WEEKS, forecast
+from vsd_analytics.figures.gathering_hours import gathering_hours
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 MONDAY = date(2026, 11, 9)

@@ -9,13 +9,14 @@ import pyarrow as pa
 import pytest
 
 import vsd_analytics
-from vsd_analytics.analysis.gatherings import PURGED
-from vsd_analytics.analysis.groups import NOTHING
 from vsd_analytics.errors import UsageError
-from vsd_analytics.retention import Terms, purge_older
+from vsd_analytics.figures.gatherings import PURGED
+from vsd_analytics.figures.groups import NOTHING
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -79,7 +80,7 @@ def test_three_people_for_a_minute_are_one_gathering(tmp_path: Path) -> None:
     assert one.start.isoformat() == "2026-11-09T08:00:00+00:00"
     assert floor.per_100_h.rate == pytest.approx(100.0)
     assert (floor.per_100_h.lo, floor.per_100_h.state) == (None, "not_enough_data")
-    assert floor.per_100_h.reason == "an interval needs at least 5 recorded days, has 1"
+    assert reason_text(floor.per_100_h.reason) == "an interval needs at least 5 recorded days, has 1"
     assert [s.person_s for s in floor.sizes.sizes] == [0.0, 207.0, 0.0, 0.0, 0.0]
     assert {s.share for s in floor.sizes.sizes} == {None}
 
@@ -120,7 +121,7 @@ def test_without_track_ids_there_are_sizes_and_no_gatherings(tmp_path: Path) -> 
         figures = vsd_analytics.episode_figures(warehouse)
     (floor,) = found.floors
     assert (floor.n, floor.per_100_h.state, found.state) == (None, "not_measurable", "not_measurable")
-    assert "track ids" in (floor.per_100_h.reason or "")
+    assert "track ids" in reason_text(floor.per_100_h.reason)
     assert [s.share for s in floor.sizes.sizes] == [0.0, 1.0, 0.0, 0.0, 0.0]
     assert (figures.durations.state, figures.contacts.state) == ("not_measurable", "not_measurable")
     assert (figures.tracks.n, figures.tracks.without_id_share) == (None, 1.0)
@@ -196,7 +197,7 @@ def test_hours_sealed_without_clusters_are_not_taken_for_no_gatherings(tmp_path:
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))
     with Warehouse(site, DAY, DAY) as warehouse:
-        warehouse.keep("cluster_times")
+        warehouse.materialise("cluster_times")
         warehouse.con.execute("delete from cluster_times")
         assert vsd_analytics.gatherings(warehouse).floors[0].per_100_h.reason == PURGED
 

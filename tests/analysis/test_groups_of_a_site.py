@@ -17,13 +17,14 @@ import pytest
 from group_scenes import components
 from warehouse_projects import DAY, HOUR, T0, Frame, Pair, Person, beats, make_site, open_days, put
 
-from vsd_analytics import retention
-from vsd_analytics.analysis.groups import PURGED, between_groups, groups
-from vsd_analytics.analysis.panels import FloorHours, Period
 from vsd_analytics.cli import main
-from vsd_analytics.duck import connect
 from vsd_analytics.errors import UsageError
-from vsd_analytics.site import Camera, Site
+from vsd_analytics.figures.groups import PURGED, between_groups, groups
+from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.retention import purge
+from vsd_analytics.site.model import Camera, Site
+from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -274,7 +275,7 @@ def test_ids_that_are_cut_are_not_applicable(tmp_path: Path) -> None:
     with open_days(site) as warehouse:
         found = groups(warehouse)
     assert found.state == "not_measurable"
-    assert str(found.reason).startswith("group filter not applicable")
+    assert reason_text(found.reason).startswith("group filter not applicable")
     assert (found.people_share, found.time_share, found.between.value, found.readings) == (None, None, None, ())
     assert found.left_out.keys() == {"cam"}
 
@@ -312,16 +313,16 @@ def test_what_cannot_tell_says_why(tmp_path: Path, records: list, state: str, wo
     with open_days(site) as warehouse:
         found = groups(warehouse)
     assert (found.state, found.between.value, found.people_share, found.groups) == (state, None, None, ())
-    assert words in str(found.reason)
+    assert words in reason_text(found.reason)
 
 
 def test_hours_purged_before_tracks_were_counted_are_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their sealed facts know violations, but not who moved together: neither reading of them is told."""
     site = make_site(tmp_path)
     put(site, two_groups_that_meet())
-    monkeypatch.setattr(retention, "NOT_KEPT", ("pairs", "track_lives", "track_pairs"))
-    terms = retention.Terms(now=datetime(2026, 12, 1, tzinfo=UTC), is_forced=True)
-    assert retention.purge_older(site, before=date(2026, 11, 11), terms=terms).n_sealed
+    monkeypatch.setattr(purge, "NOT_SEALED", ("pairs", "track_lives", "track_pairs"))
+    terms = purge.Terms(now=datetime(2026, 12, 1, tzinfo=UTC), is_forced=True)
+    assert purge.purge_older(site, before=date(2026, 11, 11), terms=terms).n_sealed
     with open_days(site) as warehouse:
         told = warehouse.rows("select is_together from violations")
         found = groups(warehouse)

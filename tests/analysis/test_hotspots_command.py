@@ -17,10 +17,11 @@ import pytest
 import shapely
 from planted_floors import LAST, QUEUE, planted, site_of, square
 
-from vsd_analytics.analysis import spot_export
-from vsd_analytics.analysis.hotspots import FloorHotspots, hotspots
+from vsd_analytics.cli import hotspots as command
 from vsd_analytics.cli import main
-from vsd_analytics.cli import spots as command
+from vsd_analytics.figures import hotspot_export
+from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 HOT = np.maximum(square(5, 5), square(12, 6, ratio=6))
@@ -110,7 +111,7 @@ def test_too_little_data_is_an_answer_with_a_reason(vsd: Run) -> None:
     told = json.loads(vsd("--range", early, "--json")[1])
     assert (told["state"], told["hotspots"], told["n"]) == ("not_enough_data", [], None)
     code, out, err = vsd("--range", early, "--format", "csv")
-    assert out.splitlines() == [",".join(spot_export.COLUMNS)]
+    assert out.splitlines() == [",".join(hotspot_export.COLUMNS)]
     assert "not" in err or "9 of the 28 days" in err
 
 
@@ -130,7 +131,7 @@ def test_a_floor_there_is_not_is_refused_by_name(vsd: Run) -> None:
 
 
 def test_geojson_is_in_floor_metres_and_says_so(found: FloorHotspots) -> None:
-    told = spot_export.as_geojson(found)
+    told = hotspot_export.as_geojson(found)
     assert "floor metres" in told["coordinate_system"]
     assert len(told["features"]) == len(found.spots) == 2
     for feature, spot in zip(told["features"], found.spots, strict=True):
@@ -148,7 +149,7 @@ def test_geojson_is_in_floor_metres_and_says_so(found: FloorHotspots) -> None:
 
 
 def test_csv_has_no_formula_and_no_control_character(found: FloorHotspots) -> None:
-    text = command._csv([spot_export.spot_row(s) for s in found.spots], spot_export.COLUMNS)
+    text = command._csv([hotspot_export.spot_row(s) for s in found.spots], hotspot_export.COLUMNS)
     rows = list(csv.DictReader(io.StringIO(text)))
     named = next(row for row in rows if row["area_id"] == "queue")
     assert named["place"].startswith("'=cmd")
@@ -162,19 +163,23 @@ def test_csv_has_no_formula_and_no_control_character(found: FloorHotspots) -> No
 def test_small_counts_are_held_back(found: FloorHotspots) -> None:
     assert found.n is not None
     few = replace(found, spots=(found.spots[0], replace(found.spots[1], n=4)))
-    shared = spot_export.without_small(few, below=5)
+    shared = hotspot_export.without_small(few, below=5, telling=frozenset())
     assert [s.number for s in shared.spots] == [1]
-    assert shared.notes[-1] == "1 of fewer than 5 violations left out"
-    assert spot_export.as_dict(shared, with_cells=True)["cells"] == []
-    assert spot_export.without_small(replace(found, n=3), below=5).n is None
-    assert spot_export.without_small(found, below=5).spots == found.spots
+    assert (
+        reason_text(shared.notes[-1]) == "1 of fewer than 5 violations, or that would tell a count so small, left out"
+    )
+    assert hotspot_export.as_dict(shared, with_cells=True)["cells"] == []
+    assert hotspot_export.without_small(found, below=5, telling=frozenset()).n is None
+    assert hotspot_export.without_small(found, below=5, telling=frozenset()).spots == found.spots
+    telling = frozenset({found.spots[0].spot_id})
+    assert hotspot_export.without_small(found, below=5, telling=telling).spots == found.spots[1:]
 
 
 def test_numbers_have_six_digits_and_missing_is_null(found: FloorHotspots) -> None:
     first = replace(found.spots[0], lo=None, hi=None, excess_lo=None, excess_hi=None, ratio=2.123456789)
-    row = spot_export.spot_row(first)
+    row = hotspot_export.spot_row(first)
     assert (row["ratio"], row["lo"]) == (2.12346, None)
-    assert tuple(row) == spot_export.COLUMNS
+    assert tuple(row) == hotspot_export.COLUMNS
     text = command._text(replace(found, spots=(first,)))
     assert "2.1  " in text
-    assert ",," in command._csv([row], spot_export.COLUMNS)
+    assert ",," in command._csv([row], hotspot_export.COLUMNS)

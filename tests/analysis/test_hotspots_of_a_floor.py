@@ -13,13 +13,14 @@ import pytest
 import shapely
 from planted_floors import LAST, QUEUE, SHAPE, VIEW, planted, site_of, square
 
-from vsd_analytics.analysis.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS, FloorDays
-from vsd_analytics.analysis.hotspots import FloorHotspots, hotspots
 from vsd_analytics.config import load_site
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS, FloorDays
+from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.simulate import DemoTruth
-from vsd_analytics.site import Area, Camera, Floor, Site
+from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 HOT = square(5, 5)
@@ -137,20 +138,23 @@ def test_unknown_views_are_told(tmp_path: Path) -> None:
         found = hotspots(warehouse)
     assert found.cells is not None
     assert found.cells.is_tested.all()
-    assert "unknown" in found.notes[0]
+    assert "unknown" in reason_text(found.notes[0])
 
 
 def test_too_few_days_are_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), always(HOT), n_days=13) as warehouse:
         found = hotspots(warehouse)
     assert (found.state, found.spots, found.n, found.cells) == ("not_enough_data", (), None, None)
-    assert found.reason == "13 of the 28 days were recorded for 60% of opening hours or more; hotspots need 14"
+    assert (
+        reason_text(found.reason)
+        == "13 of the 28 days were recorded for 60% of opening hours or more; hotspots need 14"
+    )
 
 
 def test_too_few_violations_are_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), always(EVEN), per_day=9) as warehouse:
         found = hotspots(warehouse)
-    assert (found.state, found.reason) == (
+    assert (found.state, reason_text(found.reason)) == (
         "not_enough_data",
         "fewer than 300 violations were counted in the 28 days",
     )
@@ -177,7 +181,7 @@ def test_a_floor_of_impossible_size_is_not_measurable(tmp_path: Path) -> None:
         warehouse.con.execute("update cell_days set cx = 20000, cy = 20000 where cx = 0 and cy = 0")
         found = hotspots(warehouse)
     assert found.state == "not_measurable"
-    assert "are they metres" in (found.reason or "")
+    assert "are they metres" in reason_text(found.reason)
 
 
 def test_positions_off_the_plan_are_left_out(tmp_path: Path) -> None:
@@ -240,7 +244,7 @@ def test_the_demos_checkout_queue_comes_first(demo_project: Path) -> None:
     truth = DemoTruth.read(demo_project / "truth.json").hotspot
     refused = _of_demo(whole)
     assert refused.state == "not_enough_data"
-    assert "hotspots need 14" in (refused.reason or "")
+    assert "hotspots need 14" in reason_text(refused.reason)
     # one week is what this demo holds
     found = _of_demo(replace(whole, settings=whole.settings.with_values({"hotspot_days": 7, "hotspot_min_days": 5})))
     first = found.spots[0]
@@ -252,7 +256,7 @@ def test_the_demos_checkout_queue_comes_first(demo_project: Path) -> None:
 
 def _of_demo(site: Site) -> FloorHotspots:
     with Warehouse(site, LAST - timedelta(days=6), LAST) as warehouse:
-        warehouse.keep("episodes", "violations")
+        warehouse.materialise("episodes", "violations")
         return hotspots(warehouse)
 
 
@@ -271,12 +275,14 @@ def test_three_hours_of_atc_are_refused_with_the_reason(realdata: Callable[[str]
     with Warehouse(site, date(2012, 10, 24), date(2012, 10, 24)) as warehouse:
         found = hotspots(warehouse)
     assert found.state == "not_enough_data"
-    assert found.reason == "0 of the 28 days were recorded for 60% of opening hours or more; hotspots need 14"
+    assert (
+        reason_text(found.reason) == "0 of the 28 days were recorded for 60% of opening hours or more; hotspots need 14"
+    )
 
 
 def test_an_area_that_holds_most_of_the_excess_gives_the_name() -> None:
-    from vsd_analytics.analysis.floor_days import Grid
-    from vsd_analytics.analysis.places import place_of
+    from vsd_analytics.figures.cell_places import place_of
+    from vsd_analytics.figures.floor_days import Grid
 
     grid = Grid(1.0, 0, 0, (4, 4))
     inside = np.zeros((4, 4), dtype=bool)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from warehouse_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
 
-from vsd_analytics.analysis.panels import FloorHours, Period
-from vsd_analytics.analysis.person_time import PersonTime, person_time
-from vsd_analytics.site import Site
+from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.person_time import PersonTime, person_time
+from vsd_analytics.site.model import Site
 
 FIRST = date(2026, 11, 9)
 COUPLE = ("a", "b")

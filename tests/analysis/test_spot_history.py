@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from vsd_analytics.analysis.spot_history import Found, History, follow
+from vsd_analytics.figures.hotspot_history import Found, History, follow
 from vsd_analytics.stats.hotspots import Cells, Hotspots, PlaceRate, Spot
 
 FIRST = date(2026, 9, 6)

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsd_analytics.analysis.sensitivity import NOBODY, NOT_SENT, NOTHING, PURGED, threshold_sensitivity
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.sensitivity import NOBODY, NOT_SENT, NOTHING, PURGED, threshold_sensitivity
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, EngineError, Floor, Site
+from vsd_analytics.site.model import Camera, EngineError, Floor, Site
 from vsd_analytics.store import Store
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -92,7 +93,7 @@ def test_distances_not_kept_are_not_measurable_but_the_others_stand(crowd: Site)
     with open_day(short) as warehouse:
         found = threshold_sensitivity(warehouse)
     assert [p.state for p in found.points] == ["ok", "ok", "not_measurable"]
-    assert "2.1 m" in (found.points[2].reason or "")
+    assert "2.1 m" in reason_text(found.points[2].reason)
     assert found.points[2].violation_records is None
 
 
@@ -138,7 +139,7 @@ def test_stated_engine_error_stands_beside_the_count(crowd: Site) -> None:
     assert engine.crossings is not None
     assert 0 < engine.crossings.leaving < 0.2 * n
     assert engine.crossings.lo < n < engine.crossings.hi
-    assert all(word in engine.note for word in ("90%", "75%", "sd of 0.1 m", f"{n:,} counted"))
+    assert all(word in reason_text(engine.note) for word in ("90%", "75%", "sd of 0.1 m", f"{n:,} counted"))
 
 
 def test_nothing_recorded_is_not_zero(crowd: Site) -> None:

@@ -61,7 +61,7 @@ WHOLE = "`vsd report --format html`, start-up included"
 STEPS = (
     "of it: computing (facts found fresh, marts, figures)",
     "of it: rendering the page",
-    "its JSON twin, not of it",
+    "its JSON file, not of it",
 )
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 """Modules stay compiled from run to run, as those of an installed package are."""

@@ -10,7 +10,7 @@ import pytest
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.report.render import render_html
+from vsd_analytics.report.pages.week import render_html
 
 pytestmark = pytest.mark.browser
 

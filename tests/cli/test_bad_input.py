@@ -20,8 +20,8 @@ from site_text import site_text
 
 import vsd_analytics
 from vsd_analytics.cli import COMMANDS, cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.explanations import EXPLANATIONS
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.cli.explanations import EXPLANATIONS
 
 CONFIG = site_text("cam-1", "cam-2")
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
@@ -93,7 +93,7 @@ def test_a_file_that_cannot_be_used_is_refused_with_a_mend(vsd: Vsd, tmp_path: P
         assert code == 2
         assert err.startswith(f"error[{error_code}]: ")
         assert words in err
-        assert mend in next(line for line in err.splitlines() if line.startswith(" mend: "))
+        assert mend in next(line for line in err.splitlines() if line.startswith("  fix: "))
         assert f"more: vsd explain {error_code}" in err
     code, out, err = vsd("ingest", tmp_path / file, "--json")
     assert code == 2
@@ -137,7 +137,7 @@ def test_a_bad_record_is_quarantined_counted_and_explained(vsd: Vsd, tmp_path: P
         rf"warning\[W210\]: \d records? quarantined: {reason}\n  --> {tmp_path / file}, line {line}\n", err
     )
     assert words in err
-    assert " mend: " in err
+    assert "  fix: " in err
     kept = [json.loads(x) for p in (tmp_path / "quarantine").iterdir() for x in p.read_text().splitlines()]
     assert {k["reason"] for k in kept} == {reason}
     code, out, err = vsd("check", tmp_path / file, "--json")
@@ -320,7 +320,7 @@ def test_coverage_names_its_days_and_halves_of_hours(vsd: Vsd, tmp_path: Path) -
 def test_help_imports_nothing_heavy() -> None:
     script = (
         "import sys\n"
-        "from vsd_analytics.cli.shared import run\n"
+        "from vsd_analytics.cli.exit_codes import run\n"
         "from vsd_analytics.cli import cli\n"
         "code = run(cli, ['--help'])\n"
         "heavy = {'duckdb', 'pyarrow', 'cv2', 'matplotlib', 'pandas', 'numpy', 'scipy', 'jinja2'} & set(sys.modules)\n"

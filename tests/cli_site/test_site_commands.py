@@ -15,15 +15,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.changelog import read_log
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.help_work import doctor, explain, schema
-from vsd_analytics.cli.shared import run
-from vsd_analytics.cli.site_work import calibrate, init, log
+from vsd_analytics.cli.calibrate import calibrate
+from vsd_analytics.cli.doctor import doctor
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.cli.explain import explain
+from vsd_analytics.cli.explanations import EXPLANATIONS, explanation
+from vsd_analytics.cli.init import init
+from vsd_analytics.cli.log import log
+from vsd_analytics.cli.schema import schema
 from vsd_analytics.config import load_site
+from vsd_analytics.config.change_log import read_log
+from vsd_analytics.config.first_config import Answers, render, write_first_config
 from vsd_analytics.errors import ConfigError, UsageError
-from vsd_analytics.explanations import EXPLANATIONS, explanation
-from vsd_analytics.first_config import Answers, render, write_first_config
 
 PACKAGE = Path(__file__).resolve().parents[2] / "vsd_analytics"
 H = np.array([[0.01, 0.001, -2.0], [0.0005, -0.012, 9.0], [0.00001, 0.002, 1.0]])
@@ -102,7 +106,7 @@ def test_init_never_writes_over(vsd: Vsd, project: Path) -> None:
 def test_init_with_an_impossible_answer_writes_nothing(vsd: Vsd, tmp_path: Path, flags: list[str]) -> None:
     code, _, err = vsd("init", "--no-input", *flags)
     assert code == 2
-    assert "mend:" in err
+    assert "fix:" in err
     assert list(tmp_path.iterdir()) == []
 
 
@@ -150,9 +154,9 @@ def test_calibration_from_points_is_in_force_with_its_error_and_picture(vsd: Vsd
 
 
 def test_grid_of_the_overlay_lies_where_the_floor_is(project: Path) -> None:
-    from vsd_analytics.geometry import to_image
-    from vsd_analytics.overlay import draw_overlay
-    from vsd_analytics.site import Camera
+    from vsd_analytics.geometry.calibration_picture import draw_overlay
+    from vsd_analytics.geometry.homography import to_image
+    from vsd_analytics.site.model import Camera
 
     picture = draw_overlay(Camera("c", "c", "f", picture_px=(1280, 720)), homography=H.tolist(), points=())
     image = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
@@ -258,6 +262,21 @@ def test_log_entries_are_listed_by_time(vsd: Vsd, project: Path) -> None:
         {"at": "2026-11-20T13:00:00+01:00", "text": "now", "area": None},
     ]
     assert len(read_log(load_site(project))) == 2
+
+
+def test_log_add_says_of_a_repeated_entry_that_the_log_has_it(vsd: Vsd, project: Path) -> None:
+    for is_new in (True, False):
+        code, _, err = vsd("log", "add", "moved", "--at", "2026-11-11T12:00")
+        assert (code, "has this entry already" in err) == (0, not is_new)
+    assert len(read_log(load_site(project))) == 1
+
+
+def test_a_log_line_that_broke_off_is_a_warning_until_the_next_entry_removes_it(vsd: Vsd, project: Path) -> None:
+    (project / "log.jsonl").write_text('{"at": "2026-11-11T12:00', encoding="utf-8")
+    code, _, err = vsd("log", "list")
+    assert (code, "warning[W110]: line 1 of log.jsonl" in err) == (0, True)
+    assert 'removed an incomplete line: {"at": "2026-11-11T12:00' in vsd("log", "add", "moved")[2]
+    assert "W110" not in vsd("log", "list")[2]
 
 
 def test_log_of_an_unknown_area_is_answered_with_the_nearest(vsd: Vsd, project: Path) -> None:
@@ -422,7 +441,7 @@ def test_settings_are_shown_with_their_source(vsd: Vsd, project: Path, monkeypat
 
 
 def test_network_file_systems_are_told_from_local_ones(tmp_path: Path) -> None:
-    from vsd_analytics import doctor as doctors
+    from vsd_analytics.doctor import checks as doctors
 
     mounts = tmp_path / "mounts"
     mounts.write_text("/dev/sda1 / ext4 rw 0 0\nserver:/x /mnt/far\\040away nfs4 rw 0 0\n", encoding="utf-8")

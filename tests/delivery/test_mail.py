@@ -16,11 +16,11 @@ from PIL import Image
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.delivery.mail import PICTURE_MAX_BYTES, Attachment, as_bytes, make_mail, map_picture
-from vsd_analytics.report import wording
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.report.render import make_page
-from vsd_analytics.report.words import forbidden_in
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.mail import PICTURE_MAX_BYTES, Attachment, as_bytes, make_mail, map_picture
+from vsd_analytics.report.pages.week import make_page
+from vsd_analytics.report.words import catalogue
+from vsd_analytics.report.words.terms import forbidden_in
 
 ALL = {**weeks.ALL, **sections.MORE}
 PARTIES: dict[str, Any] = {"sender": "reports@example.org", "to": ("manager@example.org",)}
@@ -34,7 +34,7 @@ def _any_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     out = io.BytesIO()
     Image.new("RGB", (4, 3), "white").save(out, "PNG")
     monkeypatch.setattr(
-        "vsd_analytics.delivery.mail.map_picture", lambda report: out.getvalue() if report.maps else None
+        "vsd_analytics.report.pages.mail.map_picture", lambda report: out.getvalue() if report.maps else None
     )
 
 
@@ -91,7 +91,7 @@ def test_both_parts_of_every_week_say_headline_things_and_question(name: str) ->
 
 @pytest.mark.parametrize("name", list(ALL))
 def test_every_number_of_the_mail_stands_in_the_page(name: str) -> None:
-    from vsd_analytics.report.render import render_html
+    from vsd_analytics.report.pages.week import render_html
 
     def numbers(text: str) -> set[str]:
         return set(re.findall(r"\d[\d,.:]*\d|\d", text))
@@ -257,8 +257,8 @@ def test_a_picture_that_is_too_large_becomes_smaller() -> None:
 
 
 def test_a_mail_of_another_language_has_no_word_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = wording.template
-    monkeypatch.setattr(wording, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
+    real = catalogue.template
+    monkeypatch.setattr(catalogue, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
     mail = read(weeks.ALL["no_data"](), attachments=(PDF,), link="https://x.example/w.html")
     for text in (part(mail, "plain"), Tags(part(mail, "html")).words):
         said = re.sub(r"\s+", " ", text)

@@ -8,9 +8,9 @@ import pytest
 from report import worlds as w
 
 from vsd_analytics.config import load_site
-from vsd_analytics.config.mail import is_address
+from vsd_analytics.config.mail_route import is_address
 from vsd_analytics.errors import ConfigError, VsdError
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 
 GOOD = """
 [mail]

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from report import fixtures as weeks
 
-from vsd_analytics.delivery import pdf
-from vsd_analytics.delivery.pdf import dated, find_chromium, n_pages, no_chromium, print_pdf
 from vsd_analytics.errors import ReportError
-from vsd_analytics.report.render import render_html
+from vsd_analytics.report.pages import pdf
+from vsd_analytics.report.pages.pdf import dated, find_chromium, n_pages, no_chromium, print_pdf
+from vsd_analytics.report.pages.week import render_html
 
 CHROMIUM = find_chromium(environ={})
 AT = datetime(2026, 11, 16, 6, 0, tzinfo=timezone(timedelta(hours=1)))

@@ -17,11 +17,11 @@ from delivery.test_sending import Inbox, Scripted, free_port, server
 from report import worlds as w
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.delivery import sending
-from vsd_analytics.report import assemble
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.site import Site
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.report.model import assemble
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.send import mail_server
+from vsd_analytics.site.model import Site
 
 MAIL = """
 [mail]
@@ -66,10 +66,10 @@ def project(shop: Site, known: Callable[..., WeekReport], monkeypatch: pytest.Mo
     """The shop without mail, without a browser, and without waiting between tries."""
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("VSD_CHROMIUM", raising=False)
-    monkeypatch.setattr("vsd_analytics.delivery.pdf.MAC_APPS", ())
+    monkeypatch.setattr("vsd_analytics.report.pages.pdf.MAC_APPS", ())
     monkeypatch.setattr(assemble, "week_report", known)
-    monkeypatch.setattr("vsd_analytics.delivery.mail.map_picture", lambda report: None)
-    monkeypatch.setattr(sending.send, "__kwdefaults__", {**(sending.send.__kwdefaults__ or {}), "waits_s": ()})
+    monkeypatch.setattr("vsd_analytics.report.pages.mail.map_picture", lambda report: None)
+    monkeypatch.setattr(mail_server.send, "__kwdefaults__", {**(mail_server.send.__kwdefaults__ or {}), "waits_s": ()})
     for path in shop.root.glob("mail/*"):
         path.unlink()
     configure(shop.root, "")
@@ -144,7 +144,7 @@ def test_what_does_not_go_together_is_told_before_anything_is_made(
     before = sorted(project.rglob("*"))
     assert vsd(project, *WEEK, *arguments) == 2
     said = capsys.readouterr()
-    assert "mend" in said.err + said.out
+    assert "fix" in said.err + said.out
     assert sorted(p for p in project.rglob("*") if "facts" not in p.parts) == [
         p for p in before if "facts" not in p.parts
     ]
@@ -256,7 +256,7 @@ def test_a_machine_without_a_browser_mails_all_the_same_and_says_what_is_missing
 
 
 def test_two_commands_at_once_do_not_both_send(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from vsd_analytics.delivery.sent import SentLog
+    from vsd_analytics.report.send.sent_mails import SentLog
 
     (project / "mail").mkdir(exist_ok=True)
     configure(project, MAIL, free_port())

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from report import worlds as w
 
-from vsd_analytics.delivery.pdf import find_chromium
+from vsd_analytics.report.pages.pdf import find_chromium
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 HERE = {"TZ": "Asia/Kathmandu", "LANG": "tr_TR.UTF-8", "LC_ALL": "tr_TR.UTF-8", "PYTHONHASHSEED": "1"}

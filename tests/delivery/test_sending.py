@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 from report import fixtures as weeks
 
-from vsd_analytics.delivery.mail import as_bytes, make_mail
-from vsd_analytics.delivery.sending import PASSWORD_VARIABLE, password_of, send
 from vsd_analytics.errors import MailError
-from vsd_analytics.site import MailRoute
+from vsd_analytics.report.pages.mail import as_bytes, make_mail
+from vsd_analytics.report.send.mail_server import PASSWORD_VARIABLE, password_of, send
+from vsd_analytics.site.model import MailRoute
 
 controller = pytest.importorskip("aiosmtpd.controller", reason="aiosmtpd is not installed")
 smtp = pytest.importorskip("aiosmtpd.smtp")

@@ -12,11 +12,11 @@ from PIL import Image
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.delivery.single import FIGURES, figure_svg, map_svg, to_png
 from vsd_analytics.errors import ReportError, UsageError
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.report.render import make_page
-from vsd_analytics.report.svg import RAMP_LIGHT
+from vsd_analytics.report.draw.svg import RAMP_LIGHT
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.single_figures import FIGURES, figure_svg, map_svg, to_png
+from vsd_analytics.report.pages.week import make_page
 
 SVG = "{http://www.w3.org/2000/svg}"
 ALL = {**weeks.ALL, **sections.MORE}

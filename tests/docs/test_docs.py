@@ -7,13 +7,13 @@ import re
 from pathlib import Path
 
 import click
+import generate_reference as reference
 import pytest
 from pages import PAGES, REPOSITORY, anchors, commands, links
 
-from vsd_analytics import explanations, reference
-from vsd_analytics.cli import COMMANDS, cli
+from vsd_analytics.cli import COMMANDS, cli, explanations
 from vsd_analytics.errors import VsdError
-from vsd_analytics.report.words import forbidden_in
+from vsd_analytics.report.words.terms import forbidden_in
 
 GENERATED = sorted(reference.PAGES)
 SOURCES = sorted((REPOSITORY / "vsd_analytics").rglob("*.py"))
@@ -116,22 +116,22 @@ def test_windows_is_refused_with_a_reason(
 ) -> None:
     import zoneinfo  # noqa: F401  (looks at the platform when first imported, which must be the true one)
 
-    from vsd_analytics.cli import shared
+    from vsd_analytics.cli import exit_codes
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(shared.sys, "platform", "win32")
-    assert shared.run(cli, ["demo", "shop"]) == 2
+    monkeypatch.setattr(exit_codes.sys, "platform", "win32")
+    assert exit_codes.run(cli, ["demo", "shop"]) == 2
     told = capsys.readouterr().err
     assert "error[E130]" in told
     assert "WSL" in told
     assert not (tmp_path / "shop").exists()
-    assert shared.run(cli, ["explain", "E130"]) == 0
-    assert shared.run(cli, ["--help"]) == 0
+    assert exit_codes.run(cli, ["explain", "E130"]) == 0
+    assert exit_codes.run(cli, ["--help"]) == 0
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin"])
 def test_linux_and_macos_are_not_refused(platform: str) -> None:
-    from vsd_analytics.cli.shared import refuse_unsupported
+    from vsd_analytics.cli.exit_codes import refuse_unsupported
 
     refuse_unsupported(platform)
     with pytest.raises(VsdError, match="Windows"):

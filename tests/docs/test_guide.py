@@ -10,7 +10,7 @@ import pytest
 from pages import REPOSITORY, blocks
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 
 GUIDE = REPOSITORY / "docs" / "guide.md"

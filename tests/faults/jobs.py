@@ -6,14 +6,15 @@ import contextlib
 import io
 import json
 import re
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from crash_points import Ack
+from project_state import CAMERAS, PAGES, TRACKS, as_rows
 
 CONFIG = """
 [site]
@@ -34,13 +35,10 @@ floor = "ground"
 """
 START = datetime(2026, 11, 9, 9, 50, tzinfo=UTC)
 DAYS = (date(2026, 11, 9), date(2026, 11, 10))
-CAMERAS, TRACKS = ("cam-1", "cam-2"), tuple("12345")
 BAD = '{"v":1,"camera":"cam-1","ts":"2026-11-09T09:00:00Z","persons":[{"x_m":"near"}]}'
 NOW = "2026-11-20T00:00:00Z"
-HIDDEN = {".lock", ".purge.lock", ".ballast"}
-"""Locks and ballast, which stay."""
-
-Row = tuple[Any, ...]
+WEEK = "2026-W46"
+CLOSED = "2026-11-10"
 
 
 def _nothing_more(root: Path) -> None:
@@ -49,7 +47,15 @@ def _nothing_more(root: Path) -> None:
 
 @dataclass(frozen=True)
 class Job:
-    """A job, the project it starts from, and what ends it when it is only a part of a run."""
+    """A job of a project.
+
+    Attributes:
+        name: As the tables name it.
+        prepare: Makes the project it starts from.
+        act: Does it.
+        finish: Ends it when it is only a part of a run.
+        is_named_alike: Two runs make files of the same names.
+    """
 
     name: str
     prepare: Callable[[Path], None]
@@ -90,7 +96,7 @@ def vsd(root: Path, *arguments: str, ack: Ack = lambda value: None) -> str:
         RuntimeError: The message was not meant for people.
     """
     from vsd_analytics.cli import cli
-    from vsd_analytics.cli.shared import run
+    from vsd_analytics.cli.exit_codes import run
     from vsd_analytics.store import Store
 
     append = Store.append
@@ -111,10 +117,6 @@ def vsd(root: Path, *arguments: str, ack: Ack = lambda value: None) -> str:
         text = err.getvalue()
         raise (OSError if code == 2 and re.search(r"error\[E(?!900)", text) else RuntimeError)(text)
     return out.getvalue()
-
-
-def as_rows(table: Any) -> list[Row]:
-    return [tuple(row.values()) for row in table.to_pylist()]
 
 
 def _given(root: Path, name: str) -> Path:
@@ -186,7 +188,7 @@ def make_keys(root: Path, ack: Ack) -> None:
 
 def fill_quarantine(root: Path, ack: Ack) -> None:
     from vsd_analytics.ingest.adapter import Rejected
-    from vsd_analytics.ingest.quarantine import Quarantine
+    from vsd_analytics.ingest.quarantine_writer import Quarantine
 
     for source in ("a.jsonl", "b.jsonl"):
         quarantine = Quarantine(root / "quarantine", source=source)
@@ -204,12 +206,73 @@ def _with_facts(root: Path) -> None:
     vsd(root, "build")
 
 
+def _with_few_days(root: Path) -> None:
+    """Make fresh facts, and the day files of two relations."""
+    _with_facts(root)
+    vsd(root, "report", "--week", WEEK)
+    shutil.rmtree(root / PAGES)
+    for folder in (root / "facts" / "days").iterdir():
+        if folder.name not in ("footsteps", "exposure"):
+            shutil.rmtree(folder)
+
+
+def _with_superseded_days(root: Path, *commands: str) -> None:
+    """Make pages and their day files, then close a day, which changes its day files, and remove those of a relation."""
+    _with_facts(root)
+    for command in commands:
+        vsd(root, command, "--week", WEEK)
+    shutil.rmtree(root / PAGES)
+    for name in ("footsteps", "exposure", "planner_cells"):
+        shutil.rmtree(root / "facts" / "days" / name / "site=shop" / f"date={CLOSED}", ignore_errors=True)
+    text = CONFIG.replace("[[floor]]", f'closed = ["{CLOSED}"]\n[[floor]]', 1)
+    (root / "vsd.toml").write_text(text)
+
+
+def _before_report(root: Path) -> None:
+    _with_superseded_days(root, "report")
+
+
+def _before_planner(root: Path) -> None:
+    _with_superseded_days(root, "report", "planner")
+
+
+def _report(root: Path, ack: Ack) -> str:
+    return vsd(root, "report", "--week", WEEK, "--format", "html,json", ack=ack)
+
+
+def _planner(root: Path, ack: Ack) -> str:
+    return vsd(root, "planner", "--week", WEEK, ack=ack)
+
+
+def add_to_log(root: Path, ack: Ack, *, text: str = "moved the exhibit") -> None:
+    vsd(root, "log", "add", text, "--at", "2026-11-09T12:00")
+    ack(("entry", "log", text))
+
+
+def _with_log(root: Path) -> None:
+    write_project(root)
+    add_to_log(root, lambda value: None, text="opened")
+
+
 def _purge_by_age(root: Path, ack: Ack) -> str:
     return vsd(root, "purge", "--older-than", "2026-11-10", "--force", ack=ack)
 
 
 def _purge_by_camera(root: Path, ack: Ack) -> str:
     return vsd(root, "purge", "--camera", "cam-1", "--range", "2026-11-09T11:05..2026-11-10", ack=ack)
+
+
+def _with_seals(root: Path) -> None:
+    _with_few_days(root)
+    _purge_by_age(root, lambda value: None)
+
+
+def _purge_of_sealed(root: Path, ack: Ack) -> str:
+    return vsd(root, "purge", "--camera", "cam-1", "--range", "2026-11-09", "--force", ack=ack)
+
+
+def _forget_keys(root: Path, ack: Ack) -> str:
+    return vsd(root, "purge", "--older-than", "2026-11-10", "--forget-keys", "--force", ack=ack)
 
 
 def _ingest(root: Path, ack: Ack) -> str:
@@ -224,139 +287,14 @@ JOBS = {
         Job("build", _with_stale_facts, _build),
         Job("day keys", write_project, make_keys),
         Job("quarantine", write_project, fill_quarantine),
-        Job("purge by age", _with_stale_facts, _purge_by_age),
-        Job("purge by camera", _with_facts, _purge_by_camera),
+        Job("log add", _with_log, add_to_log),
+        Job("first log add", write_project, add_to_log),
+        Job("report", _before_report, _report),
+        Job("planner", _before_planner, _planner),
+        Job("purge by age", _with_few_days, _purge_by_age),
+        Job("purge by camera", _with_few_days, _purge_by_camera),
+        Job("purge of sealed", _with_seals, _purge_of_sealed),
+        Job("forget keys", _with_seals, _forget_keys),
         Job("vsd ingest", _with_first, _ingest, is_named_alike=False),  # a new day's key is random
     )
 }
-
-
-@dataclass(frozen=True)
-class State:
-    """All that a project holds.
-
-    Attributes:
-        rows: Rows in parts, by table, with the engine's track ids.
-        parts: Their names.
-        facts: Rows of facts, by fact and hour.
-        keys: Day keys.
-        quarantined: Quarantined texts by source.
-        sealed: Hash of each sealed file, and the audit lines of purges.
-        litter: Files that no reader and no later run needs.
-    """
-
-    rows: dict[str, Counter[Row]]
-    parts: list[str]
-    facts: dict[str, Any]
-    keys: dict[str, str]
-    quarantined: Counter[tuple[str, str]]
-    sealed: dict[str, str]
-    litter: list[str]
-
-
-def state(root: Path) -> State:
-    import pyarrow.parquet as pq
-
-    from vsd_analytics.schema import TABLES
-
-    facts: dict[str, list[Path]] = {}
-    for path in sorted((root / "facts").rglob("??-*.parquet")):
-        facts.setdefault(f"{path.relative_to(root / 'facts').parent}/{path.name[:2]}", []).append(path)
-    litter = [p for p in root.rglob(".*") if p.name not in HIDDEN]
-    litter += (root / "store" / "live").rglob("*.parquet")
-    litter += [p for paths in facts.values() if len(paths) > 1 for p in paths]
-    return State(
-        {t: Counter(_glob(root, t)) for t in TABLES},
-        sorted(str(p.relative_to(root)) for t in TABLES for p in (root / "store" / t).rglob("*.parquet")),
-        {hour: pq.ParquetFile(paths[0]).read().to_pylist() for hour, paths in facts.items()},
-        _day_keys(root),
-        Counter(_quarantined(root)),
-        {str(p.relative_to(root)): p.read_bytes().hex() for p in _kept_by_purges(root)},
-        sorted(str(p.relative_to(root)) for p in litter),
-    )
-
-
-def glance(root: Path, truth: dict[str, set[Row]], acked: Sequence[Any], *, are_facts_read: bool = True) -> list[str]:
-    """Return what is wrong with a project as a kill left it, read as anybody would and before anything mends it.
-
-    Args:
-        root: The project.
-        truth: All rows there may be, by table.
-        acked: What must be there.
-        are_facts_read: Read all facts as well, which fails on a torn one.
-    """
-    import pyarrow.parquet as pq
-
-    from vsd_analytics.schema import TABLES
-
-    is_under_way = any((root / "store" / "purge").glob("*.json"))  # its next step names the part by its bytes
-    wrong = [] if is_under_way else [f"{p} is damaged" for p in _store(root).damaged()]
-    held: dict[str, set[Row]] = {}
-    for table in TABLES:
-        rows = Counter(_glob(root, table))
-        wrong += [f"{table} shows a record twice"] * (max(rows.values(), default=0) > 1)
-        wrong += [f"{table} shows a foreign record"] * (not rows.keys() <= truth[table])
-        spool = (root / "store" / "live" / table).glob("*.parquet")
-        spooled = [row for p in spool for row in as_rows(pq.ParquetFile(p).read())]
-        held[table] = {*rows, *engine_tracks(root, table, spooled)}
-    for path in (root / "facts").rglob("*.parquet") if are_facts_read else ():
-        pq.ParquetFile(path).read()
-    for kind, name, value in acked:
-        if kind == "rows":
-            is_there = set(engine_tracks(root, name, value)) <= held[name]
-        elif kind == "key":
-            is_there = _day_keys(root).get(name) == value
-        else:
-            is_there = {(name, text) for text in value} <= set(_quarantined(root))
-        wrong += [f"acknowledged {kind} of {name} are lost"] * (not is_there)
-    return wrong
-
-
-def differences(job: Job, found: State, whole: State) -> list[str]:
-    """Return how a project that was run again differs from one whose job was never stopped."""
-    wrong = [f"litter: {path}" for path in found.litter]
-    wrong += [f"rows of {t} differ" for t in whole.rows if found.rows[t] != whole.rows[t]]
-    wrong += ["names of parts differ"] * (job.is_named_alike and found.parts != whole.parts)
-    wrong += ["facts differ"] * (job.is_named_alike and found.facts != whole.facts)
-    wrong += ["days with a key differ"] * (found.keys.keys() != whole.keys.keys())
-    wrong += ["what purges keep differs"] * (found.sealed != whole.sealed)
-    wrong += ["quarantine differs"] * (found.quarantined != whole.quarantined)
-    return wrong
-
-
-def _glob(root: Path, table: str) -> list[Row]:
-    """Return a table's rows by the glob in the documentation."""
-    from vsd_analytics.duck import connect
-    from vsd_analytics.schema import SCHEMAS
-
-    pattern = root / "store" / table / "**" / "*.parquet"
-    if not any((root / "store" / table).rglob("*.parquet")):
-        return []
-    with connect() as con:
-        names = ", ".join(SCHEMAS[table].names)  # type: ignore[index]
-        query = f"select {names} from read_parquet($glob, hive_partitioning = true, union_by_name = true)"
-        return engine_tracks(root, table, as_rows(con.sql(query, params={"glob": str(pattern)}).to_arrow_table()))
-
-
-def engine_tracks(root: Path, table: str, rows: Sequence[Row]) -> list[Row]:
-    """Return rows with pseudonyms replaced by what the keys on the disk say they stand for."""
-    from vsd_analytics.store.secrets import pseudonym
-
-    keys = [bytes.fromhex(k) for k in _day_keys(root).values()]
-    told = {pseudonym(k, camera_id=c, engine_track=t): t for k in keys for c in CAMERAS for t in TRACKS}
-    if table != "pairs":
-        return [tuple(told.get(v, v) if isinstance(v, str) else v for v in row) for row in rows]
-    return [(*row[:2], frozenset(told.get(v, v) for v in row[4:6]), *row[10:]) for row in rows]  # a, b: by pseudonym
-
-
-def _day_keys(root: Path) -> dict[str, str]:
-    return {p.name: p.read_bytes().hex() for p in (root / "secrets").glob("*.key")}
-
-
-def _kept_by_purges(root: Path) -> list[Path]:
-    return [p for p in ((root / "sealed").rglob("*"), root.glob("purge.jsonl")) for p in p if p.is_file()]
-
-
-def _quarantined(root: Path) -> list[tuple[str, str]]:
-    lines = [line for p in (root / "quarantine").glob("*.jsonl") for line in p.read_text().splitlines()]
-    return [(Path(r["source"]).name, r["text"]) for r in map(json.loads, lines)]

@@ -21,7 +21,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from crash_points import call
-from jobs import CONFIG, NOW, messages, state, tables
+from jobs import CONFIG, NOW, messages, tables
+from project_state import state
 
 FIRST = datetime(2026, 11, 9, tzinfo=UTC)
 N_FILES = 18

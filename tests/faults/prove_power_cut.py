@@ -16,33 +16,21 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 from crash_points import call
-from jobs import (
-    CONFIG,
-    START,
-    Row,
-    State,
-    append,
-    as_rows,
-    engine_tracks,
-    fill_quarantine,
-    glance,
-    make_keys,
-    messages,
-    state,
-    tables,
-    vsd,
-)
+from jobs import CONFIG, START, WEEK, add_to_log, append, fill_quarantine, make_keys, messages, tables, vsd
+from project_state import LOG, PAGES, Row, State, Truth, as_rows, engine_tracks, glance, state
 
 MEGABYTES = 96
 N_FILES = 6
 DIRTY_S = 8.0
+BUILD, REPORT, PLANNER = ("build",), ("report", "--week", WEEK), ("planner", "--week", WEEK)
+EVERYTHING = (BUILD, REPORT, PLANNER)
 
 
 @dataclass
@@ -64,7 +52,7 @@ class Power:
         image: The file that holds the disk.
         root: The project on it.
         scratch: Where copies are put.
-        truth: All rows there may be, by table.
+        truth: All there may be.
         acked: What was acknowledged so far.
         found: What the cuts showed, by moment.
     """
@@ -72,7 +60,7 @@ class Power:
     image: Path
     root: Path
     scratch: Path
-    truth: dict[str, set[Row]]
+    truth: Truth
     acked: list[Any] = field(default_factory=list)
     found: dict[str, Found] = field(default_factory=dict)
 
@@ -85,19 +73,21 @@ class Power:
 
         return cut
 
-    def cut(self, moment: str, *, like: State | None = None, is_built: bool = False) -> None:
+    def cut(self, moment: str, *, like: State | None = None, built_by: Sequence[Sequence[str]] = ()) -> None:
         """Copy the disk as it is, mount the copy, and look at it.
 
         Args:
             moment: Row of the table.
             like: Rows and what purges keep must equal these, when given.
-            is_built: The facts must come out the same as without any.
+            built_by: What these commands make must come out the same as without any facts.
         """
+        if (self.root / LOG).exists():
+            self.truth = replace(self.truth, log=frozenset((self.root / LOG).read_text().splitlines()))
         copy = self.scratch / "copy.img"
         subprocess.run(["cp", "--sparse=always", str(self.image), str(copy)], check=True)
         with mounted(copy, self.scratch / "copy") as disk:
             try:
-                torn, wrong = call(after_cut, disk / self.root.name, self.truth, self.acked, like, is_built)
+                torn, wrong = call(after_cut, disk / self.root.name, self.truth, self.acked, like, built_by)
             except AssertionError as error:
                 torn, wrong = 0, [str(error)]
         copy.unlink()
@@ -110,11 +100,12 @@ class Power:
 
 
 def after_cut(
-    root: Path, truth: dict[str, set[Row]], acked: list[Any], like: State | None, is_built: bool
+    root: Path, truth: Truth, acked: list[Any], like: State | None, built_by: Sequence[Sequence[str]]
 ) -> tuple[int, list[str]]:
     """Return how many fact files are torn, and what is wrong: as the disk stands, and after the next build."""
     if not (root / "vsd.toml").exists():
         return 0, ["the project is gone"]
+    shutil.rmtree(root / PAGES, ignore_errors=True)  # they are written anew, below
     wrong = glance(root, truth, acked, are_facts_read=False)
     torn = sum(is_torn(path) for path in (root / "facts").rglob("*.parquet"))
     if like is not None:
@@ -123,13 +114,19 @@ def after_cut(
         wrong += ["rows differ from those before the cut"] * (now.rows != like.rows)
         wrong += ["what the purge keeps differs"] * (now.sealed != like.sealed)
     vsd(root, "build")
+    for command in built_by:
+        vsd(root, *command)
+    if not built_by:
+        shutil.rmtree(root / "facts" / "days", ignore_errors=True)  # a build makes no torn day anew
     wrong += [f"built: {w}" for w in glance(root, truth, acked)]
     vsd(root, "verify")
-    if is_built:
-        built = state(root).facts
+    if built_by:
+        trusting = state(root)
         shutil.rmtree(root / "facts")
-        vsd(root, "build")
-        wrong += ["facts were trusted that differ from new ones"] * (state(root).facts != built)
+        for command in built_by:
+            vsd(root, *command)
+        wrong += ["facts were trusted that differ from new ones"] * (state(root).facts != trusting.facts)
+        wrong += ["pages differ from those of new facts"] * (state(root).pages != trusting.pages)
     return torn, wrong
 
 
@@ -173,7 +170,7 @@ def powered(scratch: Path) -> Iterator[Power]:
             (scratch / "given" / f"{i}.jsonl").write_text("\n".join(lines))
         truth = call(rows_of, root, sorted((scratch / "given").iterdir()))
         os.sync()
-        yield Power(image, root, scratch, truth)
+        yield Power(image, root, scratch, Truth(truth))
 
 
 def rows_of(root: Path, files: list[Path]) -> dict[str, set[Row]]:
@@ -190,6 +187,8 @@ def run(power: Power) -> None:
     root = power.root
     files = sorted((power.scratch / "given").iterdir())
     make_keys(root, power.ack("day key"))
+    for text in ("opened", "moved the exhibit"):  # the first makes the file
+        add_to_log(root, power.ack("log add"), text=text)
     for file in files[:3]:
         vsd(root, "ingest", str(file), ack=power.ack("append"))
         power.cut("fold")
@@ -197,11 +196,15 @@ def run(power: Power) -> None:
         append(root, power.ack("append, in the middle of many"), file=file)
     fill_quarantine(root, power.ack("quarantine"))
     vsd(root, "build")
-    power.cut("build", is_built=True)
+    power.cut("build", built_by=[BUILD])
+    for name, command in (("report", REPORT), ("planner", PLANNER)):
+        vsd(root, *command)
+        power.cut(name, built_by=[REPORT, PLANNER])
     vsd(root, "ingest", str(files[5]), ack=power.ack("append"))
-    vsd(root, "build")
+    for command in EVERYTHING:
+        vsd(root, *command)
     time.sleep(DIRTY_S)
-    power.cut(f"build, {DIRTY_S:.0f} s later", is_built=True)
+    power.cut(f"build, report and planner, {DIRTY_S:.0f} s later", built_by=EVERYTHING)
     for moment, options in (
         ("purge by camera", ("--camera", "cam-1", "--range", "2026-11-09T11:00..2026-11-09T22:00")),
         ("purge by age", ("--older-than", "2026-11-10", "--force")),

@@ -7,7 +7,7 @@ from datetime import date
 from pathlib import Path
 
 import pytest
-from crash_points import why_not
+from crash_points import FAULTS, why_not
 from jobs import JOBS, START, messages, vsd, write_project
 from prove_crashes import Unharmed, disturb, unharmed
 
@@ -16,8 +16,12 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 POINTS = [
     ("append", "kill -9", "rename", "/store/live/observations"),
-    ("append", "EIO", "fsync", "/store/live/frames>"),
+    ("append", "EIO", "fsync", "/store/live/frames"),
     ("append", "ENOSPC", "write", "/store/live/frames"),
+    ("append", "ENOSPC that stays", "fsync", "/store/live/frames"),
+    ("append", "EDQUOT", "mkdir", "/store/live"),
+    ("append", "short write", "write", "/store/live/frames"),
+    ("append", "short write, then ENOSPC", "write", "/store/live/frames"),
     ("fold", "kill -9", "rename", "/store/observations"),
     ("fold", "kill -9", "unlink", "/store/live/observations"),
     ("fold", "EIO", "fsync", "/store/frames"),
@@ -28,6 +32,13 @@ POINTS = [
     ("build", "kill -9", "write", "/facts/coverage"),
     ("build", "kill -9", "unlink", "/facts/coverage"),  # older facts stayed for good
     ("build", "ENOSPC", "create", "/facts/exposure"),
+    ("log add", "EIO", "fsync", ""),  # of the folder: the entry was there, and twice when it was added again
+    ("log add", "ENOSPC", "write", "log.jsonl"),  # written all the same when the file was closed
+    ("first log add", "short write, then ENOSPC", "write", "log.jsonl"),  # half an entry stayed
+    ("report", "kill -9", "write", "/facts/days"),  # superseded days stayed for good
+    ("report", "kill -9", "unlink", "/facts/days"),
+    ("report", "ENOSPC that stays", "create", "/facts/days"),
+    ("planner", "kill -9", "rename", "/reports"),  # a temporary file stayed for good
     ("purge by camera", "kill -9", "rename", "/store/observations"),  # a glob showed records twice
 ]
 
@@ -53,8 +64,8 @@ def test_a_job_stopped_or_refused_at_a_call_and_run_again_ends_as_if_nothing_had
 ) -> None:
     given = undisturbed(name)
     assert given.wrong == ()
-    point = [p for p in given.points if p.kind == kind and text in p.text][-1]
-    assert disturb(JOBS[name], given, point, fault, folder=tmp_path / "disturbed") == []
+    point = [p for p in given.points if p.kind == kind and text in p.path][-1]
+    assert disturb(JOBS[name], given, point, FAULTS[fault], folder=tmp_path / "disturbed") == []
 
 
 def test_facts_that_somebody_reads_stay_until_nobody_does(tmp_path: Path) -> None:

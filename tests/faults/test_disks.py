@@ -17,10 +17,10 @@ import pytest
 from site_text import site_text
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.store import FoldResult, Store
-from vsd_analytics.warehouse.verify import verify
+from vsd_analytics.warehouse.verify_facts import verify
 
 CONFIG = site_text(timezone="UTC", more="hz = 1\n[ingest]\nballast_mb = {ballast_mb}\n")
 MB = 1_000_000
@@ -37,7 +37,7 @@ class Told:
 
     def has(self, error: str, *words: str) -> bool:
         """Tell whether it ended with a whole message for people: code, where, why, mend."""
-        lines = [f"error[{error}]: ", "\n  why: ", "\n mend: ", f"\n more: vsd explain {error}"]
+        lines = [f"error[{error}]: ", "\n  why: ", "\n  fix: ", f"\n more: vsd explain {error}"]
         return self.code == 2 and all(w in self.err for w in (*lines, *words))
 
 
@@ -301,6 +301,27 @@ def test_no_figure_is_made_from_a_damaged_part_and_no_record_put_beside_it(
     assert "18 person records" in vsd(here, "ingest", late).out
     assert (n_stored(here), vsd(here, "verify").code) == (618, 0)
     assert before.code == 0
+
+
+def test_a_part_cut_off_after_its_facts_were_computed_is_named_by_every_command_that_opens_it(
+    here: Path, tmp_path: Path, vsd: Vsd
+) -> None:
+    week = ("--week", "2026-W46")
+    vsd(here, "ingest", engine_output(tmp_path / "a.csv"))
+    assert vsd(here, "report", *week).code == 0  # from here on facts are fresh
+    (part,) = parts(here)
+    data = part.read_bytes()
+    hour = ("--range", "2026-11-09T08:00..2026-11-09T11:00")
+    for changed in (b"", data[: len(data) // 2], data[:-1]):
+        part.write_bytes(changed)
+        for command in (
+            ("report", *week),
+            ("planner", *week),
+            ("purge", "--older-than", "2026-11-12", "--dry-run", "--force"),
+            ("purge", "--camera", "cam", *hour, "--dry-run", "--force"),
+            ("export", "--out", tmp_path / "all.jsonl"),
+        ):
+            assert vsd(here, *command).has("E302", str(part), "restore it from a backup"), command
 
 
 def test_a_damaged_part_moved_away_is_ingested_again(here: Path, tmp_path: Path, vsd: Vsd) -> None:

@@ -26,7 +26,7 @@ from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.frames import MessageRows
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.schema import SCHEMAS, TableName
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult
 from vsd_analytics.store.secrets import DayKeys
 
@@ -70,6 +70,10 @@ class MemoryStore:
         MemoryStore.last = self
 
     last: MemoryStore | None = None
+
+    def days(self) -> set[int]:
+        """Return no day: nothing was stored before."""
+        return set()
 
     def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = ()) -> int:
         """Keep rows in the stored schema."""

@@ -65,7 +65,7 @@ def through_command(folder: Path, number: int, *, seed: int) -> None:
     from random import Random
 
     from vsd_analytics.cli import cli
-    from vsd_analytics.cli.shared import run
+    from vsd_analytics.cli.exit_codes import run
 
     rng = Random(f"cli/{seed}/{number}")
     world = rng.choice([w for w in WORLDS if w.file and w.lines])

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from planted_cameras import SIZE, look
 
-from vsd_analytics import geometry
-from vsd_analytics.ownership import CUT_FEET_M, PAIR_REACH_M, owner_cells
-from vsd_analytics.site import Calibration, Camera, Floor
+from vsd_analytics.geometry import camera_views
+from vsd_analytics.geometry.ownership import CUT_FEET_M, PAIR_REACH_M, owner_cells
+from vsd_analytics.site.model import Calibration, Camera, Floor
 
 FLOOR = Floor("f", "F")
 CELL_M = 0.5
@@ -46,13 +46,13 @@ THREE = (
 
 
 def pixels_per_metre(h: object, x: float, y: float) -> float:
-    (u0, v0), (u1, v1), (u2, v2) = geometry.to_image(h, [(x, y), (x + 1e-4, y), (x, y + 1e-4)], picture_px=SIZE)
+    (u0, v0), (u1, v1), (u2, v2) = camera_views.to_image(h, [(x, y), (x + 1e-4, y), (x, y + 1e-4)], picture_px=SIZE)
     return float(abs((u1 - u0) * (v2 - v0) - (v1 - v0) * (u2 - u0)))
 
 
 def by_hand(*cameras: Camera) -> Owners:
     """Return, without smoothing, the camera that covers each cell best, the finest among equals."""
-    views = {c.camera_id: geometry.seen_floor(c.calibrations[0].homography, picture_px=SIZE) for c in cameras}
+    views = {c.camera_id: camera_views.seen_floor(c.calibrations[0].homography, picture_px=SIZE) for c in cameras}
     found = {}
     for cx in range(-80, 80):
         for cy in range(-80, 80):
@@ -125,7 +125,7 @@ def test_both_of_a_pair_are_seen_by_the_owner_of_their_midpoint_where_any_camera
     wide = camera("wide", look(at=(0, -6), height_m=10, f_px=500))
     narrow = camera("narrow", look(at=(0, -6), height_m=10, f_px=1500))
     found = owners(wide, narrow)
-    view = geometry.seen_floor(narrow.calibrations[0].homography, picture_px=SIZE)
+    view = camera_views.seen_floor(narrow.calibrations[0].homography, picture_px=SIZE)
     middles = {cell: shapely.Point((cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M) for cell in found}
     at_edge = [c for c, m in middles.items() if view.contains(m) and view.exterior.distance(m) < PAIR_REACH_M - 0.05]
     inner = [c for c, m in middles.items() if view.contains(m) and view.exterior.distance(m) > PAIR_REACH_M + 1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from planted_cameras import SIZE, look
 
-from vsd_analytics.homography import projection, to_image
+from vsd_analytics.geometry.homography import projection, to_image
 
 CAMERAS = [
     {"at": (3.0, -2.0), "pan_deg": 30.0, "tilt_deg": 40.0, "height_m": 3.2, "f_px": 700.0},

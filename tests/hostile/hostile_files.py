@@ -150,8 +150,8 @@ def _png(width: int, height: int) -> bytes:
 def _plan(name: str, data: bytes) -> Callable[[Lab], str]:
     def tried(lab: Lab) -> str:
         from vsd_analytics.errors import VsdError
-        from vsd_analytics.pictures import picture_size
-        from vsd_analytics.report.pictures import has_paper, plan_image
+        from vsd_analytics.geometry.embedded_pictures import has_paper, plan_image
+        from vsd_analytics.geometry.picture_size import picture_size
 
         path = lab.file(name, data)
         if picture_size(path) is None:

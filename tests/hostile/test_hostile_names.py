@@ -13,14 +13,15 @@ import pytest
 from hostile_lab import CONFIG, Lab, new_lab
 from hostile_tries import PLACES, STRINGS, TABLES, outcomes, place_line, try_line
 
-from vsd_analytics.cli.shared import emit_json, plain
+from vsd_analytics.cli.output import emit_json, plain
 from vsd_analytics.errors import CONTROL
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.report.twins import safe_cell
-from vsd_analytics.simulate.messages import write_messages
+from vsd_analytics.simulate.frame_messages import write_messages
 from vsd_analytics.simulate.small import START_MS, make_empty, make_pair, merge
-from vsd_analytics.store.store import ENGINES_MAX, Store, engines_of
+from vsd_analytics.store import Store
+from vsd_analytics.store.part_files import ENGINES_MAX, engines_of
+from vsd_analytics.store.spreadsheet import safe_cell
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "security.md"
 

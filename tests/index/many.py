@@ -10,15 +10,16 @@ from typing import Any
 
 from report import fixtures as weeks
 
-from vsd_analytics.report import model as m
-from vsd_analytics.report.twins import to_json
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.report.model import week as page_model
+from vsd_analytics.report.pages.json_and_csv import to_json
 
 LAST = date(2026, 11, 9)
 ADDRESS = ("riverside", "Riverside Store", "ground", "Ground floor")
 
 
 def report(
-    state: Callable[[], m.WeekReport] = weeks.normal,
+    state: Callable[[], page_model.WeekReport] = weeks.normal,
     *,
     back: int = 0,
     address: tuple[str, str, str, str] = ADDRESS,
@@ -27,7 +28,7 @@ def report(
     half: float = 0.04,
     share: float | None = None,
     is_busy: bool = True,
-) -> m.WeekReport:
+) -> page_model.WeekReport:
     """Return a week of a floor, so many weeks before the last, with a level and a change of its own."""
     made = state()
     monday = LAST - timedelta(weeks=back)
@@ -63,7 +64,9 @@ def report(
     )
 
 
-def write(folder: Path, made: m.WeekReport, *, stem: str | None = None, page: bool = True, **more: Any) -> Path:
+def write(
+    folder: Path, made: page_model.WeekReport, *, stem: str | None = None, page: bool = True, **more: Any
+) -> Path:
     """Write a twin, and an empty page beside it, into the reports of a project; return the twin."""
     reports = folder / "reports"
     reports.mkdir(parents=True, exist_ok=True)

@@ -11,9 +11,9 @@ from index import many
 from index.test_index_page import hostile
 from report import fixtures as weeks
 
-from vsd_analytics.index.floors import catalogue
-from vsd_analytics.index.render import render_index
-from vsd_analytics.index.shelves import gather, sources_of, write_index
+from vsd_analytics.site_index.collect_reports import gather, sources_of, write_index
+from vsd_analytics.site_index.floor_weeks import catalogue
+from vsd_analytics.site_index.page import render_index
 
 pytestmark = pytest.mark.browser
 

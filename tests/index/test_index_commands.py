@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from index import many
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
+from vsd_analytics.cli.exit_codes import run
 
 TOML = """\
 [site]
@@ -61,7 +61,7 @@ def test_several_projects_need_a_folder(tmp_path: Path, shop: Path, capsys: pyte
     many.write(other, many.report(address=many.CANTEEN))
     code, _, err = build("site", "build", shop, other, capsys=capsys)
     assert code == 2
-    assert "mend: --out public" in err
+    assert "fix: --out public" in err
     code, out, _ = build("site", "build", shop, other, "--out", tmp_path / "public", capsys=capsys)
     assert code == 0
     assert "2 floors, 3 weeks, 4 reports" in out
@@ -85,7 +85,7 @@ def test_what_cannot_be_listed_is_named_with_a_mend_and_exit_code_1(
     assert "1 floor, 3 weeks, 3 reports" in out
     for named in ("warning[W510]", "warning[W511]", "warning[W513]", "2026-W45.html", "points.json", "2026-W44.json"):
         assert named in err
-    assert err.count("  why: ") == err.count(" mend: ") == 3
+    assert err.count("  why: ") == err.count("  fix: ") == 3
     code, out, _ = build("-C", shop, "site", "build", "--json", capsys=capsys)
     told = json.loads(out)
     assert code == 1

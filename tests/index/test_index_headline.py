@@ -9,18 +9,18 @@ import pytest
 from index import many
 from report import fixtures as weeks
 
-from vsd_analytics.index.floors import Floor, catalogue, standing
-from vsd_analytics.index.headline import headline, in_words, lead, week_line
-from vsd_analytics.index.read import Entry, Twin, read_twin
-from vsd_analytics.report import model as m
-from vsd_analytics.report import words
-from vsd_analytics.report.headline import finish
-from vsd_analytics.report.twins import to_json
+from vsd_analytics.report.model import week as page_model
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.headline import finish
+from vsd_analytics.site_index.floor_weeks import FloorWeeks, catalogue, standing
+from vsd_analytics.site_index.read_reports import Entry, Twin, read_twin
+from vsd_analytics.site_index.summary import headline, in_words, lead, week_line
 
 
 @pytest.fixture
-def floors(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Floor, ...]]:
-    def made(*kinds: str, back: int = 0) -> tuple[Floor, ...]:
+def floors(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[FloorWeeks, ...]]:
+    def made(*kinds: str, back: int = 0) -> tuple[FloorWeeks, ...]:
         """Return floors called A, B, ... of which each amounts to the kind given, some weeks before the last."""
         folder = tmp_path_factory.mktemp("floors")
         entries = []
@@ -37,13 +37,13 @@ def floors(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Floo
     return made
 
 
-def twin_of(report: m.WeekReport, folder) -> Twin:  # type: ignore[no-untyped-def]
+def twin_of(report: page_model.WeekReport, folder) -> Twin:  # type: ignore[no-untyped-def]
     path = folder / f"{report.week.iso}.json"
     path.write_bytes(to_json(report))
     return read_twin(path)
 
 
-def week(kind: str, **more) -> m.WeekReport:  # type: ignore[no-untyped-def]
+def week(kind: str, **more) -> page_model.WeekReport:  # type: ignore[no-untyped-def]
     match kind:
         case "fall":
             return many.report(value=121.3, change=-0.14, **more)
@@ -80,14 +80,14 @@ def week(kind: str, **more) -> m.WeekReport:  # type: ignore[no-untyped-def]
         ("exposure_unknown same", "One floor changed clearly; one did not"),
     ],
 )
-def test_headline(floors: Callable[..., tuple[Floor, ...]], kinds: str, expected: str) -> None:
+def test_headline(floors: Callable[..., tuple[FloorWeeks, ...]], kinds: str, expected: str) -> None:
     said = headline(floors(*kinds.split()), many.LAST)
     assert said == expected
-    assert words.n_words(said) <= 15
-    assert words.forbidden_in(said) == []
+    assert terms.n_words(said) <= 15
+    assert terms.forbidden_in(said) == []
 
 
-def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[Floor, ...]]) -> None:
+def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
     (floor,) = floors("no_data")
     twin = floor.twin(many.LAST)
     assert twin is not None
@@ -102,25 +102,25 @@ def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[Fl
         ("no_data", "no_data"),
     ],
 )
-def test_standing(floors: Callable[..., tuple[Floor, ...]], kind: str, found: str) -> None:
+def test_standing(floors: Callable[..., tuple[FloorWeeks, ...]], kind: str, found: str) -> None:
     assert standing(floors(kind)[0].twin(many.LAST)) == found
 
 
-def text(spans: tuple[m.Span, ...]) -> str:
+def text(spans: tuple[page_model.Span, ...]) -> str:
     return "".join(s.text for s in spans)
 
 
-def test_lead_names_what_changed_and_what_lacks_data(floors: Callable[..., tuple[Floor, ...]]) -> None:
+def test_lead_names_what_changed_and_what_lacks_data(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
     said = text(lead(floors("fall", "same", "no_data", "too_incomplete", "absent"), many.LAST))
     assert said == (
         "Five floors at three sites. Site 1, Floor A: 14% fewer violations in an open hour (likely between 10% and 18% "
         "fewer). No data from Site 2, Floor C. Too incomplete to compare: Site 2, Floor D. No report of this week: "
         "Site 3, Floor E."
     )
-    assert words.forbidden_in(said) == []
+    assert terms.forbidden_in(said) == []
 
 
-def test_lead_counts_what_it_does_not_name(floors: Callable[..., tuple[Floor, ...]]) -> None:
+def test_lead_counts_what_it_does_not_name(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
     said = text(lead(floors(*["rise"] * 5, *["no_data"] * 5), many.LAST))
     assert said.count("20% more violations") == 3
     assert "Two more changed clearly." in said
@@ -128,7 +128,7 @@ def test_lead_counts_what_it_does_not_name(floors: Callable[..., tuple[Floor, ..
 
 
 @pytest.mark.parametrize("kind", ["fall", "same", "first_week", "too_incomplete", "no_data", "settings_changed"])
-def test_one_floor_has_the_lead_of_its_report(floors: Callable[..., tuple[Floor, ...]], kind: str) -> None:
+def test_one_floor_has_the_lead_of_its_report(floors: Callable[..., tuple[FloorWeeks, ...]], kind: str) -> None:
     story = finish(week(kind)).story
     assert story is not None
     assert text(lead(floors(kind), many.LAST)) == text(story.lead) != ""
@@ -152,13 +152,13 @@ def test_one_floor_has_the_lead_of_its_report(floors: Callable[..., tuple[Floor,
         ),
     ],
 )
-def test_line_of_an_earlier_week(floors: Callable[..., tuple[Floor, ...]], kinds: str, expected: str) -> None:
+def test_line_of_an_earlier_week(floors: Callable[..., tuple[FloorWeeks, ...]], kinds: str, expected: str) -> None:
     said = week_line(floors(*kinds.split(), back=2), many.LAST - timedelta(weeks=2))
     assert said == expected
-    assert words.forbidden_in(said) == []
+    assert terms.forbidden_in(said) == []
 
 
-def test_a_week_nobody_reported_has_no_line(floors: Callable[..., tuple[Floor, ...]]) -> None:
+def test_a_week_nobody_reported_has_no_line(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
     assert week_line(floors("same", "same"), many.LAST - timedelta(weeks=4)) == ""
 
 

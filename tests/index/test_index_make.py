@@ -9,7 +9,7 @@ import pytest
 from report import worlds as w
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
+from vsd_analytics.cli.exit_codes import run
 
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:

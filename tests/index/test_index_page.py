@@ -19,14 +19,14 @@ from report import fixtures as weeks
 from report.test_report_numbers import NUMBER, Text, allowed
 from report.test_report_page import Tree
 
-from vsd_analytics.index import bars
-from vsd_analytics.index.floors import Catalogue, catalogue
-from vsd_analytics.index.read import Entry, read_shelf, read_twin
-from vsd_analytics.index.render import Index, Link, Row, WeekLine, Year, make_index, render_index
-from vsd_analytics.report import model as m
-from vsd_analytics.report import words
-from vsd_analytics.report.twins import from_json
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.report.pages.json_and_csv import from_json
+from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
+from vsd_analytics.site_index import week_bars
+from vsd_analytics.site_index.floor_weeks import Catalogue, catalogue
+from vsd_analytics.site_index.page import Index, Link, Row, WeekLine, Year, make_index, render_index
+from vsd_analytics.site_index.read_reports import Entry, read_shelf, read_twin
 
 TEMPLATES = sorted((shipped("reports") / "templates" / "index").glob("*.j2"))
 
@@ -141,7 +141,7 @@ def test_every_state_of_a_week_is_shown_without_a_value_of_python(tmp_path: Path
     visible = re.sub(r"<style>.*?</style>|<[^>]*>", " ", text, flags=re.DOTALL)
     assert re.findall(r"\b(None|nan|True|False|inf|Undefined|datetime)\b", visible) == []
     if name != "hostile":
-        assert words.forbidden_in(visible) == []
+        assert terms.forbidden_in(visible) == []
     Tree(text)
 
 
@@ -186,9 +186,9 @@ def test_bars_share_a_scale_within_their_row_only(company: Path) -> None:
     for row in make_index(listed(company / "riverside", company / "central")).rows:
         heights = [float(h) for h in re.findall(r'class="wk[bn]"[^/]*height="([\d.]+)"', str(row.bars))]
         values = [float(w) for w in row.weeks]
-        assert max(heights) == bars.HEIGHT
+        assert max(heights) == week_bars.HEIGHT
         for height, value in zip(heights, values, strict=True):
-            assert height == pytest.approx(bars.HEIGHT * value / max(values), rel=0.02)
+            assert height == pytest.approx(week_bars.HEIGHT * value / max(values), rel=0.02)
 
 
 def test_a_setting_that_changed_is_a_divider(tmp_path: Path) -> None:
@@ -259,14 +259,14 @@ def test_absurd_figures_are_drawn_within_the_bars(tmp_path: Path, value: float) 
     path = many.write(tmp_path, many.report())
     twin = read_twin(path)
     twin = replace(twin, level=replace(twin.level, often=m.Estimate(value=value)))
-    drawn = str(bars.bars([(many.LAST, twin)], label="x"))
-    assert all(0 <= float(v) <= bars.HEIGHT for v in re.findall(r'(?:height|y)="([-\d.e+]+)"', drawn))
+    drawn = str(week_bars.bars([(many.LAST, twin)], label="x"))
+    assert all(0 <= float(v) <= week_bars.HEIGHT for v in re.findall(r'(?:height|y)="([-\d.e+]+)"', drawn))
 
 
 def test_an_incomplete_week_without_a_violation_is_drawn_when_it_is_the_only_one(tmp_path: Path) -> None:
     twin = read_twin(many.write(tmp_path, many.report()))
     level = replace(twin.level, often=m.Estimate(value=0.0))
-    drawn = str(bars.bars([(many.LAST, replace(twin, state="too_incomplete", level=level))], label="x"))
+    drawn = str(week_bars.bars([(many.LAST, replace(twin, state="too_incomplete", level=level))], label="x"))
     assert "wkr" in drawn
 
 
@@ -299,7 +299,7 @@ def test_equal_twins_give_equal_bytes_in_another_process(company: Path) -> None:
     program = (
         "import sys, hashlib; sys.path[:0] = sys.argv[2:]\n"
         "from pathlib import Path\nfrom index.test_index_page import listed\n"
-        "from vsd_analytics.index.render import render_index\n"
+        "from vsd_analytics.site_index.page import render_index\n"
         "print(hashlib.sha256(render_index(listed(Path(sys.argv[1]))).encode()).hexdigest())"
     )
     tests = Path(__file__).resolve().parents[1]

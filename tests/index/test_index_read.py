@@ -17,11 +17,11 @@ from index import many
 from report import fixtures as weeks
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.index import read
-from vsd_analytics.index.floors import catalogue
-from vsd_analytics.index.read import kind_of, read_shelf, read_twin
-from vsd_analytics.index.render import render_index
-from vsd_analytics.report.twins import json_schema, to_json
+from vsd_analytics.report.pages.json_and_csv import json_schema, to_json
+from vsd_analytics.site_index import read_reports
+from vsd_analytics.site_index.floor_weeks import catalogue
+from vsd_analytics.site_index.page import render_index
+from vsd_analytics.site_index.read_reports import kind_of, read_shelf, read_twin
 
 
 def codes(folder: Path) -> list[tuple[str, str]]:
@@ -161,12 +161,12 @@ def test_other_files_links_and_pipes_are_left_alone(shop: Path, tmp_path: Path) 
 
 
 def test_a_huge_file_is_not_read(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(read, "MAX_BYTES", 1000)
+    monkeypatch.setattr(read_reports, "MAX_BYTES", 1000)
     assert {code for code, _ in codes(shop)} == {"W511"}
 
 
 def test_no_folder_is_an_empty_shelf(tmp_path: Path) -> None:
-    assert read_shelf(tmp_path / "reports", project="shop") == read.Shelf()
+    assert read_shelf(tmp_path / "reports", project="shop") == read_reports.Shelf()
 
 
 def test_texts_carry_no_control_characters(shop: Path) -> None:
@@ -220,7 +220,7 @@ def test_a_twin_with_any_part_spoilt_is_read_or_refused_in_words(
     except VsdError as error:
         refused = error
     if refused is None:
-        render_index(catalogue([read.Entry(project="p", stem="2026-W46", twin=twin, links={})]))
+        render_index(catalogue([read_reports.Entry(project="p", stem="2026-W46", twin=twin, links={})]))
     else:
         assert refused.code in ("W510", "W511", "W512")
         assert refused.why

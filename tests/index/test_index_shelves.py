@@ -8,7 +8,7 @@ import pytest
 from index import many
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.index.shelves import MARK, gather, projects_below, sources_of, write_index
+from vsd_analytics.site_index.collect_reports import MARK, gather, projects_below, sources_of, write_index
 
 
 def links(out: Path, *folders: Path) -> set[str]:

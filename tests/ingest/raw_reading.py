@@ -15,7 +15,7 @@ from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejec
 from vsd_analytics.ingest.frames import Frames
 from vsd_analytics.ingest.tables import Tables
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES, TableName
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
 NINE_MS = int(datetime(2026, 11, 9, 9, tzinfo=UTC).timestamp() * 1000)

@@ -190,7 +190,7 @@ def test_a_byte_order_mark_and_windows_line_ends_are_no_part_of_messages(tmp_pat
         ("", False),
     ],
 )
-def test_detection_goes_by_the_first_line(tmp_path: Path, content: str, is_ours: bool) -> None:
+def test_detection_goes_by_a_line_that_is_one(tmp_path: Path, content: str, is_ours: bool) -> None:
     (tmp_path / "x").write_text(content)
     assert Frames().detects(Source(tmp_path / "x")) == is_ours
 
@@ -255,3 +255,15 @@ def test_the_published_schema_agrees_with_the_reader(name: str) -> None:
 def test_what_msgspec_writes_the_reader_reads(tmp_path: Path) -> None:
     message = msgspec.convert(GOOD, FrameMessage)
     assert len(read_frames(tmp_path / "a.jsonl", msgspec.json.encode(message)).tables["frames"]) == 1
+
+
+@pytest.mark.parametrize("damaged", ["\x00\x00\x00\x00", 'am": "cam-1"}', '{"v', "[" * 100_000 + "\n" + "\x00"])
+def test_a_damaged_first_line_is_quarantined_and_the_others_are_read(tmp_path: Path, damaged: str) -> None:
+    from vsd_analytics.ingest.pipeline import find_adapter
+
+    path = tmp_path / "a.jsonl"
+    path.write_text(f"{damaged}\n{line()}\n")
+    assert find_adapter(Source(path), IngestOptions()).name == "frames"
+    found = read_frames(path, path.read_text())
+    assert [f["line"] for f in found.tables["frames"]] == [damaged.count("\n") + 2]
+    assert [r.line for r in found.rejected][:1] == [1]

@@ -14,9 +14,9 @@ from raw_reading import NOW, small_site
 
 from vsd_analytics.errors import InputError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source
-from vsd_analytics.ingest.lines import line_blocks
 from vsd_analytics.ingest.pipeline import adapter, find_adapter, ingest
-from vsd_analytics.ingest.quarantine import KEPT_PER_SOURCE, Quarantine
+from vsd_analytics.ingest.quarantine_writer import STORED_PER_SOURCE, Quarantine
+from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.settings import Settings
 from vsd_analytics.store import Store
 
@@ -164,7 +164,8 @@ def test_formats_are_found_by_name_or_with_a_hint(tmp_path: Path) -> None:
 
 def test_quarantine_is_kept_once_and_counted_always(tmp_path: Path) -> None:
     bad = [
-        Rejected(k, "bad-json" if k % 2 else "no-time", "why", f"text {k} \ud800") for k in range(KEPT_PER_SOURCE + 500)
+        Rejected(k, "bad-json" if k % 2 else "no-time", "why", f"text {k} \ud800")
+        for k in range(STORED_PER_SOURCE + 500)
     ]
     for _ in range(2):
         quarantine = Quarantine(tmp_path / "q", source="a.csv")
@@ -173,8 +174,8 @@ def test_quarantine_is_kept_once_and_counted_always(tmp_path: Path) -> None:
         quarantine.flush()
         assert sum(quarantine.counts.values()) == len(bad)
     lines = [json.loads(x) for p in (tmp_path / "q").iterdir() for x in p.read_text().splitlines()]
-    assert len(lines) == KEPT_PER_SOURCE
-    assert {x["line"] for x in lines} == set(range(KEPT_PER_SOURCE))
+    assert len(lines) == STORED_PER_SOURCE
+    assert {x["line"] for x in lines} == set(range(STORED_PER_SOURCE))
     assert stat.S_IMODE((tmp_path / "q").stat().st_mode) == 0o700
     assert quarantine.examples["no-time"].line == 0
 

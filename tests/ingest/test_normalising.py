@@ -17,7 +17,7 @@ from vsd_analytics.ingest.adapter import RawBatch, Rejected
 from vsd_analytics.ingest.normalise import Normalised, Normaliser
 from vsd_analytics.schema import RAW_SCHEMAS, SCHEMAS, TableName
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store.secrets import DayKeys
 
 SITE = small_site(Path("unused"))

@@ -13,26 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from raw_reading import NOW, small_site
 
+from vsd_analytics.errors import StoreError
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine import (
-    Entry,
-    Quarantine,
-    Reading,
-    drop,
-    entries,
-    files,
-    rewrite,
-    summarise,
-    tidy,
-)
+from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading, summarise
 from vsd_analytics.ingest.raw import row_json, rows_table
+from vsd_analytics.store.quarantine import QuarantineEntry, drop, entries, files, rewrite, tidy
 
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
 LATER = NOW + timedelta(days=1)
 
 
-def kept(folder: Path) -> list[Entry]:
+def kept(folder: Path) -> list[QuarantineEntry]:
     return [e for path in files(folder) for _, e in entries(path) if e is not None]
 
 
@@ -109,31 +101,35 @@ def test_nobody_else_may_read_it(tmp_path: Path) -> None:
 
 def test_what_is_beyond_the_cap_is_counted_and_said(tmp_path: Path) -> None:
     bad = [Rejected(k, "no-time" if k % 3 else "no-camera", "why", str(k)) for k in range(30)]
-    quarantine = Quarantine(tmp_path / "q", source="a", at=NOW, kept_max=12)
+    quarantine = Quarantine(tmp_path / "q", source="a", at=NOW, stored_max=12)
     for at in (NOW, LATER):  # a span of a live source, and the next one
         for start in range(0, 30, 7):
             quarantine.add(bad[start : start + 7], at=at)
         quarantine.close()
-    by_reason = {s.reason: (s.n_kept, s.n_not_kept, s.sources["a"]) for s in summarise(tmp_path / "q")}
+    by_reason = {s.reason: (s.n_stored, s.n_not_kept, s.sources["a"]) for s in summarise(tmp_path / "q")}
     # numbers 0 to 11 are kept: four times no-camera; of 30 there are ten. The second span holds the same.
     assert by_reason == {"no-time": (8, 12, 20), "no-camera": (4, 6, 10)}
     assert sum(quarantine.counts.values()) == 60
 
 
 def test_a_live_source_keeps_each_span_and_its_small_files_are_put_together(tmp_path: Path) -> None:
-    quarantine = Quarantine(tmp_path / "q", source="mqtt:a", is_live=True, kept_max=5)
+    quarantine = Quarantine(tmp_path / "q", source="mqtt:a", is_live=True, stored_max=5)
     n = 0
     for _span in range(3):
-        for _ in range(7):
+        for _ in range(5):
             at = NOW + timedelta(seconds=n)
-            quarantine.add([Rejected(n, "bad-json", "why", f"{n}", whole=f"{n}")], reading=Reading("frames"), at=at)
+            quarantine.add(
+                [Rejected(n, "bad-json", "why", f"{n}", whole=f"{n}")], reading=SourceReading("frames"), at=at
+            )
             quarantine.flush()
             n += 1
+        with pytest.raises(StoreError, match="full for this day"):
+            quarantine.add([Rejected(n, "bad-json", "why")], at=NOW)
         quarantine.close()
     (summary,) = summarise(tmp_path / "q")
-    assert (summary.n_kept, summary.n_not_kept) == (15, 6)
+    assert (summary.n_stored, summary.n_not_kept) == (15, 0)
     before = sorted((e.line, e.at, e.is_live, e.n_not_kept) for e in kept(tmp_path / "q"))
-    assert len(files(tmp_path / "q")) == 18
+    assert len(files(tmp_path / "q")) == 15
     tidy(tmp_path / "q")
     assert len(files(tmp_path / "q")) == 1
     assert sorted((e.line, e.at, e.is_live, e.n_not_kept) for e in kept(tmp_path / "q")) == before
@@ -165,7 +161,7 @@ def test_a_line_that_is_no_entry_is_left_where_it_is(tmp_path: Path) -> None:
     quarantine.close()
     (path,) = files(tmp_path / "q")
     path.write_bytes(path.read_bytes() + b'{"source": 7}\n{"torn')
-    assert drop(tmp_path / "q", lambda e: e.line < 3) == 3
+    drop(tmp_path / "q", lambda _, e: e is not None and e.line < 3)
     (new,) = files(tmp_path / "q")
     lines = new.read_bytes().splitlines()
     assert [json.loads(lines[0])["line"], *lines[1:]] == [3, b'{"source": 7}', b'{"torn']
@@ -173,15 +169,16 @@ def test_a_line_that_is_no_entry_is_left_where_it_is(tmp_path: Path) -> None:
 
 def test_entries_of_an_age_can_be_dropped(tmp_path: Path) -> None:
     for days in range(4):
-        quarantine = Quarantine(tmp_path / "q", source=f"{days}", at=NOW + timedelta(days=days), kept_max=1)
+        quarantine = Quarantine(tmp_path / "q", source=f"{days}", at=NOW + timedelta(days=days), stored_max=1)
         quarantine.add([Rejected(k, "no-time", "why") for k in range(5)])
         quarantine.close()
     before = datetime(2026, 11, 22, tzinfo=UTC)
-    assert drop(tmp_path / "q", lambda e: e.at is not None and e.at < before) == 10
+    drop(tmp_path / "q", lambda _, e: e is not None and e.at is not None and e.at < before)
     assert sorted({e.source for e in kept(tmp_path / "q")}) == ["2", "3"]
-    assert drop(tmp_path / "q", lambda e: True) == 10
+    drop(tmp_path / "q", lambda *_: True)
     assert files(tmp_path / "q") == []
-    assert drop(tmp_path / "none", lambda e: True) == 0
+    drop(tmp_path / "none", lambda *_: True)
+    assert not (tmp_path / "none").exists()
 
 
 def test_a_disk_that_refuses_loses_nothing_that_is_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -192,7 +189,7 @@ def test_a_disk_that_refuses_loses_nothing_that_is_held(tmp_path: Path, monkeypa
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("vsd_analytics.ingest.quarantine.publish", refuse)
+        patched.setattr("vsd_analytics.store.durable.publish", refuse)
         with pytest.raises(OSError, match="No space"):
             quarantine.flush()
     quarantine.flush()
@@ -212,7 +209,7 @@ def test_a_crash_between_the_new_file_and_the_end_of_the_old_one_is_mended_by_th
         def die(path: Path) -> None:
             raise KeyboardInterrupt
 
-        patched.setattr("vsd_analytics.ingest.quarantine.remove", die)
+        patched.setattr("vsd_analytics.store.durable.remove", die)
         with pytest.raises(KeyboardInterrupt):
             rewrite(path, left)
     assert len(files(tmp_path / "q")) == 2

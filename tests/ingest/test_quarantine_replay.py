@@ -12,22 +12,25 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from click.testing import CliRunner
 from raw_reading import NOW, small_site
 from site_text import site_text
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.ingest import quarantine as room
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config import load_site
+from vsd_analytics.ingest import quarantine_writer as room
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.frames import MessageRows
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine import Entry, Quarantine, Reading, entries, files
+from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.replay import replay
 from vsd_analytics.schema import KEYS, TABLES
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, Site
+from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store import Store, durable
+from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
 
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
 MESSAGE = (
@@ -53,7 +56,7 @@ def with_camera(site: Site, **changes: Any) -> Site:
     return replace(site, cameras=(*site.cameras, Camera("cam-3", "Yard", "ground", engine_ids=("yard",), **changes)))
 
 
-def left(site: Site) -> list[Entry]:
+def left(site: Site) -> list[QuarantineEntry]:
     folder = site.root / "quarantine"
     return sorted((e for p in files(folder) for _, e in entries(p) if e is not None), key=lambda e: (e.source, e.line))
 
@@ -88,7 +91,7 @@ def test_a_camera_described_later_gives_the_store_of_a_site_that_always_had_it(
     expected = ingest(always, [path], IngestOptions(), now=NOW)
     assert stored(mended) == stored(always)
     assert found.n_left == 0
-    assert found.n_mended == (8 if write is frames_file else 1)
+    assert found.n_solved == (8 if write is frames_file else 1)
     assert {e.reason for e in left(mended)} == set(expected.sources[0].n_rejected)
 
 
@@ -116,7 +119,7 @@ def test_a_mended_mapping_reads_lines_again_and_none_twice(tmp_path: Path) -> No
     assert replay(site).n_bad == {"not-a-time": 5}
     mended = replace(site, ingest_map={"ts": "utc"})
     found = replay(mended)
-    assert (found.n_mended, found.n_left, dict(found.n_records)) == (5, 0, {"observations": 5})
+    assert (found.n_solved, found.n_left, dict(found.n_records)) == (5, 0, {"observations": 5})
     assert files(site.root / "quarantine") == []
     always = replace(mended, root=tmp_path / "always")
     ingest(always, [path], IngestOptions(), now=NOW)
@@ -165,7 +168,7 @@ def test_a_larger_limit_lets_what_is_in_it_go_and_keeps_the_rest_with_its_reason
     before = left(site)
     wider = replace(site, settings=PLAIN.with_values({"coordinate_max_m": 50_000.0}))
     found = replay(wider, now=NOW + timedelta(days=9))
-    assert (found.n_mended, found.n_bad) == (1, {"out-of-range": 1, "unknown-camera": 1})
+    assert (found.n_solved, found.n_bad) == (1, {"out-of-range": 1, "unknown-camera": 1})
     assert [r["x_mm"] for r in stored(site)["observations"]] == [20_000_000]
     assert [(e.line, e.reason, e.at) for e in left(site)] == [(3, "out-of-range", NOW), (4, "unknown-camera", NOW)]
     assert "50000 m" in left(site)[0].detail
@@ -192,10 +195,10 @@ def test_a_live_record_is_held_against_the_instant_it_came_at(tmp_path: Path) ->
     for at in (came, came + timedelta(days=3)):
         normaliser.live_at(at)
         quarantine = Quarantine(site.root / "quarantine", source="mqtt:a", at=at, is_live=True)
-        quarantine.add(normaliser.normalise(batch).rejected, reading=Reading("frames", first_line=""))
+        quarantine.add(normaliser.normalise(batch).rejected, reading=SourceReading("frames", first_line=""))
         quarantine.close()
     found = replay(with_camera(site))
-    assert found.n_mended == 8
+    assert found.n_solved == 8
     assert found.n_bad == {"time-out-of-range": 8, "bad-message": 2}
     assert len(stored(site)["frames"]) == 2
 
@@ -207,7 +210,7 @@ def test_a_dry_run_changes_nothing_and_tells_what_would_be(tmp_path: Path) -> No
     dry = replay(with_camera(site), is_dry_run=True)
     assert tree(site.root) == before
     wet = replay(with_camera(site))
-    assert (dry.n_mended, dry.n_records, dry.n_bad) == (wet.n_mended, wet.n_records, wet.n_bad)
+    assert (dry.n_solved, dry.n_records, dry.n_bad) == (wet.n_solved, wet.n_records, wet.n_bad)
     assert dry.n_bad == {"bad-json": 1}
 
 
@@ -215,11 +218,11 @@ def test_what_is_not_chosen_and_what_stays_bad_is_not_touched(tmp_path: Path) ->
     site = small_site(tmp_path / "site")
     ingest(site, [frames_file(tmp_path / "a.jsonl"), table_file(tmp_path / "b.csv")], IngestOptions(), now=NOW)
     before = tree(site.root / "quarantine")
-    assert replay(site).n_mended == 0
+    assert replay(site).n_solved == 0
     assert replay(with_camera(site), reason="none-such").n_chosen == 0
     assert replay(with_camera(site), source="c.csv").n_chosen == 0
     assert tree(site.root / "quarantine") == before
-    assert replay(with_camera(site), source="b.csv").n_mended == 1
+    assert replay(with_camera(site), source="b.csv").n_solved == 1
     after = tree(site.root / "quarantine")
     assert len([p for p in before if p in after and before[p] == after[p]]) == 1
 
@@ -229,7 +232,7 @@ def test_a_frame_with_one_bad_person_is_stored_and_the_person_stays(tmp_path: Pa
     quarantine = Quarantine(site.root / "quarantine", source="mqtt:a", at=NOW)
     bad = MESSAGE % ("cam-1", 1, "Z", 1, 99_999)
     rejected = room.Rejected(7, "bad-json", "cut", bad, whole=bad.strip())
-    quarantine.add([rejected], reading=Reading("frames", first_line=""))
+    quarantine.add([rejected], reading=SourceReading("frames", first_line=""))
     quarantine.close()
     found = replay(site)
     assert dict(found.n_records) == {"observations": 1, "frames": 1}
@@ -238,7 +241,7 @@ def test_a_frame_with_one_bad_person_is_stored_and_the_person_stays(tmp_path: Pa
         (7, "out-of-range", "pairs", NOW),
     }
     found = replay(replace(site, settings=PLAIN.with_values({"coordinate_max_m": 1e6})))
-    assert (found.n_mended, len(stored(site)["observations"]), len(stored(site)["pairs"])) == (2, 2, 1)
+    assert (found.n_solved, len(stored(site)["observations"]), len(stored(site)["pairs"])) == (2, 2, 1)
 
 
 def test_an_entry_changed_by_hand_stays_and_harms_no_other(tmp_path: Path) -> None:
@@ -253,7 +256,7 @@ def test_an_entry_changed_by_hand_stays_and_harms_no_other(tmp_path: Path) -> No
     spoiled.append({**line, "format": "../../etc"})
     path.write_text("\n".join([*lines, *map(json.dumps, spoiled)]) + "\n")
     found = replay(with_camera(site))
-    assert found.n_mended == 1
+    assert found.n_solved == 1
     assert len(found.errors) == 2
     assert len(left(site)) == 6
 
@@ -293,7 +296,6 @@ def test_killed_anywhere_and_run_again_is_the_same_store_and_quarantine(
                 for name in real:
                     step = lambda *a, name=name, **m: cut(name, *a, **m)  # noqa: E731
                     patched.setattr(durable, name, step)
-                    patched.setattr(room, name, step)
                 try:
                     replay(site)
                 except KeyboardInterrupt:
@@ -340,3 +342,20 @@ def test_list_and_replay_tell_people_and_programs(tmp_path: Path, capsys: pytest
     assert (code, out.splitlines()[-1][:7]) == (0, "0 of 0 ")
     assert vsd("quarantine", "replay", "--camera", "nobody")[0] == 2
     assert vsd("quarantine", "replay", "--map", "tz=x")[0] == 2
+
+
+def test_what_waited_in_the_spool_is_not_counted_among_the_replayed(tmp_path: Path) -> None:
+    """An earlier run was stopped before it folded: its records are none of this run's."""
+    root = tmp_path / "shop"
+    root.mkdir()
+    (root / "vsd.toml").write_text(site_text("cam-1", "cam-2", more="[privacy]\npseudonyms = false\n"))
+    frames_file(root / "f.jsonl")
+    ingest(load_site(root), [root / "f.jsonl"], IngestOptions(), now=NOW, is_folding=False)
+    (root / "vsd.toml").write_text(
+        site_text("cam-1", "cam-2", more='engine_ids = ["yard"]\n[privacy]\npseudonyms = false\n')
+    )
+    told = CliRunner().invoke(cli, ["-C", str(root), "quarantine", "replay"]).stdout
+    assert "8 records that waited in the spool were stored first\n" in told
+    assert "8 of 9 are good now, 8 records, 8 of them new to the store; 1 remain\n" in told
+    told = CliRunner().invoke(cli, ["-C", str(root), "quarantine", "replay"]).stdout
+    assert told.endswith("0 of 1 are good now, 0 records; 1 remain\n")

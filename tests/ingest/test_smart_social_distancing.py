@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from vsd_analytics.errors import InputError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Source
-from vsd_analytics.ingest.body_distance import LoggedFrame, Pairs, Setting
+from vsd_analytics.ingest.body_distance import EngineSetting, LoggedFrame, Pairs
 from vsd_analytics.ingest.smart_social_distancing import ADAPTER
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES
 
@@ -93,7 +93,7 @@ def test_distances_are_those_of_a_plain_loop(boxes: list[Box], method: str, widt
     import numpy as np
 
     pairs = Pairs.of([LoggedFrame(np.array(boxes).reshape(-1, 4), 0, None)] * 2)
-    metres = pairs.distances_m(Setting(method, (width, 480), 1.5))
+    metres = pairs.distances_m(EngineSetting(method, (width, 480), 1.5))
     expected = [
         naive_cm(boxes[i], boxes[j], width=width, height=480, method=method) / 100
         for i, j in itertools.combinations(range(len(boxes)), 2)
@@ -259,7 +259,7 @@ def test_too_many_people_or_rows_are_quarantined(tmp_path: Path) -> None:
     crowd = '1.0,2026-01-05 09:00:00,1001,0,0,"' + str([{"bbox": [0, 0, 1, 1]}] * 1001) + '","[]"'
     empty = log_row("2026-01-05 09:00:07", [])
     tables, batches = read(write(tmp_path, [crowd, *[empty] * 1003]))
-    assert [r for _, r in rejected(batches)] == ["too-many-people", *["too-many-in-a-second"] * 3]
+    assert [r for _, r in rejected(batches)] == ["too-many", *["too-many-in-a-second"] * 3]
     assert len(set(tables["frames"]["ts_ms"].to_pylist())) == 1000
 
 

@@ -26,7 +26,7 @@ from warehouse_projects import T0, open_days, table
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.simulate.people import simulate_day
 from vsd_analytics.simulate.truth import violations
-from vsd_analytics.site import Camera
+from vsd_analytics.site.model import Camera
 from vsd_analytics.store import Store
 
 INTERVALS_MS = (400, 800, 1000, 1200, 1500, 2000, 2500, 3000, 4000)

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from warehouse_projects import Frame, Pair, Person, make_site, open_days
 
-from vsd_analytics.analysis.panels import FloorHours, Period
-from vsd_analytics.analysis.rates import level_often, level_risky
-from vsd_analytics.site import Site
+from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.rates import level_often, level_risky
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.sqlfiles import relations
 

@@ -13,11 +13,11 @@ from warehouse_projects import open_days
 
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.simulate.cameras import CAMERAS, HEIGHT_PX, NOISE_SD_M, WIDTH_PX
-from vsd_analytics.simulate.messages import track_ids
-from vsd_analytics.simulate.people import Day, simulate_day
+from vsd_analytics.simulate.frame_messages import track_ids
+from vsd_analytics.simulate.people import SimulatedDay, simulate_day
 from vsd_analytics.simulate.shop import AREA_RECTS, AREAS
 from vsd_analytics.simulate.truth import in_view, violations
-from vsd_analytics.site import Calibration, Camera, Floor, Site
+from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 from vsd_analytics.store import Store
 
 ZONE = ZoneInfo("Europe/Rome")
@@ -42,7 +42,7 @@ def shop(root: Path) -> Site:
     )
 
 
-def seen(day: Day) -> pa.Table:
+def seen(day: SimulatedDay) -> pa.Table:
     """Return what the cameras report of a day: 5 cm of noise, ids of their own that end where a view ends."""
     tables = []
     for number, camera in enumerate(CAMERAS):

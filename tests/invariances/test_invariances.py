@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from seen_worlds import Record, close_pairs, headline, marts, shoppers, small_site, swapped, true_spells
 from warehouse_projects import DAY, HOUR, T0, Person, at, beats, put
 
-from vsd_analytics.site import Camera
+from vsd_analytics.site.model import Camera
 
 MONDAY = "2026-11-09"
 SUNDAY = "2026-11-15"

@@ -18,9 +18,9 @@ from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.settings import Settings
-from vsd_analytics.simulate.messages import frame_message
+from vsd_analytics.simulate.frame_messages import frame_message
 from vsd_analytics.simulate.small import START_MS, Message, make_empty
-from vsd_analytics.site import AlarmRule, Area, Camera, Floor, Point, Site
+from vsd_analytics.site.model import AlarmRule, Area, Camera, Floor, Point, Site
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
 QUEUE = Area("queue", "Queue", "ground", ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)))

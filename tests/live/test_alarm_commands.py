@@ -15,7 +15,7 @@ from site_text import site_text
 from test_alarm_delivery import receiver
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.simulate.small import merge
 
 SITE = site_text(

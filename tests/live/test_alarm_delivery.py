@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 from alarm_worlds import GATHERING, make_site, quiet, row, run, stand
 
-from vsd_analytics.live.delivery import AlarmLog, Delivery, Webhook, webhook_of
+from vsd_analytics.live.delivery import AlarmLog, AlarmSender, Webhook, webhook_of
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.simulate.small import merge
-from vsd_analytics.site import AlarmDelivery
+from vsd_analytics.site.model import AlarmDelivery
 
 QUICK = (0.01, 0.05)
 Answer = int | float
@@ -172,10 +172,10 @@ def test_only_a_site_with_a_webhook_has_one(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_the_log_keeps_every_event_once_for_its_owner_alone(tmp_path: Path) -> None:
     path, events = tmp_path / "alarms.jsonl", some_events()
-    delivery = Delivery(make_site(), log=AlarmLog(path))
+    delivery = AlarmSender(make_site(), log=AlarmLog(path))
     assert [r["event"] for r in delivery.send(events)] == ["start", "update", "end"]
     assert delivery.send(events) == []
-    again = Delivery(make_site(), log=AlarmLog(path))
+    again = AlarmSender(make_site(), log=AlarmLog(path))
     assert again.send(events) == []
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert lines == [e.as_dict(make_site().zone) for e in events]
@@ -184,11 +184,11 @@ def test_the_log_keeps_every_event_once_for_its_owner_alone(tmp_path: Path) -> N
 
 def test_a_torn_line_and_foreign_lines_are_passed_over(tmp_path: Path) -> None:
     path, events = tmp_path / "alarms.jsonl", some_events()
-    Delivery(make_site(), log=AlarmLog(path)).send(events[:2])
+    AlarmSender(make_site(), log=AlarmLog(path)).send(events[:2])
     whole = path.read_bytes()
     path.write_bytes(whole[:-20])
     log = AlarmLog(path)
-    assert [r["event"] for r in Delivery(make_site(), log=log).send(events)] == ["update", "end"]
+    assert [r["event"] for r in AlarmSender(make_site(), log=log).send(events)] == ["update", "end"]
     assert log.open_alarms == {}
     path.write_bytes(b'[]\n{}\n{"alarm": 1}\n{"alarm": "x", "event": "start", "at": "now", "since": 3}\n\xff\n' + whole)
     assert list(AlarmLog(path).open_alarms) == [events[0].alarm]
@@ -198,7 +198,7 @@ def test_a_disk_that_refuses_stops_no_delivery(tmp_path: Path) -> None:
     with receiver() as server:
         webhook = Webhook(server.url)
         log = AlarmLog(tmp_path / "none" / "alarms.jsonl")
-        delivery = Delivery(make_site(), log=log, webhook=webhook)
+        delivery = AlarmSender(make_site(), log=log, webhook=webhook)
         delivery.send(some_events())
         assert webhook.stop(timeout_s=5)
     assert len(server.got) == 3
@@ -207,7 +207,7 @@ def test_a_disk_that_refuses_stops_no_delivery(tmp_path: Path) -> None:
 
 def test_the_topic_waits_for_a_connection() -> None:
     site = replace(make_site(), alarm_delivery=AlarmDelivery(topic="vsd/shop/alarms"))
-    delivery, sent = Delivery(site), []
+    delivery, sent = AlarmSender(site), []
     is_connected = False
 
     def publish(topic: str, payload: bytes) -> bool:

@@ -14,10 +14,10 @@ from alarm_worlds import CONTACT, GATHERING, SILENCE, at, make_site, quiet, row,
 
 from vsd_analytics.live.alarm_observer import LiveAlarms
 from vsd_analytics.live.alarms import AlarmEngine
-from vsd_analytics.live.delivery import FILE, AlarmLog, Delivery
+from vsd_analytics.live.delivery import FILE, AlarmLog, AlarmSender
 from vsd_analytics.schema import TableName
 from vsd_analytics.simulate.small import START_MS, Message, merge
-from vsd_analytics.site import AlarmRule, Site
+from vsd_analytics.site.model import AlarmRule, Site
 from vsd_analytics.store import Store
 
 WORLD = [
@@ -37,8 +37,8 @@ def live(site: Site, messages: Sequence[Message], *, killed_s: Sequence[int] = (
     site.root.mkdir(parents=True, exist_ok=True)
 
     def start() -> LiveAlarms:
-        delivery = Delivery(site, log=AlarmLog(site.root / FILE))
-        return LiveAlarms(site, delivery=delivery, clock=lambda: now, tell=lambda _: None)
+        delivery = AlarmSender(site, log=AlarmLog(site.root / FILE))
+        return LiveAlarms(site, delivery=delivery, clock=lambda: now, report=lambda _: None)
 
     alarms = start()
     last, taken, kept = 1020, 0, 0
@@ -93,7 +93,7 @@ def test_an_alarm_that_is_not_found_again_is_ended(tmp_path: Path) -> None:
     record = {**_start(site), "rule": "gone"}
     AlarmLog(tmp_path / FILE).append(record)
     for _ in range(2):
-        alarms = LiveAlarms(site, delivery=Delivery(site, log=AlarmLog(tmp_path / FILE)), clock=lambda: at(500))
+        alarms = LiveAlarms(site, delivery=AlarmSender(site, log=AlarmLog(tmp_path / FILE)), clock=lambda: at(500))
     told = [json.loads(line) for line in (tmp_path / FILE).read_text().splitlines()]
     assert told == [record, {**record, "event": "end", "at": "2026-11-09T08:08:20.000+00:00", "lasted_s": 500.0}]
     assert alarms.as_dict()["open"] == 0
@@ -107,7 +107,7 @@ def _start(site: Site) -> dict:
 
 def test_the_heartbeat_counts(tmp_path: Path) -> None:
     site = make_site(GATHERING, root=tmp_path)
-    alarms = LiveAlarms(site, delivery=Delivery(site), clock=lambda: at(100), tell=lambda _: None)
+    alarms = LiveAlarms(site, delivery=AlarmSender(site), clock=lambda: at(100), report=lambda _: None)
     alarms.on_stored(tables_of(site, stand(row(4), 100)))
     alarms.on_stored(tables_of(site, stand(row(4), 10)))
     assert alarms.as_dict() == {
@@ -131,8 +131,8 @@ def test_a_silence_of_hours_is_known_again(tmp_path: Path, hours: int) -> None:
     ends = [at(900), at(hours * 3600.0)]
 
     def restart(now: datetime) -> LiveAlarms:
-        delivery = Delivery(site, log=AlarmLog(tmp_path / FILE))
-        alarms = LiveAlarms(site, delivery=delivery, clock=lambda: now, tell=lambda _: None)
+        delivery = AlarmSender(site, log=AlarmLog(tmp_path / FILE))
+        alarms = LiveAlarms(site, delivery=delivery, clock=lambda: now, report=lambda _: None)
         for s in range(0, 700, 50):
             alarms.on_tick(now + timedelta(seconds=s))
         return alarms
@@ -154,8 +154,8 @@ def test_what_was_there_before_the_records_begin_is_told_only_while_it_lasts(tmp
         messages = merge(stand(row(4), until_s), quiet(2200))
         for table, rows in tables_of(site, messages[:1990]).items():
             store.append(table, rows)
-        delivery = Delivery(site, log=AlarmLog(site.root / FILE))
-        alarms = LiveAlarms(site, delivery=delivery, clock=lambda: at(2200), tell=lambda _: None)
+        delivery = AlarmSender(site, log=AlarmLog(site.root / FILE))
+        alarms = LiveAlarms(site, delivery=delivery, clock=lambda: at(2200), report=lambda _: None)
         alarms.on_stored(tables_of(site, messages[1990:]))
     assert not (ended.root / FILE).exists()
     told = [json.loads(line) for line in (lasting.root / FILE).read_text().splitlines()]
@@ -171,7 +171,7 @@ def test_a_damaged_store_stops_no_listener(tmp_path: Path) -> None:
     for path in (tmp_path / "store" / "observations").rglob("*.parquet"):
         path.write_bytes(path.read_bytes()[:-100])
     said: list[str] = []
-    alarms = LiveAlarms(site, delivery=Delivery(site), clock=lambda: at(60), tell=said.append)
+    alarms = LiveAlarms(site, delivery=AlarmSender(site), clock=lambda: at(60), report=said.append)
     assert len(said) == 1
     assert "damaged" in said[0]
     alarms.on_stored(tables_of(site, stand(row(4), 100, start_s=60)))

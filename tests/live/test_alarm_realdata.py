@@ -17,7 +17,7 @@ from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.simulate.small import START_MS
-from vsd_analytics.site import AlarmRule
+from vsd_analytics.site.model import AlarmRule
 
 pytestmark = pytest.mark.realdata
 

@@ -26,7 +26,7 @@ from alarm_worlds import (
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.settings import Settings
 from vsd_analytics.simulate.small import START_MS, merge
-from vsd_analytics.site import AlarmRule, Area, Calibration, Camera
+from vsd_analytics.site.model import AlarmRule, Area, Calibration, Camera
 
 
 def seconds(*values: int) -> set[int]:
@@ -401,7 +401,7 @@ def test_memory_does_not_grow_with_the_day() -> None:
             *(stand(row(2, y=float(j)), 3, start_s=k * 100 + 4 * j, first_id=100 * k + 2 * j) for j in range(20))
         )
         engine.feed(tables_of(site, merge(pairs, quiet(99, start_s=k * 100))))
-        kept.append(engine.n_kept)
+        kept.append(engine.n_in_memory)
     assert max(kept[20:]) <= max(kept[:20]) * 1.1
 
 

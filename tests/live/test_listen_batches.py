@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.live.batches import RANGES_MAX, RESTARTED, Numbering, delays_s, is_due, next_fold_s
+from vsd_analytics.live.batches import (
+    APART_MIN,
+    RANGES_MAX,
+    RESTARTED,
+    ClockAgreement,
+    Numbering,
+    delays_s,
+    is_due,
+    next_fold_s,
+)
 
 
 def due(n_held: int, *, age_s: float = 0.0, n_bytes: int = 0) -> bool:
@@ -105,3 +114,16 @@ def test_a_hostile_numbering_takes_bounded_memory() -> None:
 def test_short_periods_fold_in_time_too(every_s: float) -> None:
     at = next_fold_s(1000.0, every_s=every_s)
     assert 1000 < at <= 1000 + every_s
+
+
+def test_clocks_disagree_after_so_many_messages_in_a_row_and_agree_again_after_one() -> None:
+    agreement = ClockAgreement()
+    agreement.see(n_within=0, n_outside=APART_MIN - 1)
+    assert not agreement.is_lost
+    agreement.see(n_within=1, n_outside=APART_MIN)
+    assert not agreement.is_lost
+    agreement.see(n_within=0, n_outside=APART_MIN)
+    agreement.see(n_within=0, n_outside=0)
+    assert agreement.is_lost
+    agreement.see(n_within=1, n_outside=0)
+    assert not agreement.is_lost

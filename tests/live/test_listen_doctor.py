@@ -14,11 +14,12 @@ from click.testing import CliRunner
 
 from vsd_analytics.cli import cli
 from vsd_analytics.config import load_site
+from vsd_analytics.doctor.broker import ask, config_faults, examine_config, examine_listener, parse_config
 from vsd_analytics.errors import LiveError
-from vsd_analytics.live.broker_check import ask, config_faults, examine_config, examine_listener, parse_config
 from vsd_analytics.live.mqtt import recommended_config
 from vsd_analytics.live.status import FILE, Status, read_status, write_status
-from vsd_analytics.site import Broker, Site
+from vsd_analytics.live.watch import read_watch_status
+from vsd_analytics.site.model import Broker, Site
 
 NOW = datetime(2026, 11, 20, 12, tzinfo=UTC)
 GONE_PID = 2**22 - 7
@@ -38,7 +39,7 @@ def heartbeat(**changes: Any) -> dict[str, Any]:
 
 
 def states(site: Site, told: dict[str, Any] | None) -> list[tuple[str, str]]:
-    return [(f.subject, f.state) for f in examine_listener(site, told=told, now=NOW + timedelta(seconds=5))]
+    return [(f.subject, f.state) for f in examine_listener(site, status=told, now=NOW + timedelta(seconds=5))]
 
 
 def test_a_listener_that_does_well_is_ok(site: Site) -> None:
@@ -66,7 +67,7 @@ def test_silent_cameras_rejects_gaps_and_qos_0_are_told(site: Site) -> None:
     told = heartbeat(rejected={"bad-json": 3}, qos0=2)
     told["cameras"]["cam-1"]["missing"] = 4
     del told["cameras"]["cam-2"]
-    found = {f.subject: f for f in examine_listener(site, told=told, now=NOW)}
+    found = {f.subject: f for f in examine_listener(site, status=told, now=NOW)}
     assert "cam-2" in found["live cameras"].detail
     assert "cam-1" not in found["live cameras"].detail
     assert "3 bad-json" in found["live records in quarantine"].detail
@@ -83,6 +84,14 @@ def test_a_heartbeat_is_written_whole_and_read_again(site: Site) -> None:
     assert told["pid"] == os.getpid()
     assert told["lag_s"] == 2.0
     assert told["cameras"]["cam-1"]["missing"] is None
+
+
+@pytest.mark.parametrize("name", ["listen.json", "watch.json"])
+def test_a_status_file_of_deep_json_is_as_none(site: Site, name: str) -> None:
+    path = site.root / "status" / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("[" * 100_000)
+    assert (read_status(site.root), read_watch_status(site.root)) == (None, None)
 
 
 def test_the_recommended_configuration_has_no_fault(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsd_analytics.config import load_site
-from vsd_analytics.live.batches import Delivery
-from vsd_analytics.live.messages import Prepared, Preparer
+from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.live.decode import Prepared, Preparer
 from vsd_analytics.schema import SCHEMAS
 
 NOW = datetime(2026, 11, 20, 12, tzinfo=UTC)
@@ -25,8 +25,8 @@ def preparer(tmp_path_factory: pytest.TempPathFactory) -> Preparer:
     return Preparer(load_site(root), now=NOW)
 
 
-def delivery(payload: bytes, *, topic: str = "vsd/cam-1/frames", is_retained: bool = False) -> Delivery:
-    return Delivery(topic, payload, len(payload), is_retained=is_retained)
+def delivery(payload: bytes, *, topic: str = "vsd/cam-1/frames", is_retained: bool = False) -> ReceivedMessage:
+    return ReceivedMessage(topic, payload, len(payload), is_retained=is_retained)
 
 
 def at(preparer: Preparer, ago: timedelta) -> Prepared:
@@ -63,7 +63,17 @@ def test_the_live_clock_accepts_a_day_back_and_five_minutes_ahead(
 ) -> None:
     got = at(preparer, ago)
     assert got.tables["frames"].num_rows == int(is_kept)
-    assert reasons(got) == ([] if is_kept else ["time-out-of-range"] * 2)
+    assert reasons(got) == ([] if is_kept else ["time-out-of-range"])
+
+
+def test_a_message_of_another_time_is_quarantined_whole_and_one_too_long_for_that_in_rows(preparer: Preparer) -> None:
+    short, long = (delivery(frame(0, at=NOW - timedelta(days=9), n_persons=n)[1]) for n in (3, 300))
+    got = preparer.prepare([short, long], now=NOW)
+    assert [(r.line, r.whole) for r in got.rejected if r.row is None] == [
+        (got.rejected[0].line, short.payload.decode())
+    ]
+    assert len([r for r in got.rejected if r.row is not None]) == 1 + 300
+    assert [camera for camera, _ in got.apart] == ["cam-1"] * 2
 
 
 def test_the_clock_moves(preparer: Preparer) -> None:
@@ -83,11 +93,11 @@ def test_the_clock_moves(preparer: Preparer) -> None:
         (delivery(b'{"v":2,"camera":"cam-1","ts":"2026-11-20T12:00:00Z"}'), "bad-message"),
         (delivery(frame(0, at=NOW, camera="elsewhere", n_persons=0)[1]), "unknown-camera"),
         (delivery(frame(0, at=NOW)[1], is_retained=True), "retained"),
-        (Delivery("vsd/cam-1/frames", b"{", 1_000_001), "line-too-long"),
+        (ReceivedMessage("vsd/cam-1/frames", b"{", 1_000_001), "line-too-long"),
     ],
 )
 def test_bad_messages_are_rejected_with_reason_and_topic_and_the_good_beside_them_kept(
-    preparer: Preparer, bad: Delivery, reason: str
+    preparer: Preparer, bad: ReceivedMessage, reason: str
 ) -> None:
     good = delivery(frame(1, at=NOW)[1])
     got = preparer.prepare([good, bad, delivery(frame(2, at=NOW)[1])], now=NOW)

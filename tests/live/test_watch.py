@@ -22,12 +22,12 @@ from site_text import site_text
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import InputError, LiveError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.lines import line_blocks
 from vsd_analytics.ingest.pipeline import SourceResult
+from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.live import inbox
 from vsd_analytics.live.inbox import as_it_is, waiting
 from vsd_analytics.live.watch import WatchStatus, read_watch_status, watch
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
@@ -73,7 +73,7 @@ class World:
             "sleep": sleep,
             "stop": lambda: n_waits >= n_looks,
             "on_source": self.sources.append,
-            "tell": self.told.append,
+            "report": self.told.append,
             "monotonic": lambda: self.now_s,
         }
         return watch(self.site, self.folder, IngestOptions(), **{**arguments, **more})
@@ -140,7 +140,7 @@ def test_a_bad_file_is_set_aside_with_its_reason_and_the_others_go_on(site: Site
     assert "E204" in said
     assert "vsd explain E204" in said
     assert "\x1b" not in said
-    assert "mend: export it again" in (failed / "empty.csv.why.txt").read_text()
+    assert "fix: export it again" in (failed / "empty.csv.why.txt").read_text()
     assert dict(status.n_rejected) == {"bad-json": 1}
     assert n_stored(site) == 1
     assert len(world.told) == 2
@@ -205,7 +205,7 @@ def test_a_full_disk_is_waited_for_and_the_file_stays(site: Site, monkeypatch: p
     assert states[-1] == (["a.jsonl"], "cannot store")
     assert world.now_s > 30  # it waited longer each time
     assert (status.n_done, status.error, n_stored(site)) == (1, None, 1)
-    assert [t.split(";")[0].split(":")[0] for t in world.told] == ["the disk is full", "it can be stored again"]
+    assert [t.split(";")[0].split(":")[0] for t in world.told] == ["the disk is full", "records can be stored again"]
 
 
 def test_a_file_that_cannot_be_read_or_moved_now_is_tried_again_and_is_no_failure(

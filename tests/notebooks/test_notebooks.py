@@ -61,7 +61,7 @@ def test_python_on_a_page_runs_on_the_demo(page: str, demo_project: Path, monkey
 
 
 def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
-    from vsd_analytics.warehouse.analyst import run_query
+    from vsd_analytics.warehouse.analyst_query import run_query
 
     text = (NOTEBOOKS[0].parents[1] / "docs" / "relations.md").read_text(encoding="utf-8")
     introduction, _, rest = text.partition("## Marts")

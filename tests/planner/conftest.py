@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from planner import planted
 
-from vsd_analytics.planner.data import PlannerData
-from vsd_analytics.planner.render import render_planner
-from vsd_analytics.site import Site
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.site.model import Site
 
 
 @pytest.fixture(scope="session")

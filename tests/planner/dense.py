@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from vsd_analytics.planner import cells
-from vsd_analytics.planner.data import PlannerData
-from vsd_analytics.planner.fives import in_fives
-from vsd_analytics.planner.hours import Panel
-from vsd_analytics.planner.render import render_planner
+from vsd_analytics.planner import cell_counts
+from vsd_analytics.planner.hour_counts import HourPanel
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.planner.rounding import in_fives
 
 WIDTH, DEPTH, HOURS, DAYS, CAMERAS = 24, 16, 13, 7, 4
 SPOTS = ((6, 5, 2.2, 6.0), (17, 10, 1.6, 4.0), (12, 13, 1.0, 3.0), (20, 3, 1.4, 3.0))
@@ -50,7 +50,7 @@ def _week(base: PlannerData, rng: Any, n: float, below: int) -> Any:
     camera = np.where(strays, (camera + 1) % CAMERAS, camera)
     keys = np.stack((camera, slot, column, row, slot // HOURS, np.zeros_like(slot)))
     lies, stands = counts.ravel() > 0, stood_s.ravel() > 0.1
-    grid = cells.CellGrid(0, 0, WIDTH, DEPTH)
+    grid = cell_counts.CellGrid(0, 0, WIDTH, DEPTH)
     exposure = np.rint(stood_s.ravel() * 10).astype(np.int64)
     close = np.rint(exposure * rng.random(exposure.size) * 0.4).astype(np.int64)
     tracks = np.maximum(1, exposure // 40)
@@ -64,10 +64,10 @@ def _week(base: PlannerData, rng: Any, n: float, below: int) -> Any:
         axis=1,
     )
     fine = fine[:, np.lexsort((fine[1], fine[0]))]
-    lying = cells.WeekCells(
-        violations=cells._given(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, below=below),
+    lying = cell_counts.WeekCells(
+        violations=cell_counts._given(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, below=below),
         fine=fine[:, fine[2] >= below],
-        time=cells._given(
+        time=cell_counts._given(
             keys[:, stands],
             [tracks[stands], exposure[stands], close[stands]],
             grid=grid,
@@ -86,7 +86,7 @@ def _profile() -> Any:
     return hour * np.repeat([1, 1, 1, 1, 1.2, 1.5, 0.8], HOURS)
 
 
-def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> Panel:
+def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> HourPanel:
     slots = np.arange(n_days * HOURS)
     shape = (n_places, CAMERAS, slots.size)
     profile = np.resize(_profile(), slots.size)
@@ -94,7 +94,7 @@ def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> Panel:
     day = slots // HOURS
     given = np.stack([[in_fives(row[None], groups=(day,), below=below).values[0] for row in place] for place in counts])
     full = np.full((CAMERAS, slots.size), 3_600_000)
-    return Panel(
+    return HourPanel(
         day=day, weekday=day % 7, hour=8 + slots % HOURS, fold=np.zeros_like(slots), recorded_ms=full,
         is_counted=np.ones_like(full, dtype=np.bool_), n=given, exposure_ms=given * 9_137,
     )  # fmt: skip

@@ -13,8 +13,8 @@ from typing import Any
 
 from report import worlds
 
-from vsd_analytics.planner.data import PlannerData, planner_pages
-from vsd_analytics.site import Site
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.site.model import Site
 
 MONDAY, BEFORE = worlds.MONDAY, worlds.BEFORE
 N_WEEKS = 5

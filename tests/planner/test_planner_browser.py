@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 import pytest
 
-from vsd_analytics.planner.data import PlannerData
-from vsd_analytics.planner.render import render_planner
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.result import Reason
 
 pytestmark = pytest.mark.browser
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
@@ -393,7 +394,8 @@ def test_it_prints_on_paper(opened: Open) -> None:
 
 def test_a_floor_without_a_map_has_its_rates(browser: Any, exact: PlannerData, tmp_path: Path) -> None:
     assert exact.before is not None
-    bare = replace(exact, shown=None, walkable=None, why_no_map="nobody was seen", week=replace(exact.week, cells=None),
+    bare = replace(exact, shown=None, walkable=None, why_no_map=Reason("nobody.seen"),
+                   week=replace(exact.week, cells=None),
                    before=replace(exact.before, cells=None))  # fmt: skip
     path = tmp_path / "bare.html"
     path.write_text(render_planner(bare), encoding="utf-8")

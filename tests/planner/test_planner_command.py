@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.site import Site
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.site.model import Site
 
 
 @pytest.fixture

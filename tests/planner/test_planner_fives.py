@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.planner.fives import in_fives
+from vsd_analytics.planner.rounding import in_fives
 
 BELOW = 5
 LISTS = st.lists(st.tuples(st.integers(0, 12), st.booleans(), st.booleans()), min_size=1, max_size=60)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import t
 
 from vsd_analytics.planner.pack import LARGEST, packed, sparse, varints
-from vsd_analytics.planner.quantiles import few_events, quantiles
+from vsd_analytics.planner.t_quantiles import few_events, quantiles
 
 
 def decoded(data: bytes) -> list[int]:

@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 from planner import dense, planted
 
-from vsd_analytics.planner.data import PlannerData
-from vsd_analytics.planner.render import render_planner
-from vsd_analytics.report.words import forbidden_in
-from vsd_analytics.site import Site
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.report.words.terms import forbidden_in
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Site
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +108,7 @@ def test_equal_data_give_equal_bytes(masked: PlannerData, texts: dict[str, str])
 def test_hostile_names_stay_text(masked: PlannerData) -> None:
     site = replace(masked.site, name=planted.HOSTILE)
     places = tuple(replace(p, name=planted.HOSTILE) for p in masked.places)
-    page = render_planner(replace(masked, site=site, places=places, why_not_compared=planted.HOSTILE))
+    page = render_planner(replace(masked, site=site, places=places, why_not_compared=read_reason(planted.HOSTILE)))
     assert "<img" not in page
     assert page.count("<script") == 3
     assert page.count("</script>") == 3
@@ -124,8 +126,8 @@ def test_a_floor_without_places_has_a_page_without_map(masked: PlannerData) -> N
             before=None,
             shown=None,
             walkable=None,
-            why_no_map="nobody was seen",
-            why_not_compared="none",
+            why_no_map=Reason("nobody.seen"),
+            why_not_compared=Reason("compare.no_other_week"),
         )
     )
     assert "nobody was seen" in page

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from planner import planted
 
-from vsd_analytics.analysis.panels import FloorHours, Panel, Period, Place, TwoPeriods
-from vsd_analytics.planner.data import PlannerData
-from vsd_analytics.report.assemble import week_report
-from vsd_analytics.report.model import Estimate, WeekReport
-from vsd_analytics.site import Site
+from vsd_analytics.figures.panels import FloorHours, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.changes import compare_how_often, compare_how_risky
 from vsd_analytics.stats.rates import how_often, how_risky
 from vsd_analytics.warehouse.warehouse import open_warehouse
@@ -293,8 +294,8 @@ def test_the_map_is_the_report_s_to_the_last_digit(
     browser: Any, shop: Site, exact: PlannerData, pages: dict[str, Path], tmp_path: Path, week: int
 ) -> None:
     """Same cells, same smoothing along the floor around fixtures, same hours: this week's own and the compared ones."""
-    from vsd_analytics.planner.hours import TwoWeeks
-    from vsd_analytics.report.density import FloorGrid
+    from vsd_analytics.figures.week.density import FloorGrid
+    from vsd_analytics.planner.hour_counts import TwoWeeks
 
     site = planted.with_settings(shop, **planted.WHOLE)
     assert exact.shown is not None

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from vsd_analytics.planner.data import PlannerData
-from vsd_analytics.planner.render import render_planner
-from vsd_analytics.planner.script import SCRIPTS, script, sentences
-from vsd_analytics.report import format as fmt
-from vsd_analytics.report import wording
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.planner.script import REASONS, SCRIPTS, script, sentences
+from vsd_analytics.report.words import catalogue
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
 
 STATIC = shipped("reports") / "static"
@@ -60,10 +61,9 @@ def test_the_style_holds_no_word() -> None:
 
 def test_reasons_are_those_of_the_analysis() -> None:
     """The page and `vsd compare` give the same reason in the same words."""
-    code = "".join((Path(wording.__file__).parents[1] / "stats" / f"{n}.py").read_text() for n in ("rates", "changes"))
-    bare = re.sub(r"\{[^{}]*\}", "{}", code)
-    for name in ("days", "events", "camera", "unrecorded", "person_hours", "person_hours_each"):
-        assert re.sub(r"\{\w+\}", "{}", str(sentences()[f"reason.{name}"])) in bare, name
+    for name, code in REASONS.items():
+        same = re.sub(r"\{[^{}]*\}", "{}", catalogue.template(f"reason.{code}"))
+        assert re.sub(r"\{\w+\}", "{}", str(sentences()[f"reason.{name}"])) == same, name
 
 
 @pytest.mark.browser
@@ -71,15 +71,15 @@ def test_a_page_of_another_language_has_no_word_of_this_one(
     masked: PlannerData, browser: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A made-up language marks every sentence; what stands outside the marks must come from the data."""
-    real = wording.template
-    monkeypatch.setattr(wording, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
+    real = catalogue.template
+    monkeypatch.setattr(catalogue, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
     monkeypatch.setattr(fmt, "DAYS", ("1",) * 7)
     monkeypatch.setattr(fmt, "MONTHS", ("2",) * 12)
     path = tmp_path / "marked.html"
     path.write_text(render_planner(masked), encoding="utf-8")
     names = {masked.site.name, masked.floor.name, *(p.name for p in masked.places), "vsd-analytics"}
-    names |= {p.often.reason or "" for p in masked.places} | {p.risky.reason or "" for p in masked.places}
-    names |= {masked.hotspots.reason or "", "JSON"}
+    names |= {reason_text(p.often.reason) for p in masked.places} | {reason_text(p.risky.reason) for p in masked.places}
+    names |= {reason_text(masked.hotspots.reason), "JSON"}
     names |= {"Clear fall", "Clear rise", "No clear change", "Too little data"}  # read once, with the module
     page = browser.new_page()
     page.goto(path.as_uri())

@@ -19,11 +19,12 @@ from unittest.mock import patch
 import numpy as np
 import shapely
 
-from vsd_analytics import ownership
-from vsd_analytics.geometry import seen_floor, to_floor
+from vsd_analytics.geometry import ownership
+from vsd_analytics.geometry.camera_views import seen_floor
+from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.wildtrack import ADAPTER, VIEWS
-from vsd_analytics.site import Calibration, Camera
+from vsd_analytics.site.model import Calibration, Camera
 
 SIZE = (1920, 1080)
 DISTANCE_M = 2.0

@@ -19,7 +19,7 @@ from prove_atc import FILES, OPTIONS
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 FPS = {"seq_eth": 15.0, "seq_hotel": 25.0, "zara01": 25.0}

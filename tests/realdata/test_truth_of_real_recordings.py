@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from vsd_analytics.calibration import load_calibration
+from vsd_analytics.figures import operator_counts
+from vsd_analytics.geometry.calibration_files import load_calibration
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, Floor, Site
-from vsd_analytics.warehouse import figures
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 pytestmark = pytest.mark.realdata
@@ -77,7 +77,7 @@ def test_atc_counts_are_exact_whatever_order_and_number_of_files(realdata: Find,
     with open_warehouse(site, ATC_DAY, ATC_DAY) as warehouse:
         assert totals(warehouse) == (113_396, 43_344)
         rows = warehouse.rows("select local_hour, violation_records from hours where violation_records is not null")
-        heat = figures.heatmap(warehouse, at="midpoint")
+        heat = operator_counts.heatmap(warehouse, at="midpoint")
     assert {r["local_hour"]: r["violation_records"] for r in rows} == ATC_HOURS
     with realdata("truth_heatmaps/dev_atc_h09_11.csv").open() as f:
         truth = Counter({(int(r["ix"]), int(r["iy"])): int(r["violations"]) for r in csv.DictReader(f)})

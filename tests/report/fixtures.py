@@ -10,8 +10,10 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from vsd_analytics.report import model as m
-from vsd_analytics.report.bands import heat_bands
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.figures.week.bands import heat_bands
+from vsd_analytics.report.model import week as page_model
+from vsd_analytics.report.words.reasons import read_reason
 
 ROME = ZoneInfo("Europe/Rome")
 MONDAY = date(2026, 11, 9)
@@ -26,7 +28,9 @@ HOSTILE = ("<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "</sty
 def estimate(value: float | None, change: float | None = None, half: float = 0.04, **more: Any) -> m.Estimate:
     """Return an estimate whose verdict follows from its interval."""
     if value is None:
-        return m.Estimate(value=None, **{"state": "not_enough_data", "reason": "needs 5 days, has 2", **more})
+        return m.Estimate(
+            value=None, **{"state": "not_enough_data", "reason": read_reason("needs 5 days, has 2"), **more}
+        )
     if change is None:
         return m.Estimate(value=value, lo=value * 0.96, hi=value * 1.04, **more)
     lo, hi = change - half, change + half
@@ -217,7 +221,9 @@ def areas(names: tuple[str, ...] = AREA_NAMES) -> tuple[m.AreaRow, ...]:
         (2256, estimate(27.4, -0.43, 0.06), 0.23, 0.96, ("cam-1",)),
         (
             1259,
-            estimate(17.4, None, verdict="too_little_data", reason="85% of hours comparable", previous=17.1),
+            estimate(
+                17.4, None, verdict="too_little_data", reason=read_reason("85% of hours comparable"), previous=17.1
+            ),
             0.14,
             0.84,
             ("cam-3",),
@@ -241,11 +247,11 @@ def areas(names: tuple[str, ...] = AREA_NAMES) -> tuple[m.AreaRow, ...]:
     )
 
 
-def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = CAMERA_NAMES) -> m.WeekReport:
+def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = CAMERA_NAMES) -> page_model.WeekReport:
     """Four cameras, five areas, an outage, a low-data hour, a logged change with a clear fall."""
     hours = cells()
     often, risky, people = estimate(121.3, -0.14), estimate(0.415, -0.12, 0.05), estimate(292.0, -0.02, 0.03)
-    return m.WeekReport(
+    return page_model.WeekReport(
         site=m.SiteRef(
             site_id="shop", name="Riverside Store", floor_id="ground", floor_name="Ground floor", floors=("ground",)
         ),
@@ -285,12 +291,12 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
             "M0": m.Figure(
                 value=121.3, lo=116.4, hi=126.2, unit="per open hour", denominator=319.0, verdict="clear_fall"
             ),
-            "M12": m.Figure(unit="", state="not_measurable", reason="track ids do not live 24 hours"),
+            "M12": m.Figure(unit="", state="not_measurable", reason=read_reason("track ids do not live 24 hours")),
         },
     )
 
 
-def hostile() -> m.WeekReport:
+def hostile() -> page_model.WeekReport:
     """Hostile names wherever a name can stand."""
     bad = [f"{h} {k}" for k, h in enumerate((*HOSTILE, HOSTILE[0]))]
     report = normal(tuple(bad), tuple(bad[:4]))
@@ -303,7 +309,7 @@ def hostile() -> m.WeekReport:
     )
 
 
-def no_data() -> m.WeekReport:
+def no_data() -> page_model.WeekReport:
     report = normal()
     hours = tuple(
         m.HourCell(
@@ -326,7 +332,7 @@ def no_data() -> m.WeekReport:
         )
         for k, c in enumerate(report.coverage.cameras)
     )
-    nothing = m.Estimate(value=None, state="not_enough_data", reason="no data")
+    nothing = m.Estimate(value=None, state="not_enough_data", reason=read_reason("no data"))
     whole = m.Outage(
         camera_ids=tuple(c.camera_id for c in cameras),
         start=datetime(2026, 11, 9, 8, tzinfo=ROME),
@@ -347,9 +353,11 @@ def no_data() -> m.WeekReport:
     )
 
 
-def too_incomplete() -> m.WeekReport:
+def too_incomplete() -> page_model.WeekReport:
     report = normal()
-    rough = m.Estimate(value=118.2, state="not_enough_data", reason="rough: 38% of open hours were recorded")
+    rough = m.Estimate(
+        value=118.2, state="not_enough_data", reason=read_reason("rough: 38% of open hours were recorded")
+    )
     return replace(
         report,
         state="too_incomplete",
@@ -360,7 +368,7 @@ def too_incomplete() -> m.WeekReport:
     )
 
 
-def first_week() -> m.WeekReport:
+def first_week() -> page_model.WeekReport:
     report = normal()
 
     def alone(e: m.Estimate) -> m.Estimate:
@@ -376,7 +384,7 @@ def first_week() -> m.WeekReport:
     return replace(report, state="first_week", previous=None, level=level, areas=rows, log=())
 
 
-def empty() -> m.WeekReport:
+def empty() -> page_model.WeekReport:
     report = normal()
     hours = tuple(
         replace(c, state="full", violations=0, is_masked=False, scaled=None, share=1.0, cameras_down=0)
@@ -405,7 +413,7 @@ def empty() -> m.WeekReport:
     )
 
 
-def settings_changed() -> m.WeekReport:
+def settings_changed() -> page_model.WeekReport:
     report = first_week()
     return replace(
         report,
@@ -423,20 +431,20 @@ def settings_changed() -> m.WeekReport:
     )
 
 
-def exposure_unknown() -> m.WeekReport:
+def exposure_unknown() -> page_model.WeekReport:
     report = normal()
-    unknown = m.Estimate(value=None, state="not_measurable", reason="the engine sends no positions")
+    unknown = m.Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no positions"))
     level = replace(report.level, risky=unknown, people=unknown, exposure_h=None)
     rows = tuple(replace(a, risky=unknown, exposure_h=None) for a in report.areas)
     return replace(report, level=level, areas=rows)
 
 
-def six_feet() -> m.WeekReport:
+def six_feet() -> page_model.WeekReport:
     report = normal()
     return replace(report, rules=replace(report.rules, distance_m=1.83))
 
 
-def always_open_picture() -> m.WeekReport:
+def always_open_picture() -> page_model.WeekReport:
     """A site that never closes, clocks set back on Sunday, two camera pictures instead of a plan."""
     report = normal()
     monday = date(2026, 10, 19)
@@ -470,7 +478,7 @@ def always_open_picture() -> m.WeekReport:
     )
 
 
-def masked() -> m.WeekReport:
+def masked() -> page_model.WeekReport:
     report = normal()
     row = replace(
         report.areas[3],

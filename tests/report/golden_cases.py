@@ -15,9 +15,12 @@ if __name__ == "__main__":
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.analysis.floor_days import NO_FLOOR, NO_IDS
-from vsd_analytics.report import model as m
-from vsd_analytics.report.headline import OFTEN, RISKY, tell
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.report.model import week as page_model
+from vsd_analytics.report.words.headline import OFTEN, RISKY, tell
+from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.result import Reason
 
 FOLDER = Path(__file__).parent / "golden"
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02}
@@ -26,15 +29,15 @@ CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02}
 def made(verdict: str, value: float) -> m.Estimate:
     """Return a figure with a verdict."""
     if verdict == "not_measurable":
-        return m.Estimate(value=None, state="not_measurable", reason="the engine sends no positions")
+        return m.Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no positions"))
     if verdict == "too_little_data":
-        return m.Estimate(value=value, verdict="too_little_data", reason="3 days")
+        return m.Estimate(value=value, verdict="too_little_data", reason=read_reason("3 days"))
     change = CHANGE[verdict]
     ends = {"change_lo": change - 0.03, "change_hi": change + 0.03}
     return m.Estimate(value=value, previous=value / (1 + change), change=change, verdict=verdict, **ends)  # type: ignore[arg-type]
 
 
-def pair(often: str, risky: str) -> m.WeekReport:
+def pair(often: str, risky: str) -> page_model.WeekReport:
     """Return a week with two verdicts, more people, and no log."""
     report = weeks.normal()
     people = m.Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
@@ -42,65 +45,65 @@ def pair(often: str, risky: str) -> m.WeekReport:
     return replace(report, level=level, log=())
 
 
-def changed(name: str, before: str = "the old", after: str = "the new") -> m.WeekReport:
+def changed(name: str, before: str = "the old", after: str = "the new") -> page_model.WeekReport:
     """Return a week in which something was set between the two weeks."""
     report = weeks.settings_changed()
     return replace(report, settings_change=m.SettingsChange(name=name, before=before, after=after))
 
 
-def quoted() -> m.WeekReport:
+def quoted() -> page_model.WeekReport:
     """Return a week with a log entry short enough for the headline."""
     report = weeks.normal()
     return replace(report, log=(replace(report.log[1], text="Display moved."),))
 
 
-def no_areas() -> m.WeekReport:
+def no_areas() -> page_model.WeekReport:
     """Return a week of a floor without areas."""
     return replace(weeks.normal(), areas=(), busiest_spot=None, log=())
 
 
-def rises() -> m.WeekReport:
+def rises() -> page_model.WeekReport:
     """Return a week in which one area clearly rose."""
     report = pair("clear_rise", "no_clear_change")
     rows = (replace(report.areas[0], often=weeks.estimate(43.6, 0.2, 0.09)), *report.areas[1:])
     return replace(report, areas=rows)
 
 
-def uncounted(reason: str) -> m.WeekReport:
+def uncounted(reason: Reason) -> page_model.WeekReport:
     """Return a week in which violations cannot be counted."""
     report = sections.not_measurable()
     why = replace(report.level.often, reason=reason)
     return replace(report, level=replace(report.level, often=why))
 
 
-def stopped(*last: datetime | None) -> m.WeekReport:
+def stopped(*last: datetime | None) -> page_model.WeekReport:
     """Return a week without data whose cameras sent their last record at these instants."""
     report = weeks.no_data()
     cameras = tuple(replace(c, last_record=t) for c, t in zip(report.coverage.cameras, last, strict=True))
     return replace(report, coverage=replace(report.coverage, cameras=cameras))
 
 
-def closed() -> m.WeekReport:
+def closed() -> page_model.WeekReport:
     """Return a week in which the site never opened."""
     report = weeks.no_data()
     return replace(report, coverage=replace(report.coverage, scheduled_h=0.0, open_h=0.0, outages=()))
 
 
-def no_camera() -> m.WeekReport:
+def no_camera() -> page_model.WeekReport:
     """Return a floor nobody looks at."""
     report = weeks.no_data()
     return replace(report, coverage=replace(report.coverage, cameras=(), scheduled_h=0.0, outages=()))
 
 
-def recalibrated_one() -> m.WeekReport:
+def recalibrated_one() -> page_model.WeekReport:
     """Return a week in which one of four cameras was calibrated anew and is left out of the comparison."""
     report = weeks.normal()
     first, *rest = report.coverage.cameras
-    apart = replace(first, not_compared="it was calibrated anew on Wed 11 Nov, 09:00")
+    apart = replace(first, not_compared=read_reason("it was calibrated anew on Wed 11 Nov, 09:00"))
     return replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
 
 
-def inferred() -> m.WeekReport:
+def inferred() -> page_model.WeekReport:
     """Return a complete week of an engine that sends no heartbeat."""
     report = weeks.normal()
     full = tuple(replace(c, share=1.0) for c in report.coverage.cameras)
@@ -108,7 +111,7 @@ def inferred() -> m.WeekReport:
 
 
 _AT = datetime(2026, 11, 8, 17, 59, tzinfo=weeks.ROME)
-CASES: Mapping[str, Callable[[], m.WeekReport]] = {
+CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
     **{f"{o}-{r}": (lambda o=o, r=r: pair(o, r)) for o, r in product(OFTEN, RISKY)},  # type: ignore[misc]
     "normal": weeks.normal,
     "after-quoted": quoted,
@@ -143,7 +146,7 @@ CASES: Mapping[str, Callable[[], m.WeekReport]] = {
 }
 
 
-def text_of(report: m.WeekReport) -> str:
+def text_of(report: page_model.WeekReport) -> str:
     """Return the words of a week as plain text: rule, headline, lead, notes, things, question."""
     story = tell(report)
     lines = [f"[{story.rule}]", story.headline, "", "".join(s.text for s in story.lead)]

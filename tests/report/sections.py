@@ -8,14 +8,16 @@ from typing import Any
 
 from report import fixtures as weeks
 
-from vsd_analytics.report import model as m
-from vsd_analytics.report.cards import floor_picture
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.report.draw.spot_pictures import floor_picture
+from vsd_analytics.report.model import week as page_model
+from vsd_analytics.report.words.reasons import read_reason
 
 ROME = weeks.ROME
 LEVELS = (139.0, 135.0, 143.0, None, 138.0, 151.0, 146.0, 143.0, 141.0)
 
 
-def trend(report: m.WeekReport, *, n: int = 10) -> m.Trend:
+def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
     """Ten weeks of which one is a gap; the last is the report's own."""
     made = []
     for k, level in enumerate(LEVELS):
@@ -28,7 +30,7 @@ def trend(report: m.WeekReport, *, n: int = 10) -> m.Trend:
                 often=None if level is None else weeks.estimate(level),
                 risky=None if level is None else weeks.estimate(level / 292.0),
                 coverage=0.41 if level is None else 0.98,
-                reason="41% of open hours were recorded, and a week needs 60%" if level is None else None,
+                reason=read_reason("41% of open hours were recorded, and a week needs 60%") if level is None else None,
             )
         )
     own = m.TrendWeek(
@@ -54,7 +56,7 @@ def trend(report: m.WeekReport, *, n: int = 10) -> m.Trend:
         weeks=kept,
         marks=() if is_short else marks,
         state="not_enough_data" if is_short else "ok",
-        reason=f"a trend needs 3 recorded weeks, has {n}" if is_short else None,
+        reason=read_reason(f"a trend needs 3 recorded weeks, has {n}") if is_short else None,
     )
 
 
@@ -70,7 +72,7 @@ def evidence(**more: Any) -> m.Evidence:
     return m.Evidence(**(said | more))
 
 
-def busiest(report: m.WeekReport) -> m.Spots:
+def busiest(report: page_model.WeekReport) -> m.Spots:
     """The three busiest areas: one sure, one changed, one whose camera was down."""
     areas = report.areas
     late = m.UsualHours(weekday=5, first_hour=11, last_hour=17, share=0.56)
@@ -81,7 +83,7 @@ def busiest(report: m.WeekReport) -> m.Spots:
     some = evidence(sureness="medium", days_present=1, error_m=None)
     return m.Spots(
         kind="busiest",
-        reason="fewer than 300 violations were counted in the 28 days",
+        reason=read_reason("fewer than 300 violations were counted in the 28 days"),
         cards=(
             m.SpotCard(
                 number=1,
@@ -117,7 +119,7 @@ def busiest(report: m.WeekReport) -> m.Spots:
     )
 
 
-def tested(report: m.WeekReport) -> m.Spots:
+def tested(report: page_model.WeekReport) -> m.Spots:
     """Two tested hotspots, one new and outside every area."""
     return m.Spots(
         kind="tested",
@@ -154,7 +156,7 @@ def tested(report: m.WeekReport) -> m.Spots:
     )
 
 
-def readings(report: m.WeekReport) -> m.Readings:
+def readings(report: page_model.WeekReport) -> m.Readings:
     between = m.Reading(often=weeks.estimate(98.2), risky=weeks.estimate(0.336))
     return m.Readings(
         all=m.Reading(often=report.level.often, risky=report.level.risky),
@@ -189,8 +191,11 @@ def redesigns() -> tuple[m.Redesign, ...]:
             often=m.Estimate(value=None, change=-0.27, change_lo=-0.39, change_hi=-0.12, verdict="clear_fall"),
             people=people,
             compared_with=("End of aisle 2", "Pharmacy counter"),
-            doubts=("another entry of the log lies in the weeks after",),
-            assumptions=("without the change, the areas would have moved alike", "nobody was sent there by it"),
+            doubts=(read_reason("another entry of the log lies in the weeks after"),),
+            assumptions=(
+                read_reason("without the change, the areas would have moved alike"),
+                read_reason("nobody was sent there by it"),
+            ),
         ),
         m.Redesign(
             number=2,
@@ -200,7 +205,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
             design="beside",
             is_credible=False,
             state="not_enough_data",
-            reason="needs a whole week after the change, and 1 day is stored",
+            reason=read_reason("needs a whole week after the change, and 1 day is stored"),
         ),
     )
 
@@ -239,7 +244,7 @@ def unusual() -> m.UnusualHours:
     )
 
 
-def complete() -> m.WeekReport:
+def complete() -> page_model.WeekReport:
     """A normal week with every section filled."""
     report = weeks.normal()
     return replace(
@@ -266,12 +271,14 @@ def complete() -> m.WeekReport:
                 rows=({"least": 2, "most": 2, "share": 0.45}, {"least": 8, "most": None, "share": 0.047}),
             ),
             "M26": m.Figure(unit="share of time", rows=({"distance_m": 1.8, "share": 0.46, "state": "ok"},)),
-            "M22": m.Figure(unit="per 100 open hours", state="not_measurable", reason="the engine sends no track ids"),
+            "M22": m.Figure(
+                unit="per 100 open hours", state="not_measurable", reason=read_reason("the engine sends no track ids")
+            ),
         },
     )
 
 
-def with_tested_spots() -> m.WeekReport:
+def with_tested_spots() -> page_model.WeekReport:
     """The same with tested hotspots, fewer people, and one camera that takes no part in the second reading."""
     report = complete()
     shown = tested(report)
@@ -291,7 +298,7 @@ def with_tested_spots() -> m.WeekReport:
     return replace(report, spots=shown, maps=maps, readings=apart)
 
 
-def twelve_weeks(*, n_more_areas: int = 0) -> m.WeekReport:
+def twelve_weeks(*, n_more_areas: int = 0) -> page_model.WeekReport:
     """As long a report as there is: three spots with pictures, maps of the change, five marks, two redesigns told.
 
     Args:
@@ -342,36 +349,38 @@ def twelve_weeks(*, n_more_areas: int = 0) -> m.WeekReport:
     )
 
 
-def refused() -> m.WeekReport:
+def refused() -> page_model.WeekReport:
     """A second week: hardly anything of the sections can be told, and each says why."""
     report = complete()
-    none = m.Readings(state="not_measurable", reason="track ids are cut: 38% end where another begins")
+    none = m.Readings(state="not_measurable", reason=read_reason("track ids are cut: 38% end where another begins"))
     return replace(
         report,
         spots=None,
         readings=none,
         redesigns=redesigns()[1:],
-        causes=m.Causes(state="not_enough_data", reason="needs at least 20 person-hours, has 4.2"),
+        causes=m.Causes(state="not_enough_data", reason=read_reason("needs at least 20 person-hours, has 4.2")),
         trend=trend(report, n=2),
         outlook=m.Outlook(
             iso="2026-W47",
             number=47,
             monday=date(2026, 11, 16),
             state="not_enough_data",
-            reason="a forecast needs 4 recorded weeks, has 2",
+            reason=read_reason("a forecast needs 4 recorded weeks, has 2"),
         ),
-        unusual=m.UnusualHours(state="not_enough_data", reason="what is usual needs 4 recorded weeks before, has 1"),
+        unusual=m.UnusualHours(
+            state="not_enough_data", reason=read_reason("what is usual needs 4 recorded weeks before, has 1")
+        ),
     )
 
 
-def cameras_changed() -> m.WeekReport:
+def cameras_changed() -> page_model.WeekReport:
     """Other cameras than the week before: none recorded both."""
     report = weeks.settings_changed()
     change = m.SettingsChange(name="cameras", before="Door, Hall", after="Entrance, Checkouts, Aisles, Pharmacy")
     return replace(report, settings_change=change)
 
 
-def recalibrated() -> m.WeekReport:
+def recalibrated() -> page_model.WeekReport:
     """All cameras were calibrated anew within the week, too late to give two figures."""
     report = weeks.settings_changed()
     change = m.SettingsChange(
@@ -380,20 +389,23 @@ def recalibrated() -> m.WeekReport:
     return replace(report, settings_change=change)
 
 
-def very_few() -> m.WeekReport:
+def very_few() -> page_model.WeekReport:
     """A week whose count is too small to print."""
     report = weeks.normal()
     few = m.Estimate(
-        value=None, state="not_enough_data", reason="fewer than 5 violations were counted", verdict="too_little_data"
+        value=None,
+        state="not_enough_data",
+        reason=read_reason("fewer than 5 violations were counted"),
+        verdict="too_little_data",
     )
     level = replace(report.level, often=few, risky=few, violations=None)
     return replace(report, level=level, areas=(), busiest_spot=None, busiest_hour=None, log=())
 
 
-def not_measurable() -> m.WeekReport:
+def not_measurable() -> page_model.WeekReport:
     """A floor whose engine sends no ids."""
     report = weeks.normal()
-    why = m.Estimate(value=None, state="not_measurable", reason="the engine sends no track ids")
+    why = m.Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no track ids"))
     level = replace(report.level, often=why, risky=why, violations=None)
     return replace(report, level=level, areas=(), busiest_spot=None, busiest_hour=None, log=(), maps=())
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
+import generate_reference as reference
 import pytest
 
-from vsd_analytics import reference
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse import sqlfiles
 from vsd_analytics.warehouse.sqlfiles import FIGURE_FIELDS, figure_headers, read_relation
@@ -30,7 +30,7 @@ HEADER = """\
 --   denominator  person-hours
 --   needs        20 person-hours
 --   uncertainty  an interval
---   by           vsd_analytics.analysis.rates.level_risky
+--   by           vsd_analytics.figures.rates.level_risky
 -- assumes: nothing
 select 1 as a
 """
@@ -64,7 +64,7 @@ def test_a_header_tells_a_figure_over_several_lines(tmp_path: Path) -> None:
     (figure,) = read_relation(written(tmp_path, HEADER)).figures
     assert (figure.metric, figure.name, figure.relation) == ("M7", "How risky", "marts/one")
     assert figure.definition == "violations over person-hours"
-    assert figure.by == "vsd_analytics.analysis.rates.level_risky"
+    assert figure.by == "vsd_analytics.figures.rates.level_risky"
 
 
 @pytest.mark.parametrize("lacking", FIGURE_FIELDS)
@@ -84,7 +84,7 @@ def test_a_line_of_a_figure_that_is_not_understood_is_refused(tmp_path: Path, li
 def test_two_relations_that_tell_of_one_figure_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     one = read_relation(written(tmp_path, HEADER))
     monkeypatch.setattr(sqlfiles, "relations", lambda *layers: {"one": one, "other": one})
-    with pytest.raises(SqlError, match="both tell of M7"):
+    with pytest.raises(SqlError, match="both describe M7"):
         figure_headers()
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import worlds as w
 
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.report.twins import to_json
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.warehouse.sqlfiles import figure_headers
 
 Figures = Mapping[str, Mapping[str, Any]]

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from vsd_analytics.errors import ReportError, UsageError
-from vsd_analytics.report import plots
-from vsd_analytics.report.svg import RAMP_LIGHT
-from vsd_analytics.site import Area, Floor, Site
+from vsd_analytics.report.draw import heatmap_file
+from vsd_analytics.report.draw.svg import RAMP_LIGHT
+from vsd_analytics.site.model import Area, Floor, Site
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SQUARE = ((2.0, 2.0), (8.0, 2.0), (8.0, 6.0), (2.0, 6.0))
@@ -38,7 +38,7 @@ def cells(*rows: tuple[int, int, float]) -> pd.DataFrame:
 def draw(folder: Path, frame: pd.DataFrame, *, of: Site | None = None, name: str = "map.png", **more: object) -> Path:
     path = folder / name
     given: dict[str, object] = {"floor_id": None, "cell_m": 1.0, "title": "Violation records", **more}
-    plots.draw_heatmap(frame, of or site(), path=path, **given)  # type: ignore[arg-type]
+    heatmap_file.draw_heatmap(frame, of or site(), path=path, **given)  # type: ignore[arg-type]
     return path
 
 
@@ -54,7 +54,7 @@ def test_each_class_has_its_colour_and_missing_cells_are_clear(tmp_path: Path) -
     cell_px = [n_pixels(drawn, c) - n_pixels(bare, c) for c in RAMP_LIGHT]
     assert min(cell_px) > 1000
     assert max(cell_px) < 1.2 * min(cell_px), "one cell in each of the five classes"
-    nobody_px = n_pixels(drawn, plots.NOBODY_CLOSE) - n_pixels(bare, plots.NOBODY_CLOSE)
+    nobody_px = n_pixels(drawn, heatmap_file.NOBODY_CLOSE) - n_pixels(bare, heatmap_file.NOBODY_CLOSE)
     assert abs(nobody_px) < 0.1 * min(cell_px), "cells not in the frame stay clear"
 
 
@@ -64,8 +64,8 @@ def test_the_circle_of_the_distance_fits_below_the_floor(width: int) -> None:
 
     shop = Site("shop", "Shop", "UTC", Path(), floors=(Floor("ground", "Ground floor"),))
     frame = cells((0, 0, 1), (width, 0, 5))
-    with plots._own_style():
-        figure = plots._figure(frame, shop, floor=shop.floors[0], cell_m=1.0, title="", steps=STEPS)
+    with heatmap_file._own_style():
+        figure = heatmap_file._figure(frame, shop, floor=shop.floors[0], cell_m=1.0, title="", steps=STEPS)
     (circle,) = (p for p in figure.axes[0].patches if isinstance(p, Circle))
     low, high = circle.center[1] - circle.radius, circle.center[1] + circle.radius
     assert figure.axes[0].get_ylim()[0] < low
@@ -75,17 +75,17 @@ def test_the_circle_of_the_distance_fits_below_the_floor(width: int) -> None:
 def test_recorded_zero_is_drawn_and_is_not_missing(tmp_path: Path) -> None:
     zero = draw(tmp_path, cells((0, 0, 0), (5, 5, 3)), name="zero.png", steps=STEPS)
     missing = draw(tmp_path, cells((5, 5, 3)), name="missing.png", steps=STEPS)
-    assert n_pixels(zero, plots.NOBODY_CLOSE) > 2 * n_pixels(missing, plots.NOBODY_CLOSE)
+    assert n_pixels(zero, heatmap_file.NOBODY_CLOSE) > 2 * n_pixels(missing, heatmap_file.NOBODY_CLOSE)
 
 
 def test_one_odd_cell_does_not_decide_the_scale() -> None:
     usual = [10.0 * (1 + i % 8) for i in range(400)]
-    assert plots.doubling_steps([*usual, 1e6]) == plots.doubling_steps(usual) == (1, 10, 20, 40, 80)
+    assert heatmap_file.doubling_steps([*usual, 1e6]) == heatmap_file.doubling_steps(usual) == (1, 10, 20, 40, 80)
 
 
 @given(st.lists(st.integers(0, 10**7), max_size=300))
 def test_steps_ascend_and_double_whatever_the_counts(counts: list[int]) -> None:
-    steps = plots.doubling_steps(counts)
+    steps = heatmap_file.doubling_steps(counts)
     assert len(steps) == 5
     assert steps[0] == 1
     assert [b / a for a, b in pairwise(steps[1:])] == [2, 2, 2]
@@ -94,7 +94,7 @@ def test_steps_ascend_and_double_whatever_the_counts(counts: list[int]) -> None:
 
 
 def test_given_steps_are_kept_so_that_two_weeks_compare(tmp_path: Path) -> None:
-    used = plots.draw_heatmap(
+    used = heatmap_file.draw_heatmap(
         cells((0, 0, 7)),
         site(),
         floor_id="ground",

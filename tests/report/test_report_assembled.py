@@ -13,8 +13,9 @@ import pytest
 from report import worlds as w
 
 from vsd_analytics.config import load_site
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.twins import to_csv, to_json
+from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.reasons import reason_text
 
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:
@@ -197,7 +198,7 @@ def test_pairs_only_makes_how_risky_not_measurable_and_never_zero(tmp_path: Path
     assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 21)
     for estimate in (report.level.risky, report.level.people):
         assert (estimate.value, estimate.state) == (None, "not_measurable")
-        assert estimate.reason == "the engine sends no positions"
+        assert reason_text(estimate.reason) == "the engine sends no positions"
     assert report.level.exposure_h is None
     assert report.coverage.seen_h is None
     for key in ("M3", "M6", "M7", "M15"):
@@ -219,7 +220,7 @@ def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(
     report = w.report(site)
     assert report.level.often.value is None
     assert report.level.often.state == "not_measurable"
-    assert "no track ids" in (report.level.often.reason or "")
+    assert "no track ids" in reason_text(report.level.often.reason)
     assert report.level.people.value is not None
     assert report.level.violations is None
     assert {c.violations for c in report.when.cells} == {None}
@@ -228,7 +229,7 @@ def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(
     assert "Violations cannot be counted on this floor" in page
     assert "How often Not measurable" in page
     from vsd_analytics.cli import cli
-    from vsd_analytics.cli.shared import run
+    from vsd_analytics.cli.exit_codes import run
 
     assert run(cli, ["-C", str(tmp_path), "hours", "--week", "2026-W46", "--json"]) == 0
     hours = json.loads(capsys.readouterr().out)["hours"]
@@ -243,7 +244,7 @@ def test_pixels_without_calibration_are_not_measurable(tmp_path: Path) -> None:
     site = w.world(tmp_path, w.toml(), w.messages(busy, say=pixels))
     report = w.report(site)
     assert report.level.often.state == "not_measurable"
-    assert "calibration" in (report.level.often.reason or "")
+    assert "calibration" in reason_text(report.level.often.reason)
     assert report.state != "empty"
     assert "vsd calibrate" in render_html(report)
 
@@ -318,7 +319,7 @@ def test_two_floors_have_two_reports(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert above.areas == ()
     assert [c.camera_id for c in above.coverage.cameras] == ["cam-2"]
     from vsd_analytics.cli import cli
-    from vsd_analytics.cli.shared import run
+    from vsd_analytics.cli.exit_codes import run
 
     assert run(cli, ["-C", str(tmp_path), "report", "--week", "2026-W46"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 2

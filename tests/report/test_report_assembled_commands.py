@@ -16,9 +16,9 @@ import pytest
 from report import worlds as w
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.report.assemble import week_report
-from vsd_analytics.site import Site
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.site.model import Site
 
 HOSTILE = ("<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "</style><b>&amp;", "={{ 7*7 }}")
 REPOSITORY = Path(__file__).resolve().parents[2]

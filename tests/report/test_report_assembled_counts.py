@@ -17,12 +17,13 @@ from report import worlds as w
 from report.test_report_numbers import strangers
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.report import hours as report_hours
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.twins import to_csv, to_json
-from vsd_analytics.site import Site
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.figures.week import timetable as report_hours
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 TWO = ("cam-1", "cam-2")
@@ -299,7 +300,7 @@ def test_a_week_of_few_violations_tells_only_that(tmp_path: Path) -> None:
     report = w.report(w.world(tmp_path, w.toml(), w.messages(few)))
     level = report.level
     assert (level.often.value, level.risky.value, level.violations) == (None, None, None)
-    assert level.often.reason == "fewer than 5 violations were counted"
+    assert reason_text(level.often.reason) == "fewer than 5 violations were counted"
     assert report.figures["M0"].value is report.figures["M8"].value is None
     assert report.figures["M0"].state == "not_enough_data"
     assert report.busiest_hour is None or report.busiest_hour.is_masked
@@ -339,7 +340,7 @@ def test_a_week_before_of_few_violations_is_not_told_nor_worked_out(tmp_path: Pa
     for told in (report.level.often, queue.often):
         assert told.value is not None
         assert (told.previous, told.change) == (None, None)
-        assert told.reason == "fewer than 5 violations were counted in the week before"
+        assert reason_text(told.reason) == "fewer than 5 violations were counted in the week before"
     twin = json.loads(to_json(report))
     assert 3 / 21 not in {round(v, 6) for v in leaves(twin)}
 

@@ -16,11 +16,11 @@ from report.test_report_numbers import strangers
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.assemble import week_report
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.report.render import render_html
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.simulate import DemoTruth, write_demo_project
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 
 MONDAY = date(2026, 11, 9)
 
@@ -92,7 +92,7 @@ def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site) -> None
     By hand cameras are compared at their frames; the facts compare them at every second, which once in a while tells
     two pairs apart, or joins them, where frames do not.
     """
-    from vsd_analytics import ownership
+    from vsd_analytics.geometry import ownership
     from vsd_analytics.warehouse.warehouse import open_warehouse
 
     owners = {(c.cx, c.cy): c.camera_id for c in ownership.owner_cells(site.cameras, cell_m=0.5, floor=site.floors[0])}

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from vsd_analytics.report.bands import heat_bands, project_polygons
-from vsd_analytics.report.svg import smooth_path
+from vsd_analytics.figures.week.bands import heat_bands, project_polygons
+from vsd_analytics.report.draw.svg import smooth_path
 
 STEPS = (0.5, 1.0, 2.0, 4.0, 8.0)
 

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 import shapely
 
-from vsd_analytics.homography import to_floor
-from vsd_analytics.report import cards
-from vsd_analytics.report.bands import heat_bands, sampled
-from vsd_analytics.report.frame import Edges
-from vsd_analytics.report.model import FloorMap, MapBand, MapFixture, MapSpot, Ring
-from vsd_analytics.report.pictures import SCENE_TONE, scene_image
+from vsd_analytics.figures.week.bands import heat_bands, sampled
+from vsd_analytics.figures.week.model_map import FloorMap, MapBand, MapFixture, MapSpot, Ring
+from vsd_analytics.geometry.embedded_pictures import SCENE_TONE, scene_image
+from vsd_analytics.geometry.homography import to_floor
+from vsd_analytics.report.draw import spot_pictures
+from vsd_analytics.report.draw.floor_frame import Edges
 from vsd_analytics.simulate.cameras import HEIGHT_PX, WIDTH_PX, PinholeCamera
-from vsd_analytics.site import Calibration, Camera, Fixture
+from vsd_analytics.site.model import Calibration, Camera, Fixture
 
 NEAR = PinholeCamera("near", "Near", 5.0, 0.0, 3.2, 90.0)
 FAR = PinholeCamera("far", "Far", 5.0, 14.0, 4.0, -90.0, tilt_deg=32.0)
@@ -60,7 +60,7 @@ def bands(radius_m: float = 1.2) -> tuple[MapBand, ...]:
 
 def test_the_camera_that_shows_the_spot_most_finely_is_taken(tmp_path: Path) -> None:
     data = Data([camera(tmp_path, c) for c in (AWAY, FAR, NEAR)])
-    picture = cards.spot_picture(data, bands(), number=2, at=SPOT)  # type: ignore[arg-type]
+    picture = spot_pictures.spot_picture(data, bands(), number=2, at=SPOT)  # type: ignore[arg-type]
     assert picture is not None
     assert (picture.number, picture.camera_id) == (2, "near")
     u, v, _ = NEAR.project(*(np.array([c]) for c in (*SPOT, 0.0)))
@@ -72,8 +72,8 @@ def test_the_camera_that_shows_the_spot_most_finely_is_taken(tmp_path: Path) -> 
 @pytest.mark.parametrize("without", [{"picture": None}, {"calibrations": ()}, {"picture_px": None}])
 def test_a_camera_without_picture_or_calibration_shows_nothing(tmp_path: Path, without: dict[str, Any]) -> None:
     poor = camera(tmp_path, NEAR, **without)
-    assert cards.spot_picture(Data([poor]), bands(), number=1, at=SPOT) is None  # type: ignore[arg-type]
-    both = cards.spot_picture(Data([poor, camera(tmp_path, FAR)]), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
+    assert spot_pictures.spot_picture(Data([poor]), bands(), number=1, at=SPOT) is None  # type: ignore[arg-type]
+    both = spot_pictures.spot_picture(Data([poor, camera(tmp_path, FAR)]), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
     assert both is not None
     assert both.camera_id == "far"
 
@@ -81,17 +81,17 @@ def test_a_camera_without_picture_or_calibration_shows_nothing(tmp_path: Path, w
 def test_a_calibration_that_begins_after_the_week_does_not_count(tmp_path: Path) -> None:
     later = Calibration(tuple(map(tuple, NEAR.homography.tolist())), datetime(5200, 1, 1, tzinfo=UTC), "1")
     data = Data([camera(tmp_path, NEAR, calibrations=(later,))])
-    assert cards.spot_picture(data, bands(), number=1, at=SPOT) is None  # type: ignore[arg-type]
+    assert spot_pictures.spot_picture(data, bands(), number=1, at=SPOT) is None  # type: ignore[arg-type]
 
 
 def test_a_spot_without_a_band_or_out_of_view_has_no_picture(tmp_path: Path) -> None:
     near = camera(tmp_path, NEAR)
-    assert cards.spot_picture(Data([near]), bands(), number=1, at=(5.0, 9.0)) is None  # type: ignore[arg-type]
-    assert cards.spot_picture(Data([camera(tmp_path, AWAY)]), bands(), number=1, at=SPOT) is None  # type: ignore[arg-type]
+    assert spot_pictures.spot_picture(Data([near]), bands(), number=1, at=(5.0, 9.0)) is None  # type: ignore[arg-type]
+    assert spot_pictures.spot_picture(Data([camera(tmp_path, AWAY)]), bands(), number=1, at=SPOT) is None  # type: ignore[arg-type]
 
 
 def test_only_the_spots_own_bands_are_shown() -> None:
-    own = cards.own_bands(bands(), SPOT)
+    own = spot_pictures.own_bands(bands(), SPOT)
     assert [b.lower for b in own] == [0.5, 1.0, 2.0, 4.0]
     for band in own:
         (polygon,) = band.polygons
@@ -100,9 +100,9 @@ def test_only_the_spots_own_bands_are_shown() -> None:
 
 def test_bands_lie_where_the_camera_sees_their_floor(tmp_path: Path) -> None:
     data = Data([camera(tmp_path, NEAR)])
-    picture = cards.spot_picture(data, bands(), number=1, at=SPOT)  # type: ignore[arg-type]
+    picture = spot_pictures.spot_picture(data, bands(), number=1, at=SPOT)  # type: ignore[arg-type]
     assert picture is not None
-    for own, seen in zip(cards.own_bands(bands(), SPOT), picture.shown.bands, strict=True):
+    for own, seen in zip(spot_pictures.own_bands(bands(), SPOT), picture.shown.bands, strict=True):
         ring = np.array(own.polygons[0][0])
         u, v, _ = NEAR.project(ring[:, 0], ring[:, 1], np.zeros(len(ring)))
         wanted, found = shapely.Polygon(np.column_stack([u, v])), shapely.Polygon(seen.polygons[0][0])
@@ -118,7 +118,7 @@ def test_what_a_shelf_hides_is_not_painted(tmp_path: Path) -> None:
     cam = camera(tmp_path, NEAR)
     known, unknown = (Fixture("s", "Shelf", "f", shelf, height_m=h) for h in (HEIGHT_M, None))
     hidden, whole = (
-        cards.spot_picture(Data([cam], (f,)), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
+        spot_pictures.spot_picture(Data([cam], (f,)), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
         for f in (known, unknown)
     )
     assert hidden is not None
@@ -140,10 +140,10 @@ def test_a_camera_that_sees_over_the_shelf_is_taken_before_a_finer_one_that_does
     near, far = camera(tmp_path, NEAR), camera(tmp_path, FAR)
     for height_m, alone in ((0.05, "near"), (0.9, None), (1.3, None)):  # nearly nothing hidden, most of the spot, all
         fixtures = (Fixture("s", "Shelf", "f", shelf, height_m=height_m),)
-        chosen = cards.spot_picture(Data([near, far], fixtures), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
+        chosen = spot_pictures.spot_picture(Data([near, far], fixtures), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
         assert chosen is not None
         assert chosen.camera_id == (alone or "far")
-        only = cards.spot_picture(Data([near], fixtures), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
+        only = spot_pictures.spot_picture(Data([near], fixtures), bands(), number=1, at=SPOT)  # type: ignore[arg-type]
         assert (only.camera_id if only is not None else None) == alone
 
 
@@ -169,7 +169,7 @@ def test_a_picture_shows_its_spot_away_from_the_edges_at_the_scale_it_says(
     made = heat_bands(hill, cell_m=0.25, origin_m=(0.0, 0.0), steps=(0.5, 1.0, 2.0, 4.0))
     floor = FloorMap(kind="floor", title="F", extent=(0.0, 0.0, 15.0, 15.0), bands=made)
     data = Data([camera(tmp_path, c) for c in (NEAR, FAR)])
-    (picture,) = cards.spot_pictures(data, floor, spots=[(1, at)])  # type: ignore[arg-type]
+    (picture,) = spot_pictures.spot_pictures(data, floor, spots=[(1, at)])  # type: ignore[arg-type]
     x0, y0, x1, y1 = picture.shown.extent
     assert (x1 - x0) / (y1 - y0) == pytest.approx(16 / 9, rel=0.01)
     if picture.camera_id is None:
@@ -179,9 +179,9 @@ def test_a_picture_shows_its_spot_away_from_the_edges_at_the_scale_it_says(
         planted = {c.camera_id: c for c in (NEAR, FAR)}[picture.camera_id]
         (u,), (v,), _ = planted.project(*(np.array([c]) for c in (*at, 0.0)))
         left, right = to_floor(planted.homography, [(x0, v), (x1, v)], picture_px=(WIDTH_PX, HEIGHT_PX))
-        lowest = cards.EDGE_SHARE
+        lowest = spot_pictures.EDGE_SHARE
         assert picture.across_m == pytest.approx(float(np.hypot(*(right - left))), rel=0.03)
-        assert picture.across_m >= cards.ACROSS_M * 0.97
+        assert picture.across_m >= spot_pictures.ACROSS_M * 0.97
     assert lowest <= (u - x0) / (x1 - x0) <= 1 - lowest
     assert lowest <= (v - y0) / (y1 - y0) <= 1 - lowest
 
@@ -192,16 +192,16 @@ def test_a_spot_at_the_edge_of_every_picture_is_shown_on_the_floor(tmp_path: Pat
     hill = np.clip(6 * (1 - np.hypot(x - at[0], y - at[1]) / 1.2), 0, None)
     made = heat_bands(hill, cell_m=0.25, origin_m=(0.0, 0.0), steps=(0.5, 1.0, 2.0, 4.0))
     data = Data([camera(tmp_path, NEAR)])
-    assert cards.spot_picture(data, made, number=1, at=at) is None  # type: ignore[arg-type]
+    assert spot_pictures.spot_picture(data, made, number=1, at=at) is None  # type: ignore[arg-type]
     spot = MapSpot(number=1, name="End", at=at)
     floor = FloorMap(kind="floor", title="F", extent=(0.0, 0.0, 15.0, 15.0), bands=made, spots=(spot,))
-    picture = cards.floor_picture(floor, number=1, at=at)
+    picture = spot_pictures.floor_picture(floor, number=1, at=at)
     x0, y0, x1, y1 = picture.shown.extent
     assert picture.camera_id is None
     assert picture.shown.spots == (spot,)
     for ring in (p[0] for band in picture.shown.bands for p in band.polygons):
         assert all(x0 <= a <= x1 and y0 <= b <= y1 for a, b in ring)
-    assert y1 <= 15.0 + cards.BESIDE_M
+    assert y1 <= 15.0 + spot_pictures.BESIDE_M
 
 
 # the picture itself ---------------------------------------------------------------------------------------------------

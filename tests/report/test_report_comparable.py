@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 import worlds as w
 
-from vsd_analytics.analysis.comparable import has_other_rules
 from vsd_analytics.config import load_site
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.twins import from_json, to_json
+from vsd_analytics.figures.comparable import has_other_rules
+from vsd_analytics.report.pages.json_and_csv import from_json, to_json
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 from vsd_analytics.store.seals import UnitSeal
-from vsd_analytics.warehouse.build import hour_needs
+from vsd_analytics.warehouse.build import hourly_inputs
 from vsd_analytics.warehouse.sealed import SealedRange
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
@@ -86,7 +88,10 @@ def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path
     streams = two_weeks(quieter, say=pixels, camera="cam-2")
     alone = w.report(w.world(tmp_path / "alone", toml(cameras=("cam-2",)), *streams))
     assert both.state == "normal"
-    assert [c.not_compared for c in both.coverage.cameras] == ["it was calibrated anew on Thu 12 Nov, 08:00", None]
+    assert [reason_text(c.not_compared) for c in both.coverage.cameras] == [
+        "it was calibrated anew on Thu 12 Nov, 08:00",
+        "",
+    ]
     often, other = both.level.often, alone.level.often
     assert often.value is not None
     assert other.value is not None
@@ -101,7 +106,9 @@ def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path
         "It was calibrated anew on Thu 12 Nov, 08:00. Changes are those of what the other cameras count."
     )
     assert told.text in page
-    assert from_json(to_json(both)).coverage.cameras[0].not_compared == both.coverage.cameras[0].not_compared
+    assert from_json(to_json(both)).coverage.cameras[0].not_compared == Reason(
+        "text", text="it was calibrated anew on Thu 12 Nov, 08:00"
+    )
 
 
 def test_new_calibration_that_moves_who_owns_the_floor_leaves_nothing_to_compare(tmp_path: Path) -> None:
@@ -190,7 +197,7 @@ def test_purged_hours_of_other_rules_are_not_compared(tmp_path: Path) -> None:
     with open_warehouse(site, w.MONDAY, w.MONDAY + timedelta(days=1)) as warehouse:
         hours = sorted(warehouse.built.fingerprints)
         span = {"first_ms": hours[0] * 3_600_000, "end_ms": (hours[-1] + 1) * 3_600_000}
-        today = hour_needs(site)
+        today = hourly_inputs(site)
 
         def sealed(sql: str) -> bool:
             seal = UnitSeal(fingerprint="0" * 16, causes={"sql": sql, "settings": today.settings}, facts={})

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import pytest
 
-from vsd_analytics.report import svg
-from vsd_analytics.report.frame import ROOM
-from vsd_analytics.report.render import shipped_style
+from vsd_analytics.report.draw import svg
+from vsd_analytics.report.draw.floor_frame import ROOM
+from vsd_analytics.report.pages.week import shipped_style
 
 LEAST = 4.5
 TEXTS = {

@@ -9,14 +9,15 @@ from pathlib import Path
 import pytest
 from report import fixtures as weeks
 
-from vsd_analytics.report import format as fmt
-from vsd_analytics.report import model as m
-from vsd_analytics.report import titles
-from vsd_analytics.report.floorplan import floor_map, nice_metres
-from vsd_analytics.report.model import Estimate
-from vsd_analytics.report.pictures import has_paper
-from vsd_analytics.report.privacy import GIVES_AWAY
-from vsd_analytics.report.render import make_page, render_html
+from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.geometry.embedded_pictures import has_paper
+from vsd_analytics.geometry.scale_bar import nice_metres
+from vsd_analytics.report.draw.floor_plan import floor_map
+from vsd_analytics.report.pages.week import make_page, render_html
+from vsd_analytics.report.words import figure_titles
+from vsd_analytics.report.words import format as fmt
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 640" width="96" height="64">{}</svg>'
 
@@ -83,7 +84,7 @@ def test_the_table_of_changes_names_the_greatest_change_first() -> None:
         replace(a, often=weeks.estimate(10.0, change)) for a, change in zip(report.areas, (-0.2, -0.6), strict=False)
     )
     rest = m.AreaRow(area_id=None, name="Rest of the floor", often=weeks.estimate(50.0, -0.9))
-    named = titles.changed(replace(report, areas=(*areas, rest)))
+    named = figure_titles.changed(replace(report, areas=(*areas, rest)))
     first, second = report.areas[1].name, report.areas[0].name
     assert named == f"The rest of the floor, {first} and {second} clearly changed"
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import worlds as w
 
-from vsd_analytics.analysis.compare import compare, days_needed
+from vsd_analytics.figures.compare import compare, days_needed
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.warehouse.warehouse import open_warehouse
 

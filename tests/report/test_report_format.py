@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.report import format as fmt
-from vsd_analytics.report.model import Estimate
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.report.words import format as fmt
 
 
 def test_examples_in_the_docstrings_hold() -> None:

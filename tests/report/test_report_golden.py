@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from report.golden_cases import CASES, FOLDER, text_of
 
-from vsd_analytics.report import words
-from vsd_analytics.report.headline import MAX_WORDS, tell
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.headline import MAX_WORDS, tell
 
 
 @pytest.mark.parametrize("name", list(CASES))
@@ -21,8 +21,8 @@ def test_no_fragment_is_left_of_a_case_that_is_gone() -> None:
 @pytest.mark.parametrize("name", list(CASES))
 def test_a_headline_has_at_most_fifteen_words_and_no_unfilled_place(name: str) -> None:
     text = text_of(CASES[name]())
-    assert words.n_words(tell(CASES[name]()).headline) <= MAX_WORDS
-    assert words.forbidden_in(text) == []
+    assert terms.n_words(tell(CASES[name]()).headline) <= MAX_WORDS
+    assert terms.forbidden_in(text) == []
     for slip in ("{", "}", "  ", " .", " ,", "..", "None", "()", "–"):
         assert slip not in text, slip
 

@@ -9,11 +9,13 @@ from itertools import product
 import pytest
 from report import fixtures as weeks
 
-from vsd_analytics.report import words
-from vsd_analytics.report.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, tell
-from vsd_analytics.report.model import Estimate, Story, WeekReport
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.wording import has
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import has
+from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, tell
+from vsd_analytics.report.words.reasons import read_reason
 
 VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02, "too_little_data": None}
@@ -53,10 +55,10 @@ def with_verdicts(often: str, risky: str) -> WeekReport:
 
     def made(verdict: str, value: float) -> Estimate:
         if verdict == "not_measurable":
-            return Estimate(value=None, state="not_measurable", reason="the engine sends no positions")
+            return Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no positions"))
         change = CHANGE[verdict]
         if change is None:
-            return Estimate(value=value, verdict="too_little_data", reason="3 days")
+            return Estimate(value=value, verdict="too_little_data", reason=read_reason("3 days"))
         return Estimate(
             value=value,
             previous=value / (1 + change),
@@ -82,7 +84,7 @@ def all_words(story: Story) -> str:
 def test_each_pair_of_verdicts_has_its_sentence(keys: tuple[str, str]) -> None:
     story = tell(with_verdicts(*keys))
     assert story.headline == GOLDEN[keys]
-    assert words.n_words(story.headline) <= MAX_WORDS
+    assert terms.n_words(story.headline) <= MAX_WORDS
     assert story.rule == "/".join(k.removeprefix("clear_") for k in keys)
 
 
@@ -223,13 +225,13 @@ def test_every_week_asks_one_question_and_uses_no_forbidden_word(name: str) -> N
     assert story.question.endswith("?")
     assert story.question.count("?") == 1
     if name != "hostile":
-        assert words.forbidden_in(all_words(story)) == []
+        assert terms.forbidden_in(all_words(story)) == []
     assert finish(finish(report)) == finish(report)
 
 
 def test_forbidden_words_are_found_as_whole_words_only() -> None:
-    assert words.forbidden_in("An incident happened, and NaN.") == ["incident", "NaN"]
-    assert words.forbidden_in("coincidental annulled proven familiar") == []
+    assert terms.forbidden_in("An incident happened, and NaN.") == ["incident", "NaN"]
+    assert terms.forbidden_in("coincidental annulled proven familiar") == []
 
 
 @pytest.mark.parametrize(
@@ -242,10 +244,10 @@ def test_forbidden_words_are_found_as_whole_words_only() -> None:
     ],
 )
 def test_a_change_is_named_by_the_nearest_fraction(change: float, said: str) -> None:
-    assert words.moved(change) == said
+    assert terms.moved(change) == said
 
 
 def test_large_rises_are_multiples_and_large_falls_end() -> None:
-    assert words.moved(1.0) == "about doubled"
-    assert words.moved(1.6) == "rose to about 2.6 times last week’s"
-    assert words.moved(-0.99) == "almost stopped"
+    assert terms.moved(1.0) == "about doubled"
+    assert terms.moved(1.6) == "rose to about 2.6 times last week’s"
+    assert terms.moved(-0.99) == "almost stopped"

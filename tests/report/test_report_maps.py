@@ -14,18 +14,19 @@ import pytest
 import shapely
 import worlds as w
 
-from vsd_analytics.report import small_maps
-from vsd_analytics.report.areas import areas
-from vsd_analytics.report.card_view import spot_scene
-from vsd_analytics.report.change_maps import change_maps
-from vsd_analytics.report.floorplan import floor_map
-from vsd_analytics.report.map_figures import map_figures
-from vsd_analytics.report.mapping import floor_extent
-from vsd_analytics.report.model import ChangeMaps, Extent, Footsteps, MapBand, MapViews, WeekReport
-from vsd_analytics.report.overlays import footsteps, views
-from vsd_analytics.report.weekdata import WeekData
+from vsd_analytics.figures.week.areas import areas
+from vsd_analytics.figures.week.change_maps import change_maps
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.floor_maps import floor_extent
+from vsd_analytics.figures.week.footsteps_and_views import footsteps, views
+from vsd_analytics.figures.week.model_map import ChangeMaps, Extent, Footsteps, MapBand, MapViews
+from vsd_analytics.report.draw import small_maps
+from vsd_analytics.report.draw.floor_plan import floor_map
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.map_figures import map_figures
+from vsd_analytics.report.pages.spot_cards import spot_scene
 from vsd_analytics.simulate.cameras import PinholeCamera
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 SHELF = (
@@ -88,7 +89,7 @@ def maps_of(site: Site) -> Maps:
         extent = floor_extent(data)
         assert extent is not None
         return Maps(
-            change=change_maps(data, areas=areas(data, is_compared=True).rows),
+            change=change_maps(data, areas=areas(data, is_compared=True, rest="Rest").rows),
             steps=footsteps(data, extent=extent),
             views=views(data, extent=extent, labels={}),
             extent=extent,

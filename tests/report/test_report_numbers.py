@@ -13,10 +13,12 @@ import pytest
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.report import format as fmt
-from vsd_analytics.report.model import FloorMap, Story, WeekReport
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.twins import from_json, to_json
+from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.json_and_csv import from_json, to_json
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.result import Reason
 
 NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
 GEOMETRY = {"extent", "bands", "unseen", "ring", "at", "image"}
@@ -71,7 +73,7 @@ def leaves(value: Any, unit: str | None = None) -> Iterator[tuple[Any, str | Non
 
 def forms(value: Any, unit: str | None) -> set[str]:
     """Return all ways one value of the twin may be written."""
-    if value is None or isinstance(value, bool):
+    if value is None or isinstance(value, bool | Reason):
         return set()
     if isinstance(value, datetime | date):
         said = [str(value.day), str(value.year)]

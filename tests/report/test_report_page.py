@@ -16,8 +16,10 @@ from jinja2 import Environment, meta
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.report import model, words
-from vsd_analytics.report.render import Page, css_string, make_page, render_html
+from vsd_analytics.figures.week import results
+from vsd_analytics.report.model import week
+from vsd_analytics.report.pages.week import Page, css_string, make_page, render_html
+from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
 
 OF_THE_WEEK = (
@@ -135,7 +137,7 @@ def test_a_name_cannot_leave_its_css_string() -> None:
 def test_equal_reports_give_equal_bytes_in_another_process() -> None:
     program = (
         "import sys, hashlib; sys.path[:0] = sys.argv[1:]\n"
-        "from report import fixtures\nfrom vsd_analytics.report.render import render_html\n"
+        "from report import fixtures\nfrom vsd_analytics.report.pages.week import render_html\n"
         "print(hashlib.sha256(render_html(fixtures.normal()).encode()).hexdigest())"
     )
     tests = Path(__file__).resolve().parents[1]
@@ -214,11 +216,11 @@ def test_templates_use_exactly_the_documented_variables() -> None:
 def test_templates_use_no_forbidden_word() -> None:
     for path in TEMPLATES:
         text = re.sub(r"{[{%].*?[%}]}|<[^>]*>", " ", path.read_text(), flags=re.DOTALL)
-        assert words.forbidden_in(text) == [], path.name
+        assert terms.forbidden_in(text) == [], path.name
 
 
 def test_every_field_of_the_model_is_documented() -> None:
-    kinds = [k for k in vars(model).values() if isinstance(k, type) and is_dataclass(k)]
+    kinds = [k for k in (vars(week) | vars(results)).values() if isinstance(k, type) and is_dataclass(k)]
     assert len(kinds) > 20
     for kind in kinds:
         assert kind.__doc__, kind
@@ -227,7 +229,7 @@ def test_every_field_of_the_model_is_documented() -> None:
 
 
 def test_the_package_names_no_rainbow() -> None:
-    folder = Path(model.__file__).parents[1]
+    folder = Path(week.__file__).parents[2]
     for path in folder.rglob("*.py"):
         assert not re.search(r"COLORMAP_JET|['\"](jet|turbo|hsv|rainbow)['\"]", path.read_text()), path
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from vsd_analytics.errors import ReportError
-from vsd_analytics.report.pictures import MAX_BYTES, picture_image, plan_image
+from vsd_analytics.geometry.embedded_pictures import MAX_BYTES, picture_image, plan_image
 
 
 def decoded(uri: str) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,15 +13,18 @@ from report import fixtures as weeks
 from report import sections
 from shapely import Polygon
 
-from vsd_analytics.analysis.forecast import HourForecast, SeriesForecast
-from vsd_analytics.analysis.forecast import Outlook as FoundOutlook
-from vsd_analytics.analysis.unusual import Unusual, UnusualWeek
-from vsd_analytics.report import ask, more_view, outlook_section, redesigns, trend_section
-from vsd_analytics.report import model as m
-from vsd_analytics.report.card_view import cards
-from vsd_analytics.report.render import make_page, render_html
-from vsd_analytics.report.trend_chart import NARROW, WIDE, chart, spark
-from vsd_analytics.site import Area, Fixture
+from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
+from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
+from vsd_analytics.figures.unusual import Unusual, UnusualWeek
+from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
+from vsd_analytics.report.pages import sections as page_sections
+from vsd_analytics.report.pages.spot_cards import cards
+from vsd_analytics.report.pages.week import make_page, render_html
+from vsd_analytics.report.words import questions
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Area, Fixture
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.forecast import ForecastScore
@@ -101,7 +105,7 @@ def test_a_week_stands_out_by_its_range_not_by_its_figure(value: float, half: fl
     report = weeks.normal()
     level = replace(report.level, often=m.Estimate(value=value, lo=value - half, hi=value + half))
     report = replace(report, level=level)
-    assert more_view.trend_title(replace(report, trend=sections.trend(report)), "often") == said
+    assert page_sections.trend_title(replace(report, trend=sections.trend(report)), "often") == said
 
 
 def test_the_first_week_has_no_chart_but_a_table() -> None:
@@ -119,10 +123,10 @@ def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_ba
     def rate(n: float) -> RateEstimate:
         return RateEstimate(n / 40, n / 50, n / 30, n, 40.0, 7, 6.0, 0.1, "ok", None, False)
 
-    found = trend_section.analysis.Trend(
+    found = trend_weeks.analysis.FloorTrend(
         floor_id="ground",
         weeks=tuple(
-            trend_section.analysis.TrendWeek(f"2026-W{n}", day, rate(count), rate(count), 1.0, "ok", None)
+            trend_weeks.analysis.WeekRates(f"2026-W{n}", day, rate(count), rate(count), 1.0, "ok", None)
             for n, day, count in ((45, monday, 3.0), (46, weeks.MONDAY, 900.0))
         ),
         marks=(),
@@ -130,11 +134,11 @@ def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_ba
         reason=None,
         risky_reason=None,
     )
-    made = trend_section.trend(_Data(), found, level=report.level)  # type: ignore[arg-type]
+    made = trend_weeks.trend(_Data(), found, level=report.level)  # type: ignore[arg-type]
     assert made.weeks[1].often == report.level.often
     assert made.weeks[0].often is not None
     assert (made.weeks[0].often.value, made.weeks[0].often.lo) == (None, None)
-    assert "fewer than 5" in (made.weeks[0].often.reason or "")
+    assert "fewer than 5" in reason_text(made.weeks[0].often.reason)
 
 
 class _Settings:
@@ -153,6 +157,10 @@ class _Data:
     monday = weeks.MONDAY
     sunday = weeks.MONDAY + timedelta(days=6)
     areas = (Area("a1", "Main entrance", "ground", ((0, 0), (1, 0), (1, 1))),)
+
+    def hidden_in(self, monday: date) -> SimpleNamespace:
+        """Return a week that holds nothing back."""
+        return SimpleNamespace(why_floor=None)
 
 
 # ---- spots ----
@@ -184,14 +192,14 @@ SHELVES = tuple(Fixture(f"s{k}", f"Shelf {k}", "ground", rectangle(x, 1, x + 0.8
 def test_what_is_asked_follows_shape_fixtures_and_name(
     name: str, shape: Any, fixtures: tuple[Fixture, ...], said: str
 ) -> None:
-    asked = ask.ask(name, Polygon(shape), area=None, fixtures=fixtures)
+    asked = questions.ask(name, Polygon(shape), area=None, fixtures=fixtures)
     assert said in asked
     assert asked.endswith("?")
 
 
 def test_a_site_may_ask_its_own_question() -> None:
     area = Area("hall", "Hall", "ground", rectangle(0, 0, 3, 2), ask="Could the bench go?")
-    assert ask.ask("Hall", Polygon(area.polygon), area=area, fixtures=(STAND,)) == "Could the bench go?"
+    assert questions.ask("Hall", Polygon(area.polygon), area=area, fixtures=(STAND,)) == "Could the bench go?"
 
 
 def test_a_card_says_how_sure_with_dots_a_word_and_the_reason() -> None:
@@ -276,7 +284,7 @@ def test_where_there_is_no_second_reading_the_page_says_why() -> None:
 def mixing(**more: Any) -> MixingChange:
     period = Mixing(1.0, 1.0, 0.1, 0.1, 1.0, 0.9, 1.1, 7, "ok", None)
     behaviour = ChangeEstimate(
-        1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "no clear change", "ok", None, False
+        1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "no_clear_change", "ok", None, False
     )
     said: dict[str, Any] = {"close": 0.8, "crowding": 0.7, "layout": 1.04, "behaviour": behaviour}
     said |= {"crowding_share": None, "layout_share": None, "behaviour_share": None, "state": "ok", "reason": None}
@@ -307,20 +315,20 @@ def test_the_largest_part_that_moved_the_same_way_is_named(parts: tuple[float, f
     close = 0.31 if "more time" in said else -0.31
     people, layout, behaviour = parts
     causes = m.Causes(close=close, people=people, layout=layout, behaviour=behaviour)
-    table = more_view.causes(replace(weeks.normal(), causes=causes))
+    table = page_sections.causes(replace(weeks.normal(), causes=causes))
     assert table is not None
     assert table.sentence == said
 
 
 def test_what_hardly_moved_is_not_explained() -> None:
     causes = m.Causes(close=-0.01, people=-0.02, layout=0.01, behaviour=0.0)
-    table = more_view.causes(replace(weeks.normal(), causes=causes))
+    table = page_sections.causes(replace(weeks.normal(), causes=causes))
     assert table is not None
     assert table.sentence.endswith("No part of it moved much.")
 
 
 def test_a_redesign_is_told_with_its_range_its_people_and_what_must_hold() -> None:
-    table = more_view.redesigns(sections.complete())
+    table = page_sections.redesigns(sections.complete())
     assert table is not None
     head, often, row = table.rows
     assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
@@ -356,11 +364,11 @@ def test_the_three_highest_hours_are_forecast_and_scored_beside_the_naive_foreca
     score = ForecastScore(0.2, 0.8, 0.75, 0.8, 0.3, 1.1, 60, "ok", None)
     series = SeriesForecast("violations", "open hour", rows, 0.8, 1.0, 6, score, "ok", None)
     found = FoundOutlook("2026-W47", monday, "2026-W46", "ground", (), (), series, series, series)
-    made = outlook_section.outlook(found)
+    made = outlook.outlook(found)
     assert [h.value for h in made.highest] == [8.0, 5.0, 4.0]
     assert made.mean == pytest.approx(5.0)
     assert made.score == m.OutlookScore(error=0.2, error_naive=0.3, hit_rate=0.75, n_hours=60)
-    listed = more_view.outlook(replace(weeks.normal(), outlook=made))
+    listed = page_sections.outlook(replace(weeks.normal(), outlook=made))
     assert listed is not None
     assert listed.title == "Tuesday 11:00 is likely to be the busiest hour of week 47"
     assert "missed by 20% on average; repeating the week before would have missed by 30%" in " ".join(listed.notes)
@@ -373,7 +381,7 @@ def test_an_hour_the_timetable_holds_back_is_held_back_among_the_unusual_ones() 
     rows = tuple(
         Unusual(c.day, c.day.weekday(), c.hour, 3, 1.0, 50.0, 30.0, 70.0, 0.1, 0.01, 6) for c in (small, shown)
     )
-    made = outlook_section.unusual(UnusualWeek("2026-W46", None, "violations", rows, 2, 80, "ok", None), when=when)
+    made = outlook.unusual(UnusualWeek("2026-W46", None, "violations", rows, 2, 80, "ok", None), when=when)
     assert [r.violations for r in made.rows] == [None, 3]
 
 

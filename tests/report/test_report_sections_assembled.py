@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from report import worlds as w
 
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.report.render import render_html
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.result import Reason
 
 MORE = {w.QUEUE: 20, w.DOOR: 6, w.AISLE: 5}
 SHORT = '{ mon-sun = "09:00-10:00" }'
@@ -87,5 +88,5 @@ def test_a_new_camera_is_left_out_of_the_comparison_and_named(tmp_path: Path) ->
         w.messages(w.steady(MORE), camera="cam-2", hours=(9, 10)),
     )
     report = w.report(w.world(tmp_path / "shop", config, *streams))
-    assert [c.not_compared for c in report.coverage.cameras] == [None, "it recorded nothing in the week before"]
+    assert [c.not_compared for c in report.coverage.cameras] == [None, Reason("compare.new_camera")]
     assert "Camera 2 is not compared" in render_html(report)

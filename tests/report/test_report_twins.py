@@ -14,9 +14,17 @@ import pytest
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.report.model import Estimate
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.twins import from_json, json_schema, rounded, safe_cell, significant, to_csv, to_json
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.report.pages.json_and_csv import (
+    from_json,
+    json_schema,
+    rounded,
+    significant,
+    to_csv,
+    to_json,
+)
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.store.spreadsheet import safe_cell
 
 
 @pytest.mark.parametrize("name", list(weeks.ALL))

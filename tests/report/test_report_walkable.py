@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from vsd_analytics.report.bands import heat_bands
-from vsd_analytics.report.density import FloorGrid
-from vsd_analytics.report.walkable import Walkable
+from vsd_analytics.figures.week.bands import heat_bands
+from vsd_analytics.figures.week.density import FloorGrid
+from vsd_analytics.figures.week.walkable import Walkable
 
 CELL, N = 0.25, 48
 STEPS = (0.5, 1.0, 2.0, 4.0, 8.0)

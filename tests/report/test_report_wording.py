@@ -14,14 +14,16 @@ import pytest
 from report import fixtures as weeks
 from report import sections
 
-from vsd_analytics.report import format as fmt
-from vsd_analytics.report import render, wording, words
-from vsd_analytics.report.wording import catalogue, say, say_html
+from vsd_analytics.report.pages import week
+from vsd_analytics.report.words import catalogue, terms
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.catalogue import catalogue as sentences
+from vsd_analytics.report.words.catalogue import say, say_html
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
 
-REPORT = Path(render.__file__).parent
-DELIVERY = REPORT.parent / "delivery"
-PLANNER, INDEX = REPORT.parent / "planner", REPORT.parent / "index"
+PACKAGE = Path(week.__file__).parents[2]
+ROOMS = [PACKAGE / room for room in ("figures", "report", "planner", "site_index")]
 TEMPLATES = shipped("reports") / "templates"
 OF_THE_WEEK = (
     *("week", "hero", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
@@ -30,10 +32,15 @@ OF_THE_WEEK = (
 )
 # Modules whose every sentence stands in the catalogue.
 SPEAKING = (
-    *("headline", "things", "tiles", "titles", "tables", "words", "nothing", "render", "changes", "format", "ask"),
-    *("spots", "card_view", "log_view", "more_view", "figures_view", "trend_chart", "outlook_section", "trend_section"),
-    *("../planner/data", "../planner/kinds", "../planner/render"),
-    *("../index/bars", "../index/headline", "../index/render"),
+    *(f"report/words/{n}" for n in ("headline", "things_to_know", "figure_titles", "terms", "no_data", "format")),
+    "report/words/questions",
+    *(f"report/pages/{n}" for n in ("key_figures", "tables", "week", "spot_cards", "site_log", "sections")),
+    "report/pages/figure_list",
+    "report/draw/trend_chart",
+    *(f"figures/week/{n}" for n in ("changes", "spots", "outlook", "trend_weeks")),
+    *(f"report/model/{n}" for n in ("site_changes", "spot_words")),
+    *("planner/planner_data", "planner/map_kinds", "planner/page"),
+    *("site_index/week_bars", "site_index/summary", "site_index/page"),
 )
 # What code may say without the catalogue: punctuation, CSS, SVG and the words a page never uses.
 NO_SENTENCE = re.compile(r"^[\W\d_]*$|@page|font:|content:|^0 0 |^M\{|select |--|^default-src|\bmdash\b")
@@ -56,7 +63,7 @@ def keys_of(node: ast.expr) -> list[str]:
             pattern = "".join(
                 re.escape(str(v.value)) if isinstance(v, ast.Constant) else r"[\w.]*" for v in node.values
             )
-            return [k for k in catalogue() if re.fullmatch(pattern, k)]
+            return [k for k in sentences() if re.fullmatch(pattern, k)]
     return []
 
 
@@ -67,7 +74,7 @@ def places(entry: str | Mapping[str, str]) -> set[str]:
 
 def python_calls() -> list[Any]:
     found = []
-    for path in sorted([*REPORT.rglob("*.py"), *DELIVERY.glob("*.py"), *PLANNER.glob("*.py"), *INDEX.glob("*.py")]):
+    for path in sorted(p for room in ROOMS for p in room.rglob("*.py")):
         for call in calls(ast.parse(path.read_text(encoding="utf-8"))):
             found += [(path.name, key, call) for key in keys_of(call.args[0])]
     return found
@@ -99,42 +106,42 @@ def test_every_call_in_code_names_a_sentence_and_what_it_needs() -> None:
     found = python_calls()
     assert len(found) > 200
     for where, key, call in found:
-        assert key in catalogue(), (where, key)
+        assert key in sentences(), (where, key)
         given = {k.arg for k in call.keywords}
         if None in given or isinstance(call.args[0], ast.JoinedStr):
             continue
-        assert places(catalogue()[key]) <= given, (where, key)
-        assert isinstance(catalogue()[key], str) or "plural" in given, (where, key)
+        assert places(sentences()[key]) <= given, (where, key)
+        assert isinstance(sentences()[key], str) or "plural" in given, (where, key)
 
 
 def test_every_call_in_a_template_names_a_sentence_and_what_it_needs() -> None:
     found = template_calls()
     assert len(found) > 80
     for where, key, given in found:
-        assert key in catalogue(), (where, key)
-        assert places(catalogue()[key]) <= given, (where, key)
+        assert key in sentences(), (where, key)
+        assert places(sentences()[key]) <= given, (where, key)
 
 
 def test_no_sentence_of_the_catalogue_is_dead() -> None:
     used = {key for _, key, _ in python_calls()} | {key for _, key, _ in template_calls()}
-    text = "".join(p.read_text(encoding="utf-8") for p in [*REPORT.rglob("*.py"), *PLANNER.glob("*.py")])
-    indirect = {key for key in catalogue() if f'"{key}"' in text}
-    for path in REPORT.rglob("*.py"):
+    text = "".join(p.read_text(encoding="utf-8") for room in ROOMS for p in room.rglob("*.py"))
+    indirect = {key for key in sentences() if f'"{key}"' in text}
+    for path in (p for room in ROOMS for p in room.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.JoinedStr) and re.match(r"\w+\.", str(getattr(node.values[0], "value", ""))):
                 indirect |= set(keys_of(node))
-    said = {key for key in catalogue() if key.startswith("planner.script.")}  # tests/planner/test_planner_words.py
-    assert set(catalogue()) - used - indirect - said == set()
+    said = {key for key in sentences() if key.startswith("planner.script.")}  # tests/planner/test_planner_words.py
+    assert set(sentences()) - used - indirect - said == set()
 
 
 def test_the_catalogue_says_no_forbidden_word() -> None:
-    for key, entry in catalogue().items():
+    for key, entry in sentences().items():
         for form in [entry] if isinstance(entry, str) else entry.values():
-            assert words.forbidden_in(form) == [], key
+            assert terms.forbidden_in(form) == [], key
 
 
 def test_the_catalogue_knows_no_distance_of_its_own() -> None:
-    for key, entry in catalogue().items():
+    for key, entry in sentences().items():
         for form in [entry] if isinstance(entry, str) else entry.values():
             assert not re.search(r"\d+(\.\d+)?\s?(m|ft|metres|feet)\b", form), key
 
@@ -152,7 +159,7 @@ def test_templates_of_the_week_hold_no_words() -> None:
 
 @pytest.mark.parametrize("name", SPEAKING)
 def test_code_holds_no_sentence(name: str) -> None:
-    tree = ast.parse((REPORT / f"{name}.py").read_text(encoding="utf-8"))
+    tree = ast.parse((PACKAGE / f"{name}.py").read_text(encoding="utf-8"))
     docs = {id(n.body[0].value) for n in ast.walk(tree) if hasattr(n, "body") and n.body and isinstance(n.body, list)
             and isinstance(n.body[0], ast.Expr)}  # fmt: skip
     docs |= {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
@@ -195,13 +202,13 @@ class Heard(HTMLParser):
 
 def test_a_page_of_another_language_has_no_word_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """A made-up language marks every sentence; what stands outside the marks must come from the data."""
-    real = wording.template
-    monkeypatch.setattr(wording, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
+    real = catalogue.template
+    monkeypatch.setattr(catalogue, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
     for name in ("first_week", "empty", "no_data", "too_incomplete", "settings_changed", "complete", "refused"):
         report = ALL[name]()
         monkeypatch.setattr(fmt, "DAYS", ("1",) * 7)
         monkeypatch.setattr(fmt, "MONTHS", ("2",) * 12)
-        page = render.render_html(report)
+        page = week.render_html(report)
         seen = "\n".join(Heard(page).texts)
         while "⟦" in seen:
             fewer = re.sub(r"⟦[^⟦⟧]*⟧", "", seen)
@@ -221,29 +228,40 @@ def names(report: Any) -> set[str]:
     )
     found |= {line.area_name or "" for line in report.log} | {m.title for m in report.maps}
     found |= {a.name for m in report.maps for a in m.areas} | set(report.provenance.engines)
-    found |= {e.reason or "" for a in report.areas for e in (a.often, a.risky) if e is not None}
-    found |= {f.reason or "" for f in report.figures.values()} | {f.unit for f in report.figures.values()}
+    found |= {reason_text(e.reason) for a in report.areas for e in (a.often, a.risky) if e is not None}
+    found |= {reason_text(f.reason) for f in report.figures.values()} | {f.unit for f in report.figures.values()}
     found |= more_names(report)
-    found |= {report.level.often.reason or "", report.level.risky.reason or "", "vsd-analytics"}
-    return {form for text in found - {""} for form in (text, words.sentence(text), text.rstrip("."))}
+    found |= {reason_text(report.level.often.reason), reason_text(report.level.risky.reason), "vsd-analytics"}
+    return {form for text in found - {""} for form in (text, terms.sentence(text), text.rstrip("."))}
 
 
 def more_names(report: Any) -> set[str]:
     found = (
-        {m.text for m in report.trend.marks} | {w.reason or "" for w in report.trend.weeks} if report.trend else set()
+        {m.text for m in report.trend.marks} | {reason_text(w.reason) for w in report.trend.weeks}
+        if report.trend
+        else set()
     )
     for r in report.redesigns:
-        found |= {r.text, r.area_name, r.reason or "", *r.compared_with, *r.doubts, *r.assumptions}
+        found |= {
+            r.text,
+            r.area_name,
+            reason_text(r.reason),
+            *r.compared_with,
+            *map(reason_text, r.doubts),
+            *map(reason_text, r.assumptions),
+        }
     for c in report.spots.cards if report.spots else ():
         found |= {c.name, c.ask, c.question, c.evidence.camera_name or ""}
     if report.spots:
-        found.add(report.spots.reason or "")
-    found |= {x.reason or "" for x in (report.readings, report.causes, report.outlook, report.unusual) if x is not None}
+        found.add(reason_text(report.spots.reason))
+    found |= {
+        reason_text(x.reason) for x in (report.readings, report.causes, report.outlook, report.unusual) if x is not None
+    }
     return found
 
 
 def test_backticks_are_code_and_values_are_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(wording, "catalogue", lambda: {"x": "Run `vsd <now>` for {name}"})
+    monkeypatch.setattr(catalogue, "catalogue", lambda: {"x": "Run `vsd <now>` for {name}"})
     assert say_html("x", name="<b>`a`") == "Run <code>vsd &lt;now&gt;</code> for &lt;b&gt;`a`"
     assert say("x", name="<b>") == "Run `vsd <now>` for <b>"
 

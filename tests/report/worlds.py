@@ -16,9 +16,9 @@ from zoneinfo import ZoneInfo
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.assemble import week_report
-from vsd_analytics.report.model import WeekReport
-from vsd_analytics.site import Site
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.site.model import Site
 
 MONDAY = date(2026, 11, 9)
 BEFORE = MONDAY - timedelta(days=7)

@@ -12,7 +12,7 @@ import pytest
 from retained_projects import DAYS, TERMS, day, litter, make_project, messages, vsd, write
 
 from vsd_analytics.config import load_site
-from vsd_analytics.retention import forget_keys, purge_older, purge_range
+from vsd_analytics.retention.purge import forget_keys, purge_older, purge_range
 from vsd_analytics.store import durable, secrets
 
 HOUR_MS = 3_600_000
@@ -27,7 +27,8 @@ def prepare(folder: Path) -> Path:
     root = make_project(folder / "prepared")
     found = [m for c in ("cam-1", "cam-2") for m in messages(camera=c, day=DAYS[0], hours=(9, 23))]
     found += [m for c in ("cam-1", "cam-2") for m in messages(camera=c, day=DAYS[1], hours=(0, 9))]
-    vsd(root, "ingest", str(write(root / "f.jsonl", found)))
+    bad = [m for c in ("cam-1", "cam-2", "yard") for m in messages(camera=c, day=DAYS[0], hours=(10,), shift_m=1e6)]
+    vsd(root, "ingest", str(write(root / "f.jsonl", [*found, *bad])), code=1)
     vsd(root, "build")
     return root
 
@@ -89,7 +90,7 @@ def watched(at: int | None) -> Iterator[list[str]]:
 
 def state(root: Path) -> dict[str, bytes]:
     """Return name and bytes of everything that counts: store, sealed facts, keys, audit."""
-    kept = ("store", "sealed", "secrets", "purge.jsonl")
+    kept = ("store", "sealed", "secrets", "quarantine", "purge.jsonl")
     paths = [p for name in kept for p in [root / name, *(root / name).rglob("*")] if p.is_file()]
     return {str(p.relative_to(root)): p.read_bytes() for p in paths}
 

@@ -10,7 +10,7 @@ from typing import Any
 from click.testing import CliRunner
 
 from vsd_analytics.cli import cli
-from vsd_analytics.retention import Terms
+from vsd_analytics.retention.purge import Terms
 from vsd_analytics.store.seals import Seals
 
 NOW = datetime(2026, 12, 20, 12, tzinfo=UTC)

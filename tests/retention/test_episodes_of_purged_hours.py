@@ -10,7 +10,7 @@ import pytest
 from retained_projects import DAYS, TERMS, TOML, make_project, messages, vsd, write
 
 from vsd_analytics.config import load_site
-from vsd_analytics.retention import purge_range
+from vsd_analytics.retention.purge import purge_range
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse import warehouse
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -88,7 +88,7 @@ def test_hours_sealed_before_these_columns_are_counted_by_the_mean_midpoint(stor
     extent = warehouse.stored_extent(site)
     assert extent is not None
     with Warehouse(site, extent.first_day, extent.last_day, uses_days=False) as opened:
-        opened.keep("same_pairs", "episode_segments")
+        opened.materialise("same_pairs", "episode_segments")
         opened.con.execute("delete from same_pairs")
         opened.con.execute(f"update episode_segments set {', '.join(f'{c} = null' for c in NEW)}")
         rows = opened.rows("select camera_id, duration_s, x_m from violations")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -12,6 +13,7 @@ from retained_projects import DAYS, TOML, make_project, messages, three_days, vs
 from test_purging_by_range import table
 
 from vsd_analytics.errors import UsageError
+from vsd_analytics.store import durable
 
 HOUR = f"{DAYS[0]}T10:00..{DAYS[0]}T11:00"
 
@@ -105,3 +107,58 @@ def test_pseudonyms_are_exported_as_pseudonyms(tmp_path: Path) -> None:
     vsd(root, "export", "--out", str(tmp_path / "all.jsonl"))
     ids = {p["id"] for line in (tmp_path / "all.jsonl").read_text().splitlines() for p in json.loads(line)["persons"]}
     assert all(len(i) == 16 and int(i, 16) >= 0 for i in ids)
+
+
+FORMULA = '=HYPERLINK("http://elsewhere")'
+
+
+def test_a_track_id_that_is_a_formula_is_none_in_csv_and_itself_elsewhere(tmp_path: Path) -> None:
+    root = make_project(tmp_path / "p")
+    found = messages(camera="cam-1", day=DAYS[0], hours=(9,))[:2]
+    found[0]["persons"][0]["id"] = FORMULA
+    del found[1]["persons"][0]["id"]
+    vsd(root, "ingest", str(write(root / "f.jsonl", found)))
+    for suffix in ("csv", "parquet", "jsonl"):
+        vsd(root, "export", "--out", str(tmp_path / f"x.{suffix}"))
+    with (tmp_path / "x.csv").open(newline="") as file:
+        assert {r["track_id"] for r in csv.DictReader(file)} == {f"'{FORMULA}", "b9-0", ""}
+    assert FORMULA in pq.read_table(tmp_path / "x.parquet")["track_id"].to_pylist()
+    assert FORMULA in [p.get("id") for p in json.loads((tmp_path / "x.jsonl").read_text().splitlines()[0])["persons"]]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
+def test_an_export_is_durable_before_it_has_its_name(
+    project: Path, tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, synced, fsync = tmp_path / f"x.{suffix}", [], os.fsync
+
+    def noting(fd: int) -> None:
+        synced.append((os.fstat(fd).st_ino, os.fstat(fd).st_size, out.exists()))
+        fsync(fd)
+
+    monkeypatch.setattr(os, "fsync", noting)
+    vsd(project, "export", "--out", str(out))
+    assert (out.stat().st_ino, out.stat().st_size, False) in synced
+
+
+def test_what_a_killed_export_left_is_removed_by_the_next_one(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Killed(BaseException):
+        """The process ended here."""
+
+    def killed(*_: object, **__: object) -> None:
+        raise Killed
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "rename", killed)
+        patched.setattr(Path, "unlink", killed)
+        with pytest.raises(Killed):
+            vsd(project, "export", "--out", str(tmp_path / "x.csv"))
+    assert len(list(tmp_path.iterdir())) == 1
+    others = {".x.csv", ".notes.csv.tmp", ".mine.0123456789abcdef.tmp"}
+    for name in others:
+        (tmp_path / name).touch()
+    with durable.temporary(tmp_path / "y.csv") as (being_written, _):
+        vsd(project, "export", "--out", str(tmp_path / "y.parquet"))
+        assert {p.name for p in tmp_path.iterdir()} == {*others, being_written.name, "y.parquet"}

@@ -12,7 +12,7 @@ from retained_projects import DAYS, TERMS, TOML, audit, day, make_project, messa
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError
-from vsd_analytics.retention import forget_keys
+from vsd_analytics.retention.purge import forget_keys
 from vsd_analytics.store import secrets
 from vsd_analytics.store.secrets import DayKeys
 
@@ -41,6 +41,31 @@ def test_keys_of_purged_days_go_and_those_of_days_with_records_stay(project: Pat
     assert told["keys"]["forgotten_days"] == ["2026-11-08", DAYS[0]]
     assert keys(project) == [DAYS[1], DAYS[2]], "of 10 November the hours after midnight are still there"
     assert [e.get("forgotten_days") for e in audit(project)] == [None, ["2026-11-08", DAYS[0]]]
+
+
+@pytest.mark.parametrize("is_separate", [False, True])
+def test_the_key_of_the_last_purged_day_goes_where_no_record_of_it_is_left(tmp_path: Path, is_separate: bool) -> None:
+    """A site day ends at 4:00 of the next date: until then records would be left, and there are none."""
+    root = make_project(tmp_path / "p", toml=TOML.replace("pseudonyms = false", ""))
+    found = [m for d in DAYS for m in messages(camera="cam-1", day=d, hours=(9,))]
+    vsd(root, "ingest", str(write(root / "f.jsonl", found)))
+    assert keys(root) == [*DAYS]
+    age = ("purge", "--older-than", DAYS[2], "--force")
+    told = json.loads(vsd(root, *age, "--forget-keys", "--dry-run", "--json"))
+    assert told["keys"]["forgotten_days"] == [DAYS[0], DAYS[1]]
+    if is_separate:
+        vsd(root, *age)
+        vsd(root, "purge", "--forget-keys")
+    else:
+        vsd(root, *age, "--forget-keys")
+    assert keys(root) == [DAYS[2]]
+
+
+def test_a_purge_of_everything_leaves_no_key(tmp_path: Path) -> None:
+    root = make_project(tmp_path / "p", toml=TOML.replace("pseudonyms = false", ""))
+    vsd(root, "ingest", str(three_days(root)))
+    vsd(root, "purge", "--older-than", "2026-11-12", "--force", "--forget-keys")
+    assert keys(root) == []
 
 
 def test_records_of_a_forgotten_day_are_refused_and_others_stored(project: Path) -> None:

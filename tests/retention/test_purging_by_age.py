@@ -24,7 +24,7 @@ from retained_projects import (
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
-from vsd_analytics.retention import Terms, purge_older
+from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.warehouse.build import build
 
 ALL = f"{DAYS[0]}..{DAYS[2]}"
@@ -150,7 +150,7 @@ def test_late_records_of_sealed_hours_are_quarantined_and_others_stored(purged: 
     )
     (source,) = told["sources"]
     assert source["quarantined"] == {"sealed-hour": 3 * (90 + 120)}
-    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0}
+    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0, "sealed": 0}
     after = figures(purged)
     assert {k: after[k] for k in ("hours", "cameras", "heatmap")} == {
         k: before[k] for k in ("hours", "cameras", "heatmap")
@@ -244,7 +244,8 @@ def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
     """Another version of the SQL may know more columns of a fact than its sealed files have."""
     from dataclasses import replace
 
-    from vsd_analytics.warehouse import catalog, sqlfiles, warehouse
+    from vsd_analytics.warehouse import relations as warehouse_relations
+    from vsd_analytics.warehouse import sqlfiles, warehouse
 
     known = dict(sqlfiles.relations("facts"))
     wider = replace(known["coverage"], columns={**dict.fromkeys(known["coverage"].columns, ""), "n_dropped": ""})
@@ -253,7 +254,7 @@ def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
     def relations(*layers: str) -> dict[str, sqlfiles.Relation]:
         return {**real(*layers), **({"coverage": wider} if "facts" in layers else {})}
 
-    monkeypatch.setattr(catalog, "relations", relations)
+    monkeypatch.setattr(warehouse_relations, "relations", relations)
     with warehouse.Warehouse(load_site(purged), day(DAYS[0]), day(DAYS[0])) as opened:
         (row,) = opened.rows("select count(*) as n, count(n_dropped) as n_known from coverage")
     assert row["n"] > 0

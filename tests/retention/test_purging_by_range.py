@@ -13,7 +13,7 @@ from retained_projects import DAYS, TERMS, audit, litter, make_project, messages
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
-from vsd_analytics.retention import purge_range
+from vsd_analytics.retention.purge import purge_range
 from vsd_analytics.schema import TABLES
 
 ALL = f"{DAYS[0]}..2026-11-12"  # 23 UTC is the next day in Rome

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from retained_projects import DAYS, make_project, vsd, write
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.sharing import shared_cells, shared_hours
+from vsd_analytics.figures.masked_tables import ReportsHold, shared_cells, shared_hours
 
 counts = st.one_of(st.none(), st.integers(0, 12))
 rows = st.lists(st.tuples(counts, counts, counts, st.floats(0, 100), st.floats(0, 100)), min_size=1, max_size=12)
@@ -44,6 +45,29 @@ def test_no_small_count_is_printed_and_no_large_one_lost(values: list[tuple[Any,
             assert pd.isna(new["violation_s"]) or new["violation_s"] == 0
         if "person_records" in small:
             assert pd.isna(new["exposure_s"]) or new["exposure_s"] == 0
+
+
+def test_a_small_count_of_an_area_is_not_the_rest_of_its_hour_or_its_week() -> None:
+    starts = [f"2026-11-09T{hour:02d}:00:00+01:00" for hour in (9, 10, 11)]
+    n = {"queue": (3, 7, 12), "door": (9, 8, 20), "aisle": (0, 30, 40)}
+    rows = [(start, "ground", area, 60.0, n[area][k]) for k, start in enumerate(starts) for area in n]
+    frame = pd.DataFrame(rows, columns=["start", "floor_id", "area_id", "exposure_s", "n_violations"])
+    shared = shared_hours(frame.astype({"n_violations": "Int64"}), below=5, reports=ReportsHold())
+    hidden = {(r.start[11:13], r.area_id) for r in shared.itertuples() if pd.isna(r.n_violations)}
+    assert hidden == {("09", "queue"), ("09", "door"), ("10", "queue"), ("10", "door")}
+    assert [r.area_id for r in shared.itertuples() if r.masked] == ["queue"]
+    assert shared["held_back"].sum() == 3
+
+
+def test_what_the_report_holds_back_is_not_in_the_table() -> None:
+    frame = pd.DataFrame({"start": ["a", "b"], "area_id": [None, None], "floor_id": ["ground"] * 2})
+    frame = frame.assign(start=["2026-11-09T09:00:00+01:00", "2026-11-09T10:00:00+01:00"], exposure_s=1.0)
+    frame["n_violations"] = pd.array([9, 12], dtype="Int64")
+    held = ReportsHold(hours=frozenset({"2026-11-09T09:00:00+01:00"}))
+    of_floor = frame.drop(columns=["area_id", "floor_id"]).assign(person_records=pd.array([90, 90], dtype="Int64"))
+    assert shared_hours(of_floor, below=5, reports=held)["n_violations"].isna().tolist() == [True, False]
+    held = ReportsHold(areas=frozenset({(date(2026, 11, 9), "ground", None)}))
+    assert shared_hours(frame, below=5, reports=held)["n_violations"].isna().tolist() == [True, True]
 
 
 def test_cells_hold_small_counts_back_and_tell_no_path() -> None:

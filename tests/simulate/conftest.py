@@ -8,22 +8,22 @@ from pathlib import Path
 import pytest
 
 from vsd_analytics.simulate import DemoTruth, simulate_day, write_demo_project
-from vsd_analytics.simulate.people import Day
-from vsd_analytics.simulate.project import opening
+from vsd_analytics.simulate.demo_project import opening
+from vsd_analytics.simulate.people import SimulatedDay
 
 
-def _saturday(day: date, *, moved: bool) -> Day:
+def _saturday(day: date, *, moved: bool) -> SimulatedDay:
     opens, closes = opening(day)
     return simulate_day(opens, closes=closes, seed=1, interval_s=2.0, display_moved=moved)
 
 
 @pytest.fixture(scope="session")
-def before() -> Day:
+def before() -> SimulatedDay:
     return _saturday(date(2026, 11, 7), moved=False)
 
 
 @pytest.fixture(scope="session")
-def after() -> Day:
+def after() -> SimulatedDay:
     return _saturday(date(2026, 11, 14), moved=True)
 
 

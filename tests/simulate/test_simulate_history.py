@@ -13,21 +13,21 @@ from typing import Any
 import pytest
 
 from vsd_analytics.simulate import DemoTruth, simulate_week, write_demo_project
-from vsd_analytics.simulate import project as demo
-from vsd_analytics.simulate.history import GROWTH, MIN_WEEKS, History, history_of
-from vsd_analytics.simulate.people import Day
+from vsd_analytics.simulate import demo_project as demo
+from vsd_analytics.simulate.history import GROWTH, MIN_WEEKS, ShopHistory, shop_history
+from vsd_analytics.simulate.people import SimulatedDay
 from vsd_analytics.simulate.shop import SHOP_AFTER, SHOP_BEFORE
 
 CAMERAS = ("cam-1", "cam-2")
 LAST = date(2026, 11, 9)
 
 
-def history(weeks: int) -> History | None:
+def history(weeks: int) -> ShopHistory | None:
     mondays = [LAST - timedelta(weeks=k) for k in reversed(range(weeks))]
-    return history_of(mondays, cameras=CAMERAS, timezone="Europe/Rome")
+    return shop_history(mondays, cameras=CAMERAS, timezone="Europe/Rome")
 
 
-def known(weeks: int = 12) -> History:
+def known(weeks: int = 12) -> ShopHistory:
     found = history(weeks)
     assert found is not None
     return found
@@ -75,7 +75,7 @@ def test_a_closed_day_has_no_people_and_a_busier_week_has_more() -> None:
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, DemoTruth]]:
-    def first_days(monday: date, **rest: Any) -> Iterator[Day]:
+    def first_days(monday: date, **rest: Any) -> Iterator[SimulatedDay]:
         return islice(simulate_week(monday, **(rest | {"interval_s": 15.0})), 3)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -11,8 +11,8 @@ import pytest
 from vsd_analytics.ingest.adapter import Source
 from vsd_analytics.simulate import write_messages
 from vsd_analytics.simulate.cameras import CAMERAS, NOISE_SD_M, seen_by_any
-from vsd_analytics.simulate.messages import day_text, track_ids
-from vsd_analytics.simulate.people import Day
+from vsd_analytics.simulate.frame_messages import day_text, track_ids
+from vsd_analytics.simulate.people import SimulatedDay
 from vsd_analytics.simulate.shop import DEPTH_M, SHOP_AFTER, WIDTH_M
 
 
@@ -41,7 +41,7 @@ def frames(text: bytes) -> list[Frame]:
     return [decode(line) for line in text.splitlines()]
 
 
-def test_every_message_is_valid_and_every_frame_is_there(after: Day) -> None:
+def test_every_message_is_valid_and_every_frame_is_there(after: SimulatedDay) -> None:
     made = day_text(after, CAMERAS[0], seed=1, first_seq=500)
     messages = frames(made.text)
     assert len(messages) == after.n_frames == made.n_messages
@@ -54,7 +54,7 @@ def test_every_message_is_valid_and_every_frame_is_there(after: Day) -> None:
     assert all(m.ts.utcoffset() is not None for m in messages)
 
 
-def test_lost_frames_are_absent_and_use_up_their_number(after: Day) -> None:
+def test_lost_frames_are_absent_and_use_up_their_number(after: SimulatedDay) -> None:
     lost = np.zeros(after.n_frames, dtype=np.bool_)
     lost[1000:2000] = True
     kept, whole = day_text(after, CAMERAS[1], seed=1, lost=lost), day_text(after, CAMERAS[1], seed=1)
@@ -62,7 +62,7 @@ def test_lost_frames_are_absent_and_use_up_their_number(after: Day) -> None:
     assert kept.text.splitlines() == lines[:1000] + lines[2000:]
 
 
-def test_each_camera_reports_everybody_in_its_picture_with_noise_of_five_centimetres(before: Day) -> None:
+def test_each_camera_reports_everybody_in_its_picture_with_noise_of_five_centimetres(before: SimulatedDay) -> None:
     for camera in CAMERAS:
         messages = frames(day_text(before, camera, seed=1).text)
         seen = camera.sees(before.x_m, before.y_m)

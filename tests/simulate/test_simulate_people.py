@@ -9,25 +9,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsd_analytics.simulate.people import MARGIN_S, Day, people_inside, simulate_day
-from vsd_analytics.simulate.project import opening
+from vsd_analytics.simulate.demo_project import opening
+from vsd_analytics.simulate.people import MARGIN_S, SimulatedDay, people_inside, simulate_day
 from vsd_analytics.simulate.shop import AREA_RECTS, CHECKOUT, SHOP_AFTER, SHOP_BEFORE
 from vsd_analytics.simulate.truth import close_pairs, hours_of, violations
 from vsd_analytics.simulate.walking import Routes, Walker, serve
 
 
-def a_day(day: date, *, moved: bool, interval_s: float, seed: int = 1) -> Day:
+def a_day(day: date, *, moved: bool, interval_s: float, seed: int = 1) -> SimulatedDay:
     opens, closes = opening(day)
     return simulate_day(opens, closes=closes, seed=seed, interval_s=interval_s, display_moved=moved)
 
 
 @pytest.fixture(params=["before", "after"])
-def day(request: pytest.FixtureRequest) -> Day:
-    found: Day = request.getfixturevalue(request.param)
+def day(request: pytest.FixtureRequest) -> SimulatedDay:
+    found: SimulatedDay = request.getfixturevalue(request.param)
     return found
 
 
-def test_everybody_stays_on_the_free_floor(day: Day) -> None:
+def test_everybody_stays_on_the_free_floor(day: SimulatedDay) -> None:
     assert len(day.x_m) > 100_000
     assert day.shop.is_free(day.x_m, day.y_m).all()
 
@@ -44,12 +44,12 @@ def test_nobody_who_leads_walks_through_a_fixture() -> None:
     assert 1.0 < np.median(walking) / 0.5 < 1.4
 
 
-def _leader(day: Day) -> np.ndarray:
+def _leader(day: SimulatedDay) -> np.ndarray:
     first_row = np.unique(day.party, return_index=True)[1]
     return day.person[first_row][np.searchsorted(day.party[first_row], day.party)]
 
 
-def test_groups_walk_together(day: Day) -> None:
+def test_groups_walk_together(day: SimulatedDay) -> None:
     others = day.person != _leader(day)
     assert 0.1 < others.mean() < 0.35
     key = day.party * day.n_frames + day.frame
@@ -60,7 +60,7 @@ def test_groups_walk_together(day: Day) -> None:
     assert np.quantile(apart_m, 0.99) < 2.0
 
 
-def test_strangers_do_not_walk_together(before: Day) -> None:
+def test_strangers_do_not_walk_together(before: SimulatedDay) -> None:
     first, second = close_pairs(before)
     strangers = before.party[first] != before.party[second]
     a, b = (
@@ -71,7 +71,7 @@ def test_strangers_do_not_walk_together(before: Day) -> None:
     assert np.median(together_s) < 30
 
 
-def test_busy_hours_are_busy_and_the_shop_is_empty_before_opening_and_at_the_end(before: Day) -> None:
+def test_busy_hours_are_busy_and_the_shop_is_empty_before_opening_and_at_the_end(before: SimulatedDay) -> None:
     inside = people_inside(before)
     margin = MARGIN_S * 1000 // before.interval_ms
     assert not inside[:margin].any()
@@ -97,7 +97,7 @@ def test_another_seed_gives_another_day() -> None:
     assert len(first.entered_ms) != len(second.entered_ms)
 
 
-def test_checkout_queue_is_the_busiest_spot_in_true_positions(after: Day) -> None:
+def test_checkout_queue_is_the_busiest_spot_in_true_positions(after: SimulatedDay) -> None:
     found = violations(after)
     counts, _, _ = np.histogram2d(found.x_m, found.y_m, bins=(24, 16), range=((0, 24), (0, 16)))
     i, j = np.unravel_index(counts.argmax(), counts.shape)
@@ -139,7 +139,7 @@ def test_close_pairs_equal_all_pairs_compared(data: st.DataObject) -> None:
     place = st.floats(0, 6).map(lambda v: round(v, 1))
     x, y = (np.array(data.draw(st.lists(place, min_size=n, max_size=n)), dtype=np.float64) for _ in range(2))
     opens, closes = opening(date(2026, 11, 7))
-    day = Day(
+    day = SimulatedDay(
         opens.date(),
         opens,
         closes,
@@ -165,9 +165,9 @@ def test_close_pairs_equal_all_pairs_compared(data: st.DataObject) -> None:
     assert len(first) == len(expected)
 
 
-def test_violations_break_after_the_gap_and_need_three_seconds(before: Day) -> None:
+def test_violations_break_after_the_gap_and_need_three_seconds(before: SimulatedDay) -> None:
     # one pair, a frame every 2 s: frames 0-2 stand for 6 s, then a silence of 6 s, then frame 5 alone for 2 s
-    def world(frames: list[int]) -> Day:
+    def world(frames: list[int]) -> SimulatedDay:
         f = np.array([*frames, *frames], dtype=np.int64)
         person = np.repeat([0, 1], len(frames))
         x = np.where(person == 0, 3.0, 4.5)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from vsd_analytics.simulate.cameras import CAMERAS, HEIGHT_PX, WIDTH_PX, PinholeCamera
-from vsd_analytics.simulate.pictures import picture
 from vsd_analytics.simulate.plan import fixtures
+from vsd_analytics.simulate.scene_pictures import picture
 from vsd_analytics.simulate.shop import SHOP_AFTER, SHOP_BEFORE
 
 

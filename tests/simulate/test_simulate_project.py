@@ -17,8 +17,8 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.frames import Frames
 from vsd_analytics.simulate import DemoTruth, simulate_week, write_demo_project
-from vsd_analytics.simulate import project as demo
-from vsd_analytics.simulate.project import opening
+from vsd_analytics.simulate import demo_project as demo
+from vsd_analytics.simulate.demo_project import opening
 from vsd_analytics.simulate.shop import AREA_RECTS
 
 Project = tuple[Path, DemoTruth]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vsd_analytics.simulate import make_empty, make_pair, make_walk, make_week, merge, simulate_frames
-from vsd_analytics.simulate.project import opening
+from vsd_analytics.simulate.demo_project import opening
 
 ROME = ZoneInfo("Europe/Rome")
 

@@ -8,9 +8,9 @@ import pytest
 from site_text import site_text
 
 from vsd_analytics.config import load_site
+from vsd_analytics.config.first_config import Answers, write_first_config
 from vsd_analytics.errors import ConfigError
-from vsd_analytics.first_config import Answers, write_first_config
-from vsd_analytics.site import AlarmDelivery, AlarmRule, Site
+from vsd_analytics.site.model import AlarmDelivery, AlarmRule, Site
 
 SITE = site_text(more='[[area]]\nid = "queue"\nname = "Queue"\npolygon = [[0, 0], [4, 0], [4, 4]]\n')
 

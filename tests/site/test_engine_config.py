@@ -8,7 +8,7 @@ import pytest
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError
-from vsd_analytics.site import EngineError
+from vsd_analytics.site.model import EngineError
 
 SITE = '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[[camera]]\nid = "cam"\nname = "Cam"\n'
 

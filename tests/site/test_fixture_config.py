@@ -8,7 +8,7 @@ import pytest
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError, VsdError
-from vsd_analytics.site import Fixture, Site
+from vsd_analytics.site.model import Fixture, Site
 
 SITE = """\
 [site]

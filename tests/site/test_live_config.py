@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from site_text import site_text
 
 from vsd_analytics.config import load_site
-from vsd_analytics.config.live import is_topic_filter
+from vsd_analytics.config.broker_and_alarms import is_topic_filter
 from vsd_analytics.errors import ConfigError, LiveError, VsdError
 from vsd_analytics.live.mqtt import password_of
-from vsd_analytics.site import Broker
+from vsd_analytics.site.model import Broker
 
 SITE = site_text()
 

@@ -15,7 +15,7 @@ from site_text import site_text
 from vsd_analytics.config import find_project, load_site
 from vsd_analytics.errors import ConfigError, UsageError, VsdError
 from vsd_analytics.settings import SETTINGS
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 
 SMALLEST = site_text()
 MATRIX = "0.01 0.001 -2\n0.0005 -0.012 9\n0.00001 0.002 1\n"
@@ -443,6 +443,7 @@ def test_points_become_a_calibration_with_its_error(tmp_path: Path) -> None:
         ("u,v,x,y\n0,0,0,0\n1,1,1,1\n2,2,2,2\n3,3,3,3\n", "E402"),
         ("u,v,x\n0,0,0\n", "E405"),
         ("u,v,x,y\n0,0,zero,0\n", "E405"),
+        pytest.param("u,v,x,y\n0,0,0," + '"' + "9" * 200_000 + '"\n', "E405", id="a huge field"),
         ("", "E401"),
     ],
 )

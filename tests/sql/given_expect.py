@@ -32,9 +32,9 @@ from typing import Any
 
 import duckdb
 
-from vsd_analytics.duck import connect
 from vsd_analytics.schema import SCHEMAS
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
+from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.compute import create
 from vsd_analytics.warehouse.dimensions import calendar, register_quarters, register_site, site_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations

@@ -1,4 +1,4 @@
-"""The SQL files keep their own headers, the portable subset, and the style."""
+"""The SQL files follow their headers, the portable subset, and the style."""
 
 from __future__ import annotations
 
@@ -99,6 +99,41 @@ def test_an_incomplete_header_is_refused_by_name(tmp_path: Path, lacking: str) -
     (folder / "one.sql").write_text(text)
     with pytest.raises(SqlError, match=lacking):
         read_relation(folder / "one.sql")
+
+
+def _one(tmp_path: Path, *lines: str) -> Path:
+    """Write a relation with two steps and some lines more in its header."""
+    folder = tmp_path / "marts"
+    folder.mkdir()
+    header = ["name: marts/one", "One row.", "grain: a", "reads: cameras", "columns:", "  a  what", *lines]
+    query = (
+        "with first as (\n    select 1 as a\n),\n\nsecond as (\n    select a from first\n)\n\nselect a from second\n"
+    )
+    path = folder / "one.sql"
+    path.write_text("".join(f"-- {line}\n" for line in [*header, "assumes: nothing"]) + query)
+    return path
+
+
+def test_a_header_explains_steps_of_its_query(tmp_path: Path) -> None:
+    path = _one(tmp_path, "steps:", "  first   one number", "          of many", "  second  the same")
+    assert read_relation(path).steps == {"first": "one number of many", "second": "the same"}
+
+
+def test_a_step_that_the_query_lacks_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(SqlError, match="steps that do not exist") as caught:
+        read_relation(_one(tmp_path, "steps:", "  third  gone"))
+    assert "third" in str(caught.value.why)
+
+
+def test_the_fingerprint_does_not_cover_what_a_header_explains(tmp_path: Path) -> None:
+    explained = read_relation(_one(tmp_path, "steps:", "  first  one number"))
+    assert "one number" not in explained.sql
+    assert explained.sql.startswith("with first as (")
+
+
+@pytest.mark.parametrize("key", ["stored_by", "kept"])
+def test_both_spellings_of_the_day_a_relation_is_stored_by_are_read(tmp_path: Path, key: str) -> None:
+    assert read_relation(_one(tmp_path, f"{key}: local_date")).stored_by == "local_date"
 
 
 @by_name

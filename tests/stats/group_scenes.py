@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vsd_analytics.analysis.groups import Groups, groups
+from vsd_analytics.figures.groups import Groups, groups
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 START_MS = 1_767_258_000_000  # 2026-01-01 09:00 UTC

@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from vsd_analytics.stats.before_after import BeforeAfter, Period, before_after
+from vsd_analytics.stats.before_after import BeforeAfter, PeriodDays, before_after
 
 N_AREAS = 12
 AREA_SD, WEEKDAY_SD = 0.3, 0.15
@@ -64,8 +64,8 @@ def estimate(world: World, seed: int) -> BeforeAfter:
     others = np.arange(N_AREAS) != chosen
     days = np.arange(n.shape[1])
 
-    def period(where: slice) -> Period:
-        return Period(
+    def period(where: slice) -> PeriodDays:
+        return PeriodDays(
             n[chosen, where],
             x_h[chosen, where],
             n[others, where],
@@ -87,7 +87,7 @@ def row(world: World, n_sites: int) -> str:
     found = [e for e in (estimate(world, s) for s in range(n_sites)) if e.theta is not None]
     lo, hi = (np.array([getattr(e, k) for e in found]) for k in ("lo", "hi"))
     covered = np.mean((lo <= world.effect) & (world.effect <= hi))
-    clear = np.mean([e.verdict == "clear fall" for e in found])
+    clear = np.mean([e.verdict == "clear_fall" for e in found])
     placebo = np.mean([e.placebo_lo <= world.effect <= e.placebo_hi for e in found if e.placebo_lo is not None])
     naive = np.exp(np.mean(np.log([e.theta for e in found]))) - 1
     shrunken = np.exp(np.mean([np.log(e.shrunken.theta) for e in found if e.shrunken is not None])) - 1

@@ -19,9 +19,9 @@ import numpy as np
 import pandas as pd
 from group_scenes import FPS, Scores, components, cut, noisy, read_groups, read_scene, recut, score, thinned, through
 
-from vsd_analytics.analysis.groups import Groups
+from vsd_analytics.figures.groups import Groups
 from vsd_analytics.simulate.cameras import CAMERAS
-from vsd_analytics.simulate.messages import track_ids
+from vsd_analytics.simulate.frame_messages import track_ids
 from vsd_analytics.simulate.people import simulate_day
 from vsd_analytics.stats.groups import share_by_days
 

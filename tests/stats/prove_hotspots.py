@@ -200,7 +200,7 @@ def main() -> None:
             for world in WORLDS:
                 print(row(world, pool, arguments.floors), flush=True)
             print(
-                "\n| metres between two places | told as two, each within 1 m | hot cells fall in two |\n|---|---|---|"
+                "\n| metres between two places | seen as two, each within 1 m | hot cells fall in two |\n|---|---|---|"
             )
             for gap_m in (4, 5, 6):
                 told = list(pool.map(partial(two_places, gap_m=gap_m), range(arguments.floors), chunksize=50))

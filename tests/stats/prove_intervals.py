@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from scipy.special import gammaln, stdtrit
 
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
 from vsd_analytics.stats.rates import how_often, how_risky
 
@@ -302,9 +302,9 @@ def make_people(folder: Path, monday: date, *, weeks: int, seed: int) -> Site:
     from vsd_analytics.config import load_site
     from vsd_analytics.simulate.cameras import CAMERAS
     from vsd_analytics.simulate.demo import ingest_demo
-    from vsd_analytics.simulate.messages import day_text
+    from vsd_analytics.simulate.demo_project import write_demo_project
+    from vsd_analytics.simulate.frame_messages import day_text
     from vsd_analytics.simulate.people import simulate_day
-    from vsd_analytics.simulate.project import write_demo_project
 
     write_demo_project(folder, weeks=1, seed=seed)
     shutil.rmtree(folder / "engine")
@@ -327,8 +327,8 @@ def make_people(folder: Path, monday: date, *, weeks: int, seed: int) -> Site:
 
 def people_table(*, judged: int, weeks: int, seed: int) -> None:
     """Print the last `judged` of `weeks` simulated weeks of people; the truth of levels is the mean of all weeks."""
-    from vsd_analytics.analysis.panels import FloorHours, Period, TwoPeriods
-    from vsd_analytics.analysis.rates import change_often, change_risky, level_often, level_risky
+    from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
+    from vsd_analytics.figures.rates import change_often, change_risky, level_often, level_risky
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     first = date(2026, 1, 5)

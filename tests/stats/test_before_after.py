@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.stats.before_after import Period, before_after
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.stats.before_after import PeriodDays, before_after
 
 
 def period(
@@ -21,13 +22,13 @@ def period(
     n_areas: int = 6,
     season: float = 1.0,
     first: int = 0,
-) -> Period:
+) -> PeriodDays:
     n_days = 7 * weeks
     days = np.arange(n_days)
     exposure_h = rng.uniform(20, 60, n_days)
     comparison_x_h = rng.uniform(20, 60, (n_areas, n_days))
     shock = season * np.exp(rng.normal(0, 0.2, n_days))
-    return Period(
+    return PeriodDays(
         rng.poisson(rate * shock * exposure_h).astype(float),
         exposure_h,
         rng.poisson(shock * comparison_x_h).astype(float),
@@ -42,14 +43,14 @@ def test_what_moves_the_whole_site_is_no_effect() -> None:
     found = before_after(period(rng, weeks=4), period(rng, weeks=4, season=1.6, first=4))
     assert found.alone is not None
     assert found.alone > 1.4
-    assert found.verdict == "no clear change"
+    assert found.verdict == "no_clear_change"
     assert found.theta == pytest.approx(1.0, abs=0.12)
 
 
 def test_a_planted_fall_is_found_with_the_size_it_has() -> None:
     rng = np.random.default_rng(12)
     found = before_after(period(rng, weeks=4), period(rng, weeks=4, rate=0.6, season=1.3, first=4))
-    assert found.verdict == "clear fall"
+    assert found.verdict == "clear_fall"
     assert found.lo is not None
     assert found.hi is not None
     assert found.lo < 0.6 < found.hi
@@ -80,10 +81,10 @@ def test_too_little_data_is_refused_with_its_reason(change, word: str) -> None: 
     b, a = period(rng), period(rng, first=2)
     found = before_after(change(b), a)
     assert found.theta is None
-    assert found.verdict == "too little data"
+    assert found.verdict == "too_little_data"
     assert found.state == "not_enough_data"
     assert found.reason is not None
-    assert word in found.reason
+    assert word in reason_text(found.reason)
 
 
 def test_a_day_without_exposure_is_left_out_and_not_zero() -> None:
@@ -91,7 +92,7 @@ def test_a_day_without_exposure_is_left_out_and_not_zero() -> None:
     b, a = period(rng, weeks=3), period(rng, weeks=3, first=3)
     down = np.arange(21) == 10
     blind = replace(b, x_h=np.where(down, 0.0, b.x_h))
-    dropped = Period(*(v[..., ~down] for v in (b.n, b.x_h, b.comparison_n, b.comparison_x_h, b.weekday, b.week)))
+    dropped = PeriodDays(*(v[..., ~down] for v in (b.n, b.x_h, b.comparison_n, b.comparison_x_h, b.weekday, b.week)))
     assert before_after(blind, a) == before_after(dropped, a)
     assert before_after(blind, a).days_before == 20
 
@@ -176,7 +177,7 @@ def test_the_trend_may_be_told_over_more_weeks_than_are_compared() -> None:
     rng = np.random.default_rng(11)
     history = period(rng, weeks=8)
     last = np.arange(56) >= 42
-    b = Period(*(v[..., last] for v in (history.n, history.x_h, history.comparison_n, history.comparison_x_h)),
+    b = PeriodDays(*(v[..., last] for v in (history.n, history.x_h, history.comparison_n, history.comparison_x_h)),
                history.weekday[last], history.week[last])  # fmt: skip
     a = period(rng, first=8)
     assert before_after(b, a).trend is None, "two weeks have no trend"
@@ -192,4 +193,4 @@ def test_too_few_person_hours_are_refused_with_the_rule() -> None:
     found = before_after(b, a, min_exposure_h=5000)
     assert (found.theta, found.state) == (None, "not_enough_data")
     assert found.reason is not None
-    assert found.reason.startswith("needs at least 5000 person-hours in the area before, has ")
+    assert reason_text(found.reason).startswith("needs at least 5000 person-hours in the area before, has ")

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.decomposition import closeness, compare_mixing, concentration, mixing, nearby
 
 CELL_M, DISTANCE_M = 0.25, 2.0
@@ -150,7 +151,7 @@ def test_doubling_people_moves_crowding_alone() -> None:
     assert found.layout == pytest.approx(1.0, abs=0.02)
     assert found.behaviour is not None
     assert found.behaviour.theta == pytest.approx(1.0, abs=0.05)
-    assert found.behaviour.verdict == "no clear change"
+    assert found.behaviour.verdict == "no_clear_change"
     assert found.crowding_share == pytest.approx(1.0, abs=0.03)
     shares = (found.crowding_share, found.layout_share, found.behaviour_share)
     assert sum(s or 0.0 for s in shares) == pytest.approx(1.0)
@@ -163,7 +164,7 @@ def test_companions_are_behaviour() -> None:
         cell_m=CELL_M, distance_m=DISTANCE_M, min_person_h=1,
     )  # fmt: skip
     assert found.behaviour is not None
-    assert found.behaviour.verdict == "clear rise"
+    assert found.behaviour.verdict == "clear_rise"
     assert found.layout == pytest.approx(1.0, abs=0.05)
     logs = [math.log(v or 0) for v in (found.crowding, found.layout, found.behaviour.theta)]
     assert sum(logs) == pytest.approx(math.log(found.close or 0))
@@ -194,7 +195,7 @@ def test_what_cannot_be_known_says_why(close: float, together: float, person_h: 
     )  # fmt: skip
     assert found.state == "not_enough_data"
     assert found.reason is not None
-    assert word in found.reason
+    assert word in reason_text(found.reason)
     assert found.lo is None
 
 

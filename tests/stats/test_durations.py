@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 from vsd_analytics.stats.durations import close_contacts, distance_shares, durations
 
 
@@ -52,10 +54,11 @@ def test_more_than_a_fifth_seen_in_part_makes_durations_at_least(n_cut: int, is_
 def test_few_violations_have_no_durations_and_few_days_no_interval() -> None:
     few = durations([5.0] * 29, range(29), None, seed=1)
     assert (few.median.value_s, few.long_share.value, few.state) == (None, None, "not_enough_data")
-    assert few.reason == few.long_share.reason == "needs at least 30 violations, has 29"
+    assert few.reason == few.long_share.reason
+    assert reason_text(few.reason) == "needs at least 30 violations, has 29"
     short = durations([5.0] * 30, [0, 1, 2] * 10, None, seed=1)
     assert (short.median.value_s, short.median.lo_s, short.state) == (5.0, None, "not_enough_data")
-    assert short.reason == "an interval needs at least 5 days with violations, has 3"
+    assert reason_text(short.reason) == "an interval needs at least 5 days with violations, has 3"
 
 
 def test_distances_are_weighted_by_time_and_end_below_the_legal_distance() -> None:
@@ -71,8 +74,11 @@ def test_distances_are_weighted_by_time_and_end_below_the_legal_distance() -> No
 
 def test_distances_of_few_violations_have_a_reason() -> None:
     found = distance_shares([100], [5.0], distance_m=2.0, n_violations=29)
-    assert ({s.share for s in found.shares}, found.reason) == ({None}, "needs at least 30 violations, has 29")
-    assert distance_shares([], [], distance_m=2.0, n_violations=None).reason == "nobody was in violation"
+    assert ({s.share for s in found.shares}, reason_text(found.reason)) == (
+        {None},
+        "needs at least 30 violations, has 29",
+    )
+    assert distance_shares([], [], distance_m=2.0, n_violations=None).reason == Reason("nobody.in_violation")
 
 
 STARTS = st.one_of(st.integers(0, 600), st.integers(85_500, 87_000))
@@ -101,5 +107,5 @@ def test_an_episode_of_days_is_one_contact_and_cut_ids_are_not_measurable() -> N
     assert close_contacts([1], [0.0], [200_000.0], [True]).n == 1
     cut = close_contacts([1, 2], [0.0, 0.0], [1000.0, 900.0], [False, True])
     assert (cut.n, cut.n_pairs, cut.state) == (None, 2, "not_measurable")
-    assert "47% of violation time" in (cut.reason or "")
+    assert "47% of violation time" in reason_text(cut.reason)
     assert close_contacts([], [], [], []).state == "not_enough_data"

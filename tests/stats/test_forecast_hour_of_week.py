@@ -6,6 +6,7 @@ import numpy as np
 import prove_forecast as prove
 import pytest
 
+from vsd_analytics.result import Reason
 from vsd_analytics.stats.hour_of_week import as_weeks, peaks, recorded_hours, slot_rates, spread
 
 SLOTS = 168
@@ -109,7 +110,7 @@ def test_the_peak_is_told_with_the_hours_it_cannot_be_told_apart_from() -> None:
 def test_a_peak_needs_events_and_data() -> None:
     few = np.zeros((4, SLOTS))
     few[0, :4] = 1
-    assert peaks(slot_rates(few, np.ones_like(few))).reason == "needs at least 5 violations, has 4"
+    assert peaks(slot_rates(few, np.ones_like(few))).reason == Reason("violations.few", least=5.0, has=4.0)
     assert peaks(slot_rates(few, 0 * few)).state == "not_enough_data"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.rates import how_often, how_risky
 from vsd_analytics.stats.trend import weekly_trend
 
@@ -40,12 +41,12 @@ def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray
     made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=coverage, n_weeks=5)
     assert [w.state for w in made.weeks] == ["ok", *["not_enough_data"] * 3, "ok"]
     assert [w.often is None for w in made.weeks] == [False, True, True, True, False]
-    assert [w.reason for w in made.weeks[1:4]] == [
+    assert [reason_text(w.reason) for w in made.weeks[1:4]] == [
         "40% of the open hours were recorded, a rate needs 60%",
         "nothing was recorded",
         "closed all week",
     ]
-    assert (made.state, made.reason) == ("not_enough_data", "a trend needs 3 recorded weeks, has 2")
+    assert (made.state, reason_text(made.reason)) == ("not_enough_data", "a trend needs 3 recorded weeks, has 2")
 
 
 def test_without_positions_there_is_no_risk_but_how_often(world: tuple[np.ndarray, ...]) -> None:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.forecast import chances, forecast_week, score_forecast
 
 SLOTS = 168
@@ -74,7 +75,7 @@ def test_fewer_than_four_weeks_are_refused_with_the_rule() -> None:
     x_h = np.ones_like(n)
     x_h[:5] = 0
     made = forecast_week(n, x_h, is_count=True)
-    assert (made.state, made.reason) == ("not_enough_data", "a forecast needs 4 recorded weeks, has 3")
+    assert (made.state, reason_text(made.reason)) == ("not_enough_data", "a forecast needs 4 recorded weeks, has 3")
     assert np.isnan(made.mean).all()
     assert score_forecast(made, n[0], ONES).state == "not_enough_data"
     assert chances(n, x_h).reason == made.reason

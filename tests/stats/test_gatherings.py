@@ -9,8 +9,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from vsd_analytics.live.situations import Edge, Frame
+from vsd_analytics.live.situations import Edge, PeopleGraph
 from vsd_analytics.live.situations import gatherings as live_gatherings
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats import gatherings
 from vsd_analytics.warehouse.graphs import components
 
@@ -59,7 +60,7 @@ def test_no_edges_have_no_components_and_a_node_joined_to_itself_is_one() -> Non
 def test_alarms_find_the_same_clusters_as_networkx_and_the_reports() -> None:
     nx = pytest.importorskip("networkx")
     for n, edges in random_graphs(5):
-        people = Frame([str(i) for i in range(n)], [None] * n, [Edge(a, b, 1000) for a, b in edges], [])
+        people = PeopleGraph([str(i) for i in range(n)], [None] * n, [Edge(a, b, 1000) for a, b in edges], [])
         alarms = {frozenset(map(int, s.tracks)) for s in live_gatherings(people)}
         assert alarms == {frozenset(c) for c in nx.connected_components(nx.Graph(edges))}
         a, b = np.array(edges, dtype=int).reshape(-1, 2).T
@@ -155,6 +156,6 @@ def test_little_time_in_clusters_has_no_shares_and_a_reason() -> None:
     found = gatherings.size_distribution([2, 3], [60.0, 60.0])
     assert {s.share for s in found.sizes} == {None}
     assert found.state == "not_enough_data"
-    assert found.reason == "needs clusters for at least 30 min, has 2.0"
+    assert reason_text(found.reason) == "needs clusters for at least 30 min, has 2.0"
     nothing = gatherings.size_distribution([], [])
     assert (nothing.state, nothing.person_s) == ("not_enough_data", 0.0)

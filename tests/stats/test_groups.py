@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 from vsd_analytics.stats.groups import share_by_days, track_lives
 
 days = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 400)), min_size=5, max_size=30).map(
@@ -60,11 +62,11 @@ def test_a_day_without_violations_says_nothing(rows: tuple[np.ndarray, np.ndarra
 
 
 def test_too_little_gives_no_interval_and_says_why() -> None:
-    assert share_by_days([], []).reason == "there was no violation"
+    assert share_by_days([], []).reason == Reason("violations.none")
     one_day = share_by_days([5], [10])
     assert (one_day.value, one_day.lo, one_day.state) == (0.5, None, "not_enough_data")
-    assert "5 days" in str(one_day.reason)
-    assert "5 violations" in str(share_by_days([1, 0, 0, 0, 0], [1, 1, 1, 1, 0], min_days=2).reason)
+    assert "5 days" in reason_text(one_day.reason)
+    assert "5 violations" in reason_text(share_by_days([1, 0, 0, 0, 0], [1, 1, 1, 1, 0], min_days=2).reason)
 
 
 def test_none_of_many_is_not_zero_for_sure() -> None:
@@ -98,12 +100,12 @@ def test_short_ids_that_go_on_as_others_are_cut_and_the_filter_says_so_with_the_
     found = lives(8.0, 100, n_goes_on=17, n_came_before=4)
     assert (found.state, found.cut_share) == ("not_measurable", 0.13)
     for said in ("group filter not applicable", "median of 8.0 s", "0% of person-time", "13%"):
-        assert said in str(found.reason)
+        assert said in reason_text(found.reason)
 
 
 def test_few_short_ids_do_not_tell() -> None:
     found = lives(8.0, 29)
-    assert (found.state, "29 ends" in str(found.reason)) == ("not_enough_data", True)
+    assert (found.state, "29 ends" in reason_text(found.reason)) == ("not_enough_data", True)
 
 
 def test_half_of_person_time_decides_not_half_of_the_ids() -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky, split_change
 from vsd_analytics.stats.estimates import verdict_of
 from vsd_analytics.stats.rates import how_often
@@ -90,54 +91,54 @@ def test_weekday_profile_cancels_when_weekdays_are_paired() -> None:
     change = compare_how_often([PROFILE * 20], HOURS[:1], [PROFILE * 10], HOURS[:1])
     assert change.theta == pytest.approx(0.5)
     assert change.log_se == pytest.approx(0, abs=1e-12)
-    assert change.verdict == "clear fall"
+    assert change.verdict == "clear_fall"
 
 
 def test_few_days_or_violations_are_too_little_data() -> None:
     short = compare_how_often([PROFILE[:4]], HOURS[:1, :4], [PROFILE[:4]], HOURS[:1, :4])
-    assert (short.verdict, short.state, short.lo) == ("too little data", "not_enough_data", None)
+    assert (short.verdict, short.state, short.lo) == ("too_little_data", "not_enough_data", None)
     assert short.theta == 1
-    assert "5 pairs of days recorded in both, has 4" in str(short.reason)
+    assert "5 pairs of days recorded in both, has 4" in reason_text(short.reason)
     rare = compare_how_often([[1, 0, 0, 0, 1, 0, 0]], HOURS[:1], [[0, 1, 1, 1, 0, 1, 0]], HOURS[:1])
-    assert (rare.verdict, rare.theta) == ("too little data", 2)
+    assert (rare.verdict, rare.theta) == ("too_little_data", 2)
 
 
 def test_many_violations_to_none_is_a_clear_fall_and_few_to_none_is_not() -> None:
     none = [[0] * 7]
     fall = compare_how_often([PROFILE], HOURS[:1], none, HOURS[:1])
-    assert (fall.verdict, fall.theta, fall.lo, fall.is_conservative) == ("clear fall", 0, 0, True)
+    assert (fall.verdict, fall.theta, fall.lo, fall.is_conservative) == ("clear_fall", 0, 0, True)
     assert 3 / PROFILE.sum() < fall.hi < 0.05
     few = compare_how_often([[1, 1, 1, 1, 1, 1, 0]], HOURS[:1], none, HOURS[:1])
-    assert (few.verdict, few.lo, few.hi) == ("too little data", None, None)
+    assert (few.verdict, few.lo, few.hi) == ("too_little_data", None, None)
 
 
 def test_none_to_many_violations_is_a_clear_rise_without_upper_limit() -> None:
     rise = compare_how_often([[0] * 7], HOURS[:1], [PROFILE], HOURS[:1])
-    assert (rise.verdict, rise.theta, rise.change, rise.hi) == ("clear rise", None, None, None)
+    assert (rise.verdict, rise.theta, rise.change, rise.hi) == ("clear_rise", None, None, None)
     assert rise.lo > 10
 
 
 def test_no_violation_in_either_period_is_too_little_data() -> None:
     nothing = compare_how_often(np.zeros((2, 7)), HOURS, np.zeros((2, 7)), HOURS)
-    assert (nothing.verdict, nothing.theta, nothing.rate_a) == ("too little data", None, 0)
+    assert (nothing.verdict, nothing.theta, nothing.rate_a) == ("too_little_data", None, 0)
 
 
 def test_nothing_recorded_in_common_is_too_little_data() -> None:
     nothing = compare_how_often(np.ones((2, 7)), HOURS, np.ones((2, 7)), np.zeros((2, 7)))
-    assert (nothing.verdict, nothing.rate_a, nothing.n_days) == ("too little data", None, 0)
+    assert (nothing.verdict, nothing.rate_a, nothing.n_days) == ("too_little_data", None, 0)
 
 
 def test_cameras_that_recorded_one_day_each_are_too_little_data() -> None:
     n, x = np.eye(5) * 20, np.eye(5) * 10
-    assert compare_how_often(n, x, n, x).verdict == "too little data"
+    assert compare_how_often(n, x, n, x).verdict == "too_little_data"
 
 
 def test_risk_needs_positions_and_exposure_in_both_periods() -> None:
     n, people = [5] * 7, [30.0] * 7
     assert compare_how_risky(n, None, n, people).state == "not_measurable"
     thin = compare_how_risky(n, people, n, [2.0] * 7)
-    assert (thin.verdict, thin.state) == ("too little data", "not_enough_data")
-    assert "20 person-hours in each period, has 14.0" in str(thin.reason)
+    assert (thin.verdict, thin.state) == ("too_little_data", "not_enough_data")
+    assert "20 person-hours in each period, has 14.0" in reason_text(thin.reason)
 
 
 def test_more_people_at_the_same_risk_explain_the_whole_rise() -> None:
@@ -148,7 +149,7 @@ def test_more_people_at_the_same_risk_explain_the_whole_rise() -> None:
     crowd = compare_exposure(people, HOURS[0], people * 1.5, HOURS[0])
     risky = compare_how_risky(n, people, n * 1.5, people * 1.5)
     split = split_change(often=often, people=crowd, risky=risky)
-    assert (often.verdict, crowd.verdict, risky.verdict) == ("clear rise", "clear rise", "no clear change")
+    assert (often.verdict, crowd.verdict, risky.verdict) == ("clear_rise", "clear_rise", "no_clear_change")
     assert split.people_share == pytest.approx(1)
     assert split.rest == pytest.approx(1)
     assert crowd.rate_a == pytest.approx(people.sum() / 86)
@@ -169,19 +170,19 @@ def test_split_multiplies_back_to_the_whole_change() -> None:
 
 def test_split_of_an_unclear_change_names_no_share() -> None:
     same = compare_how_often([PROFILE], HOURS[:1], [PROFILE[::-1]], HOURS[:1])
-    assert same.verdict == "no clear change"
+    assert same.verdict == "no_clear_change"
     assert split_change(often=same, people=same, risky=same).people_share is None
 
 
 @pytest.mark.parametrize(
     ("lo", "hi", "verdict"),
     [
-        (0.8, 0.99, "clear fall"),
-        (1.01, 1.2, "clear rise"),
-        (0.9, 1.0, "no clear change"),
-        (1.0, 1.1, "no clear change"),
-        (1.5, None, "clear rise"),
-        (None, None, "too little data"),
+        (0.8, 0.99, "clear_fall"),
+        (1.01, 1.2, "clear_rise"),
+        (0.9, 1.0, "no_clear_change"),
+        (1.0, 1.1, "no_clear_change"),
+        (1.5, None, "clear_rise"),
+        (None, None, "too_little_data"),
     ],
 )
 def test_verdict_is_clear_only_when_the_interval_excludes_no_change(

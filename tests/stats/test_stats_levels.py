@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.influence import as_counts, equal_weights, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile, zero_events_limit
@@ -229,11 +230,11 @@ def test_too_few_days_or_violations_give_the_rate_without_an_interval() -> None:
     few_days = how_often([[20, 30, 25, 22]], [[13.0] * 4])
     assert (few_days.state, few_days.lo, few_days.hi) == ("not_enough_data", None, None)
     assert few_days.rate == pytest.approx(97 / 52)
-    assert "5 recorded days, has 4" in str(few_days.reason)
+    assert "5 recorded days, has 4" in reason_text(few_days.reason)
     few_events = how_often([[1, 0, 0, 2, 0, 1, 0]], HOURS[:1])
     assert few_events.rate == pytest.approx(4 / 86)
     assert few_events.lo is None
-    assert "5 violations, has 4" in str(few_events.reason)
+    assert "5 violations, has 4" in reason_text(few_events.reason)
 
 
 def test_nothing_recorded_is_not_zero() -> None:
@@ -245,7 +246,7 @@ def test_risk_needs_positions_and_exposure() -> None:
     assert how_risky([3] * 7, None).state == "not_measurable"
     thin = how_risky([3] * 7, [2.5] * 7)
     assert (thin.rate, thin.state) == (None, "not_enough_data")
-    assert "20 person-hours, has 17.5" in str(thin.reason)
+    assert "20 person-hours, has 17.5" in reason_text(thin.reason)
 
 
 def test_few_violations_spread_evenly_by_luck_do_not_look_certain() -> None:

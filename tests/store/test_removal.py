@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import shutil
 import threading
@@ -21,13 +22,13 @@ from vsd_analytics.store.removal import (
     AUDIT,
     LOCK,
     Intent,
-    Which,
+    RecordScope,
     complete,
     pending,
     reading,
     remove_records,
     removing,
-    rows_meant,
+    rows_in_scope,
 )
 
 CAMERAS = ("cam-1", "cam-2")
@@ -51,13 +52,13 @@ def two_cameras() -> list[dict[str, Any]]:
     return [person(NINE + h * HOUR + 1000 * k, f"t{k}", camera=c) for c in CAMERAS for h in range(3) for k in range(10)]
 
 
-def purge(store: Store, which: Which) -> None:
+def purge(store: Store, which: RecordScope) -> None:
     """Remove as `retention.purge_range` does, without its facts."""
     with removing(store.root):
         rewrite = {}
         for name in ("frames", "observations", "pairs"):
             parts = store.parts(name)
-            hit = [str(p.path.relative_to(store.root.parent)) for p in parts if rows_meant(p.path, which)]
+            hit = [str(p.path.relative_to(store.root.parent)) for p in parts if rows_in_scope(p.path, which)]
             if hit:
                 rewrite[name] = tuple(hit)
         if rewrite:
@@ -68,7 +69,7 @@ def contents(project: Path) -> dict[str, list[str]]:
     return {name: sorted(map(str, rows)) for name, rows in stored(project / "store").items()}
 
 
-def meant(row: dict[str, Any], which: Which) -> bool:
+def meant(row: dict[str, Any], which: RecordScope) -> bool:
     ms = round(row["ts"].timestamp() * 1000)
     return which.camera_id in (None, row["camera_id"]) and which.first_ms <= ms < which.after_ms
 
@@ -85,7 +86,7 @@ def test_exactly_what_is_meant_goes_and_comes_back(
 ) -> None:
     project = tmp_path_factory.mktemp("p")
     people = [person(NINE + at, track, camera=c) for c, at, track in rows]
-    which = Which(camera, NINE + min(edges), NINE + max(edges))
+    which = RecordScope(camera, NINE + min(edges), NINE + max(edges))
     store = fill(project, people)
     before = contents(project)
     expected = {n: sorted(str(r) for r in found if not meant(r, which)) for n, found in stored(store.root).items()}
@@ -98,7 +99,7 @@ def test_exactly_what_is_meant_goes_and_comes_back(
 
 def test_a_part_without_survivors_and_its_empty_folder_are_gone(tmp_path: Path) -> None:
     store = fill(tmp_path, [person()])
-    purge(store, Which("cam-1", NINE, NINE + 1))
+    purge(store, RecordScope("cam-1", NINE, NINE + 1))
     assert part_names(store.root) == []
     assert list((store.root / "observations" / "site=shop").iterdir()) == []
 
@@ -109,8 +110,8 @@ def test_records_of_other_cameras_and_the_engines_of_a_part_stay(tmp_path: Path)
     store.append("observations", table("observations", rows), engines=["acme 2.1"])
     store.append("pairs", table("pairs", [pair()]))
     store.fold()
-    purge(store, Which("cam-1", NINE, NINE + 1))
-    from vsd_analytics.store.store import engines_of
+    purge(store, RecordScope("cam-1", NINE, NINE + 1))
+    from vsd_analytics.store.part_files import engines_of
 
     (left,) = store.parts("observations")
     assert engines_of(left.path) == ["acme 2.1"]
@@ -125,7 +126,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return project
 
 
-WHICH = Which("cam-1", NINE + 5000, NINE + 2 * HOUR + 5000)
+WHICH = RecordScope("cam-1", NINE + 5000, NINE + 2 * HOUR + 5000)
 
 
 @pytest.fixture(scope="module")
@@ -236,6 +237,69 @@ def test_a_damaged_intent_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError) as caught:
         store.fold()
     assert caught.value.code == "E302"
+
+
+PART = "store/observations/site=shop/date=2026-11-09/09-0123456789abcdef.parquet"
+EVERY = {"camera_id": None, "first_ms": 0, "after_ms": 1}
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"unlink": ["../victim"]},
+        {"unlink": ["store/../../victim"]},
+        {"unlink": ["/tmp/victim"]},
+        {"unlink": ["vsd.toml"]},
+        {"unlink": ["store/observations/site=../date=2026-11-09/09-0123456789abcdef.parquet"]},
+        {"unlink": [PART + "\n"]},
+        {"unlink": ["sealed/camera_hours/site=shop/date=2026-11-09/09-0123456789abcdef.parquet"]},
+        {"which": EVERY, "rewrite": {"observations": ["../victim"]}},
+        {"which": {**EVERY, "after_ms": 2**60}, "rewrite": {"observations": [PART]}},
+        {"which": EVERY, "rewrite": {"victims": [PART]}},
+        {"which": EVERY, "unseal": [10**12]},
+        {"site_id": "../../victim"},
+        {"forget": ["2026-99-99"]},
+        {"forget": ["../victim"]},
+        {"quarantined": ["x"]},
+        {"entry": "DEEP"},
+    ],
+)
+def test_an_intent_that_no_purge_writes_is_refused_and_removes_nothing(tmp_path: Path, said: dict[str, Any]) -> None:
+    """Such as one that came with a project somebody else made; its hash is right."""
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    store = fill(tmp_path / "p", [person()])
+    data = json.dumps({"site_id": "shop", "entry": {}, **said}).encode()
+    data = data.replace(b'"DEEP"', b'{"a":' * 100_000 + b"1" + b"}" * 100_000)
+    durable.publish(store.root / "purge" / f"{durable.digest(data)}.json", data)
+    before = contents(tmp_path / "p")
+    with pytest.raises(StoreError) as caught:
+        store.fold()
+    assert caught.value.code == "E302"
+    assert victim.read_text() == "precious"
+    assert contents(tmp_path / "p") == before
+
+
+def test_an_intent_does_not_follow_a_link_out_of_the_store(tmp_path: Path) -> None:
+    store = fill(tmp_path / "p", [person()])
+    elsewhere = tmp_path / "elsewhere" / Path(PART).name
+    elsewhere.parent.mkdir()
+    elsewhere.write_text("precious")
+    (store.root / "pairs" / "site=shop").mkdir(parents=True)
+    (store.root / "pairs" / "site=shop" / "date=2026-11-09").symlink_to(elsewhere.parent)
+    intent = Intent(site_id="shop", entry={}, unlink=(PART.replace("observations", "pairs"),))
+    with removing(store.root), pytest.raises(StoreError) as caught:
+        remove_records(store.root, intent)
+    assert "is a link" in str(caught.value.why)
+    assert elsewhere.read_text() == "precious"
+
+
+def test_a_store_that_is_a_link_itself_is_purged(tmp_path: Path) -> None:
+    fill(tmp_path / "disk", [person()])
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p" / "store").symlink_to(tmp_path / "disk" / "store")
+    purge(Store(tmp_path / "p" / "store", site_id="shop"), RecordScope("cam-1", NINE, NINE + 1))
+    assert contents(tmp_path / "disk")["observations"] == []
 
 
 def test_a_removal_waits_for_readers_and_gives_up_in_time(tmp_path: Path) -> None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from stored_rows import HOUR, NINE, frame, part_names, person, stored, table
 
-from vsd_analytics.store import Counts, Store, durable
+from vsd_analytics.errors import DiskError
+from vsd_analytics.store import Store, TableCounts, durable
 
 _APPEND = """
 import os, sys
@@ -28,8 +32,10 @@ def dying(path, data, real=durable.publish):
     left -= 1
     if left < 0:
         durable.make_dirs(path.parent)
-        (path.parent / f".{path.name}.{os.getpid()}.tmp").write_bytes(bytes(data)[:10])
-        os._exit(9)
+        with durable.temporary(path) as (_, f):
+            f.write(bytes(data)[:10])
+            f.flush()
+            os._exit(9)
     real(path, data)
 durable.publish = dying
 """
@@ -102,25 +108,81 @@ def test_two_processes_that_append_and_fold_at_once_store_each_record_once(tmp_p
     assert Store(tmp_path, site_id="shop").damaged() == []
 
 
-def test_litter_of_dead_processes_is_swept_and_of_live_ones_kept(tmp_path: Path) -> None:
-    dead = _python("", tmp_path)
-    dead.wait()
-    folder = tmp_path / "observations" / "site=shop"
-    folder.mkdir(parents=True)
-    swept = folder / f".a.parquet.{dead.pid}.tmp"
-    kept = [folder / f".b.parquet.{os.getpid()}.tmp", folder / f"visible.{dead.pid}.tmp", folder / ".x.tmp"]
-    for path in (swept, *kept):
+_WRITE_AND_WAIT = """
+with durable.temporary(Path(sys.argv[1]) / "b.parquet") as (name, f):
+    print(name, flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Iterator[Path]:
+    """A temporary file that a live process writes; this process cannot see it by its id, as in another container."""
+    text = _APPEND.format(here=str(Path(__file__).parent)) + _WRITE_AND_WAIT
+    writer = subprocess.Popen([sys.executable, "-c", text, tmp_path], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert writer.stdout is not None
+    yield Path(writer.stdout.readline().decode().strip())
+    writer.communicate()
+
+
+def test_litter_of_dead_processes_is_swept_and_files_of_live_ones_are_not(
+    tmp_path: Path, elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_such_process(_pid: int, _signal: int) -> None:
+        raise ProcessLookupError
+
+    monkeypatch.setattr(os, "kill", no_such_process)
+    swept = [tmp_path / f".a.parquet.{'0' * 16}.tmp", tmp_path / ".of version 0.1.4194999.tmp"]
+    left = [elsewhere, tmp_path / "visible.4194999.tmp", tmp_path / ".x.tmp", tmp_path / ".y.parquet.other.tmp"]
+    for path in (*swept, *left[1:]):
         path.write_bytes(b"half")
-    Store(tmp_path, site_id="shop").fold()
-    assert not swept.exists()
-    assert all(path.exists() for path in kept)
+    with durable.temporary(tmp_path / "c.parquet") as (own, _):
+        Store(tmp_path, site_id="shop").fold()
+        assert all(path.exists() for path in [*left, own])
+    assert not any(path.exists() for path in [*swept, own])
+
+
+def test_two_containers_with_one_process_id_do_not_write_into_each_others_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "getpid", lambda: 1)
+    path, real = tmp_path / "part.parquet", os.fsync
+
+    def fsync(fd: int) -> None:
+        real(fd)
+        monkeypatch.setattr(os, "fsync", refuse)
+        with pytest.raises(DiskError):  # in the other container, whose disk is full
+            durable.publish(path, b"B")
+        monkeypatch.setattr(os, "fsync", real)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    durable.publish(path, b"AAAA")
+    assert path.read_bytes() == b"AAAA"
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_new_file_that_was_swept_before_it_was_locked_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, swept = fcntl.flock, []
+
+    def flock(file: Any, operation: int) -> None:
+        if not swept and operation == fcntl.LOCK_EX:
+            swept.append(durable.sweep_temporaries(tmp_path))
+        real(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    durable.publish(tmp_path / "part.parquet", b"data")
+    assert swept == [1]
+    assert (tmp_path / "part.parquet").read_bytes() == b"data"
+
+
+def refuse(_fd: int) -> None:
+    raise OSError(28, "No space left on device")
 
 
 def test_a_disk_that_refuses_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store(tmp_path, site_id="shop")
-
-    def refuse(fd: int) -> None:
-        raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", refuse)
@@ -128,7 +190,7 @@ def test_a_disk_that_refuses_leaves_nothing_half_written(tmp_path: Path, monkeyp
             durable.publish(tmp_path / "part.parquet", b"data")
     assert list(tmp_path.iterdir()) == []
     store.append("frames", table("frames", [frame()]))
-    assert store.fold().tables["frames"] == Counts(1, 0, 0)
+    assert store.fold().tables["frames"] == TableCounts(1, 0, 0)
 
 
 def test_published_bytes_are_whole_and_folders_are_private(tmp_path: Path) -> None:

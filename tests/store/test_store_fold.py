@@ -13,16 +13,16 @@ from stored_rows import HOUR, NINE, frame, pair, part_names, person, stored, tab
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.schema import TableName
-from vsd_analytics.store import Counts, Store
+from vsd_analytics.store import Store, TableCounts
 from vsd_analytics.store import store as store_module
-from vsd_analytics.store.store import engines_of
+from vsd_analytics.store.part_files import engines_of
 
 
-def _folded(root: Path, *batches: list[dict[str, Any]], name: TableName = "observations") -> Counts:
+def _folded(root: Path, *batches: list[dict[str, Any]], name: TableName = "observations") -> TableCounts:
     store = Store(root, site_id="shop")
     for batch in batches:
         store.append(name, table(name, batch))
-    return store.fold().tables.get(name, Counts())
+    return store.fold().tables.get(name, TableCounts())
 
 
 def _keys(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
@@ -35,7 +35,7 @@ def test_what_was_acknowledged_is_in_the_spool_before_and_in_its_hour_after_a_fo
     assert store.n_spooled() == 2
     assert store.parts("observations") == []
     result = store.fold()
-    assert result.tables["observations"] == Counts(2, 0, 0)
+    assert result.tables["observations"] == TableCounts(2, 0, 0)
     assert result.hours == {NINE // HOUR, NINE // HOUR + 1}
     assert store.n_spooled() == 0
     assert [p.hour for p in store.parts("observations")] == [NINE // HOUR, NINE // HOUR + 1]
@@ -63,7 +63,7 @@ def test_nothing_appended_is_nothing_written(tmp_path: Path) -> None:
 def test_folding_twice_is_folding_once(tmp_path: Path) -> None:
     _folded(tmp_path, [person(track=t) for t in "abc"])
     before = part_names(tmp_path)
-    assert _folded(tmp_path) == Counts()
+    assert _folded(tmp_path) == TableCounts()
     assert part_names(tmp_path) == before
 
 
@@ -71,31 +71,31 @@ def test_a_redelivered_batch_counts_nothing_and_writes_nothing(tmp_path: Path) -
     batch = [person(track=t, x_mm=i) for i, t in enumerate("abc")]
     _folded(tmp_path, batch)
     before = part_names(tmp_path)
-    assert _folded(tmp_path, batch) == Counts(0, 3, 0)
+    assert _folded(tmp_path, batch) == TableCounts(0, 3, 0)
     assert part_names(tmp_path) == before
 
 
 def test_the_same_batch_twice_before_a_fold_is_one_file_of_the_spool(tmp_path: Path) -> None:
-    assert _folded(tmp_path, [person()], [person()]) == Counts(1, 0, 0)
+    assert _folded(tmp_path, [person()], [person()]) == TableCounts(1, 0, 0)
     assert _keys(stored(tmp_path)["observations"]) == _keys([{**person(), "ts": _ts()}])
 
 
 def test_the_same_record_in_two_batches_is_known_and_another_value_is_a_second_sighting(tmp_path: Path) -> None:
     found = _folded(tmp_path, [person(), person(track="b")], [person(), person(track="b", x_mm=7)])
-    assert found == Counts(2, 1, 1)
+    assert found == TableCounts(2, 1, 1)
     assert [(r["track_id"], r["x_mm"]) for r in stored(tmp_path)["observations"]] == [("a", 1000), ("b", 7)]
 
 
 def test_the_first_write_wins_over_later_deliveries_of_a_key(tmp_path: Path) -> None:
     _folded(tmp_path, [person(x_mm=900)])
-    assert _folded(tmp_path, [person(x_mm=5)]) == Counts(0, 1, 0)
+    assert _folded(tmp_path, [person(x_mm=5)]) == TableCounts(0, 1, 0)
     assert [r["x_mm"] for r in stored(tmp_path)["observations"]] == [900]
 
 
 def test_late_data_make_an_extra_part_with_the_new_rows_only(tmp_path: Path) -> None:
     _folded(tmp_path, [person(), person(NINE + 200)])
     before = part_names(tmp_path)
-    assert _folded(tmp_path, [person(), person(NINE + 100)]) == Counts(1, 1, 0)
+    assert _folded(tmp_path, [person(), person(NINE + 100)]) == TableCounts(1, 1, 0)
     after = part_names(tmp_path)
     assert set(before) < set(after)
     assert len(after) == 2
@@ -104,31 +104,31 @@ def test_late_data_make_an_extra_part_with_the_new_rows_only(tmp_path: Path) -> 
 
 def test_people_without_track_are_known_by_where_they_stand(tmp_path: Path) -> None:
     batch = [person(track=None, x_mm=x, index=i) for i, x in enumerate((1, 2, 3))]
-    assert _folded(tmp_path, batch) == Counts(3, 0, 0)
+    assert _folded(tmp_path, batch) == TableCounts(3, 0, 0)
     other_order = [person(track=None, x_mm=x, index=i) for i, x in enumerate((3, 1, 2, 4))]
-    assert _folded(tmp_path, other_order) == Counts(1, 3, 0)
+    assert _folded(tmp_path, other_order) == TableCounts(1, 3, 0)
 
 
 def test_a_missing_track_is_not_the_track_of_another_missing_one_elsewhere(tmp_path: Path) -> None:
     found = _folded(tmp_path, [person(track=None, camera="cam-1"), person(track=None, camera="cam-2")])
-    assert found == Counts(2, 0, 0)
+    assert found == TableCounts(2, 0, 0)
 
 
 def test_frames_are_known_by_camera_and_instant(tmp_path: Path) -> None:
-    assert _folded(tmp_path, [frame(), frame(camera="cam-2"), frame(NINE + 1)], name="frames") == Counts(3, 0, 0)
-    assert _folded(tmp_path, [frame(n_persons=4)], name="frames") == Counts(0, 1, 0)
+    assert _folded(tmp_path, [frame(), frame(camera="cam-2"), frame(NINE + 1)], name="frames") == TableCounts(3, 0, 0)
+    assert _folded(tmp_path, [frame(n_persons=4)], name="frames") == TableCounts(0, 1, 0)
 
 
 def test_pairs_are_known_by_both_tracks_or_by_both_members(tmp_path: Path) -> None:
     batch = [pair(), pair(b="c"), pair(a=None, b=None), pair(a=None, b=None, members=(0, 2))]
-    assert _folded(tmp_path, batch, name="pairs") == Counts(4, 0, 0)
-    assert _folded(tmp_path, [*batch, pair(b="d")], name="pairs") == Counts(1, 4, 0)
+    assert _folded(tmp_path, batch, name="pairs") == TableCounts(4, 0, 0)
+    assert _folded(tmp_path, [*batch, pair(b="d")], name="pairs") == TableCounts(1, 4, 0)
 
 
 def test_pairs_without_ids_at_one_instant_are_told_apart_by_their_distance(tmp_path: Path) -> None:
     batch = [pair(a=None, b=None, mm=1500), pair(a=None, b=None, mm=1501)]
-    assert _folded(tmp_path, batch, name="pairs") == Counts(2, 0, 0)
-    assert _folded(tmp_path, batch, name="pairs") == Counts(0, 2, 0)
+    assert _folded(tmp_path, batch, name="pairs") == TableCounts(2, 0, 0)
+    assert _folded(tmp_path, batch, name="pairs") == TableCounts(0, 2, 0)
 
 
 rows_of_two_hours = st.lists(
@@ -163,7 +163,7 @@ def test_every_key_is_stored_exactly_once_however_it_is_delivered(
     batches: list[list[dict[str, Any]]], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     root = tmp_path_factory.mktemp("store")
-    total = Counts()
+    total = TableCounts()
     for batch in batches:
         total += _folded(root, batch)
     sent = [r for batch in batches for r in batch]
@@ -176,7 +176,7 @@ def test_busy_days_folded_hour_by_hour_are_the_same(tmp_path: Path, monkeypatch:
     rows = [person(NINE + k * HOUR // 2, track=str(k % 3)) for k in range(-20, 40)]
     _folded(tmp_path / "days", rows, rows[::2])
     monkeypatch.setattr(store_module, "SPAN_ROWS", 5)
-    assert _folded(tmp_path / "hours", rows[::2], rows) == Counts(60, 30, 0)
+    assert _folded(tmp_path / "hours", rows[::2], rows) == TableCounts(60, 30, 0)
     assert part_names(tmp_path / "days") == part_names(tmp_path / "hours")
 
 
@@ -207,7 +207,7 @@ def test_foreign_files_are_ignored(tmp_path: Path) -> None:
     store = Store(tmp_path, site_id="shop")
     assert len(store.parts("observations")) == 1
     assert store.damaged() == []
-    assert _folded(tmp_path, [person(track="z")]) == Counts(1, 0, 0)
+    assert _folded(tmp_path, [person(track="z")]) == TableCounts(1, 0, 0)
 
 
 @pytest.mark.parametrize("where", [0.1, 0.5, 0.95])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 from collections.abc import Callable
@@ -17,17 +16,17 @@ from site_text import site_text
 from stored_rows import HOUR, NINE, frame, pair, person, table
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
-from vsd_analytics.retention import Terms, purge_older
+from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable
-from vsd_analytics.store.store import part_bytes
-from vsd_analytics.store.verify import Check, all_parts, check_parts, check_spool, newest_parts
+from vsd_analytics.store.part_files import part_bytes
+from vsd_analytics.store.verify_files import Check, all_parts, check_parts, check_spool, newest_parts
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.sqlfiles import relations
-from vsd_analytics.warehouse.verify import Verification, verify
+from vsd_analytics.warehouse.verify_facts import Verification, verify
 
 CONFIG = site_text(timezone="UTC", more="hz = 1\n")
 DEAD = 4_194_999  # beyond the greatest process number of Linux
@@ -294,11 +293,11 @@ def test_a_folder_with_the_name_of_a_part_is_named(project: Path) -> None:
 
 
 def test_half_written_files_of_the_dead_are_noted_and_those_of_the_living_are_not(project: Path) -> None:
-    dead = a_part(project).parent / f".09-0123456789abcdef.parquet.{DEAD}.tmp"
-    living = dead.with_name(f".09-0123456789abcdef.parquet.{os.getpid()}.tmp")
-    for path in (dead, living):
-        path.write_bytes(b"half")
-    result = verify(site(project))
+    part = a_part(project)
+    dead = part.with_name(f".{part.name}.{DEAD}.tmp")
+    dead.write_bytes(b"half")
+    with durable.temporary(part):
+        result = verify(site(project))
     assert result.is_whole
     assert [f.path for f in result.notes] == [dead]
 
@@ -412,7 +411,7 @@ def test_the_command_says_what_is_whole_and_what_to_do(project: Path, capsys: py
     out, err = capsys.readouterr()
     assert out.endswith("1 thing needs you\n")
     assert f"damaged[E302]: a file with stored records is damaged\n  --> {path.relative_to(project)}" in err
-    assert " mend: restore it from a backup" in err
+    assert "  fix: restore it from a backup" in err
     assert run(cli, ["-C", str(project), "verify", "--json", "--no-facts"]) == 1
     told = json.loads(capsys.readouterr().out)
     assert told["ok"] is False
@@ -431,9 +430,9 @@ def test_doctor_names_a_damaged_part_of_the_newest(project: Path, capsys: pytest
 def test_doctor_stays_quick_and_says_what_it_looked_at(
     project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vsd_analytics.doctor.QUICK_BYTES", 1)
+    monkeypatch.setattr("vsd_analytics.doctor.checks.QUICK_BYTES", 1)
     path = a_part(project, "frames")
     path.write_bytes(b"")
     run(cli, ["-C", str(project), "doctor"])
-    assert "looked at the newest 1 of 18 files, vsd verify reads all" in capsys.readouterr().out
+    assert "checked the newest 1 of 18 files, vsd verify checks all" in capsys.readouterr().out
     assert found(verify(site(project), with_facts=False)) == {"parts": [path.name]}

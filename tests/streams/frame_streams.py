@@ -15,12 +15,13 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pyarrow.parquet as pq
 
-from vsd_analytics.live.batches import Delivery
-from vsd_analytics.live.messages import Preparer
+from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.live.decode import Preparer
 from vsd_analytics.schema import TABLES
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
-from vsd_analytics.warehouse.build import BuildResult, build
+from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.build_result import BuildResult
 
 EVERY_S = 5
 MINUTE = timedelta(minutes=1)
@@ -105,7 +106,7 @@ def deliver(
 
     def put() -> None:
         prepared = preparer.prepare(
-            [Delivery("vsd/x/frames", m.payload, len(m.payload)) for m in batch], now=batch[-1].arrives
+            [ReceivedMessage("vsd/x/frames", m.payload, len(m.payload)) for m in batch], now=batch[-1].arrives
         )
         for table in reversed(TABLES):
             if table in prepared.tables:

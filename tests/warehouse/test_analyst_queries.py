@@ -11,7 +11,7 @@ import pytest
 from warehouse_projects import T0, Person, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
-from vsd_analytics.warehouse.analyst import query_rows, run_query
+from vsd_analytics.warehouse.analyst_query import query_rows, run_query
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from warehouse_projects import T0, Person, make_site, open_days, put
 
-from vsd_analytics.site import Area, Calibration, Camera
-from vsd_analytics.warehouse.causes import SiteTimes
+from vsd_analytics.site.model import Area, Calibration, Camera
 from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar
+from vsd_analytics.warehouse.input_fingerprint import SiteInputs
 
 ROOT = Path()
 HALF_PAST = tuple(((8 * 60 + 30, 20 * 60),) for _ in range(7))
@@ -76,4 +76,4 @@ def test_what_decides_the_ground_side_of_a_homography_is_part_of_the_digest() ->
     camera = Camera("cam", "Cam", "ground", calibrations=(tilted,), picture_px=(640, 90))
     high = replace(camera, picture_px=(640, 480))
     sites = [make_site(ROOT, cameras=[c]) for c in (camera, high)]
-    assert len({SiteTimes(site).of_hour(0, present={"cam"})["calibration"] for site in sites}) == 2
+    assert len({SiteInputs(site).of_hour(0, present={"cam"})["calibration"] for site in sites}) == 2

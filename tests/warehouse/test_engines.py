@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from warehouse_projects import HOUR, T0, Frame, Pair, Person, at, beats, make_site, open_days, put
 
-from vsd_analytics.site import Calibration, Camera
-from vsd_analytics.warehouse import figures
+from vsd_analytics.figures import operator_counts
+from vsd_analytics.site.model import Calibration, Camera
 
 
 def scaled(metres_per_px: float, *, valid_from: datetime | None = None) -> Calibration:
@@ -35,7 +35,7 @@ def test_sent_pairs_are_used_and_none_is_derived(tmp_path: Path) -> None:
     with open_days(site) as warehouse:
         found = hour(warehouse)
         violations = warehouse.rows("select track_a, track_b, duration_s, x_m, min_distance_m from violations")
-        heat = figures.heatmap(warehouse, at="person")
+        heat = operator_counts.heatmap(warehouse, at="person")
     assert (found["person_records"], found["violation_records"], found["violation_s"]) == (30, 10, 20.0)
     assert violations == [{"track_a": "a", "track_b": "c", "duration_s": 10.0, "x_m": 0.5, "min_distance_m": 1.5}]
     assert {(r.cx, r.cy): r.records for r in heat.itertuples() if r.records} == {(0, 0): 10, (1, 0): 10}
@@ -96,7 +96,7 @@ def test_pixels_without_calibration_are_people_without_a_place(tmp_path: Path) -
     with open_days(site) as warehouse:
         found = hour(warehouse)
         n_unlocated = warehouse.rows("select sum(n_unlocated) as n from exposure")[0]["n"]
-        heat = figures.heatmap(warehouse)
+        heat = operator_counts.heatmap(warehouse)
     assert (found["person_records"], found["violation_records"], n_unlocated) == (2, None, 2)
     assert heat.empty
 
@@ -128,7 +128,7 @@ def test_people_two_cameras_see_are_counted_once(tmp_path: Path) -> None:
     with open_days(site) as warehouse:
         found = hour(warehouse)
         told = warehouse.rows("select sum(person_records) as n, sum(n_doubled) as doubled from exposure")[0]
-        heat = figures.heatmap(warehouse, at="person")
+        heat = operator_counts.heatmap(warehouse, at="person")
         cells = warehouse.rows("select sum(person_records) as n, sum(violation_persons) as v from heatmap")[0]
         owned = warehouse.rows(
             "select camera_id, min(cx) as low, max(cx) as high from owner_cells where cy between 0 and 19 "

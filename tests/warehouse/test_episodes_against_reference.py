@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from warehouse_projects import HOUR, T0, Pair, Person, at, beats, make_site, open_days, put
 
-from vsd_analytics.site import Camera
+from vsd_analytics.site.model import Camera
 
 Episode = tuple[str, str, int, int, int, float]
 Around = dict[int, tuple[int, np.ndarray]]

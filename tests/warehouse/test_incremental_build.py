@@ -14,7 +14,7 @@ import pytest
 from warehouse_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.site import Calibration, Camera
+from vsd_analytics.site.model import Calibration, Camera
 from vsd_analytics.warehouse import build as build_module
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.sqlfiles import relations

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from warehouse_projects import DAY, HOUR, T0, Frame, make_site, open_days, put, table
 
 from vsd_analytics.cli import cli
-from vsd_analytics.cli.shared import run
-from vsd_analytics.duck import connect
-from vsd_analytics.warehouse import figures
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.figures import operator_counts
+from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.dimensions import calendar, register_site
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -113,7 +113,7 @@ def test_sent_minus_stored_is_the_sum_of_the_gaps(tmp_path: Path) -> None:
     with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
         total = warehouse.rows("select sum(n_missing)::bigint as n from message_gaps")[0]["n"]
         missing = warehouse.rows("select first_missing, last_missing from message_gaps order by 1")
-        told = figures.coverage(warehouse)
+        told = operator_counts.coverage(warehouse)
     assert {n for row in missing for n in range(row["first_missing"], row["last_missing"] + 1)} == lost
     assert total == told["n_missing"] == len(lost)
     assert sum(gap["n_missing"] for gap in told["gaps"]) == len(lost)
@@ -128,7 +128,7 @@ def test_engine_that_numbers_nothing_has_unknown_gaps_not_none(tmp_path: Path) -
     site = make_site(tmp_path)
     put(site, [Frame(T0 + s * 1000) for s in range(0, 100, 7)])
     with open_days(site) as warehouse:
-        told = figures.coverage(warehouse)
+        told = operator_counts.coverage(warehouse)
     assert (told["n_missing"], told["gaps"]) == (None, [])
 
 
@@ -136,10 +136,10 @@ def test_late_message_closes_its_gap(tmp_path: Path) -> None:
     site = make_site(tmp_path)
     put(site, [Frame(T0 + HOUR - 3000 + s * 1000, seq=s) for s in range(8) if s != 3])
     with open_days(site) as warehouse:
-        assert figures.coverage(warehouse)["n_missing"] == 1
+        assert operator_counts.coverage(warehouse)["n_missing"] == 1
     put(site, [Frame(T0 + HOUR, seq=3)])
     with open_days(site) as warehouse:
-        assert figures.coverage(warehouse)["n_missing"] == 0
+        assert operator_counts.coverage(warehouse)["n_missing"] == 0
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from warehouse_projects import HOUR, T0, Person, make_site, open_days, put
 
-from vsd_analytics.site import Camera
+from vsd_analytics.figures import operator_counts
+from vsd_analytics.site.model import Camera
 from vsd_analytics.store import Store
-from vsd_analytics.warehouse import figures
 from vsd_analytics.warehouse.build import build
 
 CAMERAS = tuple(Camera(c, c, "ground", hz=1.0) for c in ("cam", "cam-2"))
@@ -120,8 +120,8 @@ def test_violation_time_and_heatmaps_equal_brute_force(tmp_path: Path, has_ids: 
     in_violation = {(ts, xy) for _, ts, a, b, _ in close for xy in (a, b)}
     with open_days(site, heat_cell_m=0.5) as warehouse:
         hour = warehouse.frame("select * from hours where person_records is not null").iloc[0]
-        midpoints = figures.heatmap(warehouse, at="midpoint")
-        persons = figures.heatmap(warehouse, at="person")
+        midpoints = operator_counts.heatmap(warehouse, at="midpoint")
+        persons = operator_counts.heatmap(warehouse, at="person")
     assert hour["person_records"] == len(people)
     assert hour["exposure_s"] == len(people)
     assert hour["violation_records"] == sum(close.values()) > 100

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from warehouse_projects import DAY, HOUR, T0, Person, at, beats, make_site, open_days, put
 
-from vsd_analytics.site import Camera
-from vsd_analytics.warehouse import figures
+from vsd_analytics.figures import operator_counts
+from vsd_analytics.site.model import Camera
 
 STEP = 100
 
@@ -70,8 +70,8 @@ def test_hours_of_a_week_have_the_right_labels_and_sums(
     put(site, [Person(ts, t, x, 0) for ts in instants for t, x in (("a", 0), ("b", 1000))])
     with open_days(site, first, last, heat_cell_m=1.0) as warehouse:
         rows = warehouse.rows("select * from hours")
-        starts = [figures.local_iso(warehouse, r["hour_start_ms"]) for r in rows]
-        heat = figures.heatmap(warehouse)
+        starts = [operator_counts.local_iso(warehouse, r["hour_start_ms"]) for r in rows]
+        heat = operator_counts.heatmap(warehouse)
     local = [datetime.fromtimestamp(ts / 1000, tz=ZoneInfo(zone)) for ts in instants]
     week = [d for d in local if date.fromisoformat(first) <= d.date() <= date.fromisoformat(last)]
     counts = Counter((d.date(), d.hour, d.fold) for d in week)
@@ -125,8 +125,8 @@ def test_missing_hour_is_not_zero(tmp_path: Path) -> None:
     site = make_site(tmp_path)
     put(site, beats(T0, T0 + HOUR))
     with open_days(site) as warehouse:
-        frame = figures.hours(warehouse).set_index(figures.hours(warehouse)["start"].str[11:13])
-        by_camera = figures.hours(warehouse, by="camera")
+        frame = operator_counts.hours(warehouse).set_index(operator_counts.hours(warehouse)["start"].str[11:13])
+        by_camera = operator_counts.hours(warehouse, by="camera")
     counts = ["person_records", "violation_records", "n_violations", "exposure_s", "violation_s"]
     assert frame.loc["08", counts].tolist() == [0, 0, 0, 0, 0]
     assert frame.loc["08", "state"] == "full"
@@ -150,7 +150,7 @@ def test_closed_days_and_hours_are_closed_not_missing(tmp_path: Path) -> None:
     put(site, [*beats(T0, T0 + 2 * HOUR), Person(T0 - HOUR, "a", 0, 0), Person(T0 + DAY, "a", 0, 0)])
     with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
         states = warehouse.rows("select local_date, local_hour, state, person_records from hours")
-        coverage = figures.coverage(warehouse)
+        coverage = operator_counts.coverage(warehouse)
     monday = {r["local_hour"]: r for r in states if r["local_date"] == date(2026, 11, 9)}
     assert [monday[h]["state"] for h in (7, 8, 9, 10, 19, 20)] == [
         "closed",

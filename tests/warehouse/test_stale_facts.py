@@ -13,9 +13,10 @@ import pytest
 from warehouse_projects import DAY, HOUR, T0, Frame, Person, fact_files, make_site, open_days, put
 
 from vsd_analytics.resources import shipped
-from vsd_analytics.site import Calibration, Camera, Floor, Site
+from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 from vsd_analytics.warehouse import sqlfiles
-from vsd_analytics.warehouse.build import BuildResult, build
+from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.sqlfiles import relations
 
 HOURS = range(T0 // HOUR - 4, T0 // HOUR + 6)

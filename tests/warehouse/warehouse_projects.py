@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Camera, Floor, Site
+from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
 from vsd_analytics.warehouse.warehouse import Warehouse
 

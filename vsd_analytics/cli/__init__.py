@@ -1,4 +1,4 @@
-"""The `vsd` command: one file per command group, each command a thin shell over a public function."""
+"""The `vsd` command: one file per command, each a thin shell over a public function."""
 
 from __future__ import annotations
 
@@ -10,46 +10,26 @@ import sys
 
 import click
 
-from vsd_analytics.cli.shared import CONTEXT_SETTINGS, Project, instant, render_error, run
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.cli.instants import instant
+from vsd_analytics.cli.options import CONTEXT_SETTINGS
+from vsd_analytics.cli.output import render_error
+from vsd_analytics.cli.project import Project
 from vsd_analytics.version import VERSION
 
-# verbs first; the order is the order of a first week with the product
-COMMANDS: dict[str, str] = {
-    "demo": "first_steps:demo",
-    "init": "site_work:init",
-    "calibrate": "site_work:calibrate",
-    "log": "site_work:log",
-    "check": "data_in:check",
-    "ingest": "data_in:ingest",
-    "quarantine": "quarantine:quarantine",
-    "listen": "living:listen",
-    "alarms": "alarming:alarms",
-    "build": "data_in:build",
-    "coverage": "figures:coverage",
-    "hours": "figures:hours",
-    "heatmap": "figures:heatmap",
-    "hotspots": "spots:hotspots",
-    "groups": "together:groups",
-    "compare": "comparing:compare",
-    "forecast": "outlook:forecast",
-    "report": "reports:report",
-    "planner": "planning:planner",
-    "site": "site_index:site",
-    "export": "keeping:export",
-    "purge": "keeping:purge",
-    "sql": "analyst:sql",
-    "schema": "help_work:schema",
-    "verify": "verifying:verify",
-    "doctor": "help_work:doctor",
-    "explain": "help_work:explain",
-}
+COMMANDS = (
+    *("demo", "init", "calibrate", "log", "check", "ingest", "quarantine", "listen", "alarms", "build"),
+    *("coverage", "hours", "heatmap", "hotspots", "groups", "compare", "forecast", "report", "planner", "site"),
+    *("export", "purge", "sql", "schema", "verify", "doctor", "explain"),
+)
+"""The commands, each in the module of its name, in the order in which a new user needs them."""
 
 GARBAGE_AFTER = 50_000
-"""Objects that a command makes before garbage is looked for; Python's own 700 is for less than imports alone make."""
+"""New objects before Python collects garbage. Its own 700 would collect many times during the imports alone."""
 
 
 class LazyGroup(click.Group):
-    """A group whose command modules are imported when asked for, so that `vsd --help` stays quick."""
+    """A group whose command modules are imported on first use, so that one command starts fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names in the order of `COMMANDS`."""
@@ -57,11 +37,9 @@ class LazyGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import and return one command."""
-        place = COMMANDS.get(cmd_name)
-        if place is None:
+        if cmd_name not in COMMANDS:
             return None
-        module, attribute = place.split(":")
-        command: click.Command = getattr(importlib.import_module(f"vsd_analytics.cli.{module}"), attribute)
+        command: click.Command = getattr(importlib.import_module(f"vsd_analytics.cli.{cmd_name}"), cmd_name)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -94,7 +72,7 @@ def _first_sentence(text: str) -> str:
     "-C", "folder", metavar="DIR", default=".", help="Project folder (default: where vsd.toml is found upward)."
 )
 @click.option("--now", metavar="INSTANT", help="Use this instant as the clock, for repeatable runs.")
-@click.option("--quiet", is_flag=True, help="Say nothing but results and errors.")
+@click.option("--quiet", is_flag=True, help="Print nothing but results and errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Show tracebacks of internal errors.")
 @click.version_option(VERSION, prog_name="vsd")
 @click.pass_context
@@ -119,7 +97,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave the process with its exit code.
 
     Args:
-        arguments: None = those of the process, which then looks for garbage less often and, when all went well, ends
+        arguments: None = those of the process. It then collects garbage less often and, after exit code 0,
             without taking apart what it imported: together a tenth of a report's time.
     """
     if arguments is not None:
@@ -129,8 +107,10 @@ def main(arguments: list[str] | None = None) -> None:
     if code != 0:
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError):  # nobody reads any more
+        with contextlib.suppress(OSError):  # the reader closed the pipe
             stream.flush()
+    if (spill := sys.modules.get("vsd_analytics.store.spill")) is not None:  # importing it for --help would be slow
+        spill.leave()
     os._exit(0)
 
 

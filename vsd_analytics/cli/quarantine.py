@@ -1,4 +1,4 @@
-"""`vsd quarantine list|replay`: what could not be used, and trying it again after mending."""
+"""`vsd quarantine list|replay`: records that could not be used, and how to try them again."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.data_in import renames_of
-from vsd_analytics.cli.shared import Project, emit_json, json_option, pass_project, plain, render_error
+from vsd_analytics.cli.file_options import renames_of
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json, plain, render_error
+from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from vsd_analytics.ingest.quarantine import Entry, ReasonSummary
+    from vsd_analytics.ingest.quarantine_writer import ReasonSummary
     from vsd_analytics.ingest.replay import ReplayResult
+    from vsd_analytics.store.quarantine import QuarantineEntry
 
 _SOURCES_SHOWN = 3
 _TEXT_CHARS = 160
@@ -25,7 +28,7 @@ source_option = click.option("--source", metavar="TEXT", help="Sources whose nam
 
 @click.group()
 def quarantine() -> None:
-    """Look at the records that could not be used, and try them again.
+    """List the records that could not be used, and try them again.
 
     \b
     Example:
@@ -52,14 +55,14 @@ def list_(project: Project, /, reason: str | None, source: str | None, limit: in
       vsd quarantine list
       vsd quarantine list --reason unknown-camera --limit 5
     """
-    from vsd_analytics.ingest.quarantine import summarise
+    from vsd_analytics.ingest.quarantine_writer import summarise
 
     found = summarise(project.site.root / "quarantine", reason=reason, source=source, n_examples=limit)
     if as_json:
         emit_json({"reasons": [_summary_dict(s) for s in found]})
     else:
         for summary in found:
-            _tell_summary(summary)
+            _print_summary(summary)
         if not found:
             click.echo("nothing is in quarantine" + (" that fits" if reason or source else ""))
     return 1 if found else 0
@@ -89,10 +92,10 @@ def replay(
     dry_run: bool,
     as_json: bool,
 ) -> int:
-    """Try the records in quarantine again, after vsd.toml or the mapping was mended.
+    """Try the records in quarantine again, after you fixed vsd.toml or the mapping.
 
-    Good ones are stored, each once, and leave quarantine; bad ones stay with the reason they have now. Times are held
-    against the instant each record was quarantined at, or against --now where it is given. Exit code 0 when all are
+    Good ones are stored, each once, and leave quarantine; bad ones stay with the reason they have now. Times are
+    checked against the instant each record was quarantined at, or against --now if given. Exit code 0 when all are
     gone, 1 when some remain.
 
     \b
@@ -116,20 +119,20 @@ def replay(
     if as_json:
         emit_json(_replay_dict(result, is_dry_run=dry_run))
     else:
-        _tell_replay(result, is_dry_run=dry_run)
+        _print_replay(result, is_dry_run=dry_run)
     return 1 if result.n_left else 0
 
 
 def _summary_dict(summary: ReasonSummary) -> dict[str, Any]:
-    from vsd_analytics.ingest.reasons import MENDS
+    from vsd_analytics.ingest.reasons import FIXES
 
     return {
         "reason": summary.reason,
-        "kept": summary.n_kept,
+        "kept": summary.n_stored,
         "counted_not_kept": summary.n_not_kept,
         "replayable": summary.n_replayable,
         "sources": dict(summary.sources.most_common()),
-        "mend": MENDS.get(summary.reason),
+        "mend": FIXES.get(summary.reason),
         "examples": [
             {
                 "source": e.source,
@@ -144,22 +147,23 @@ def _summary_dict(summary: ReasonSummary) -> dict[str, Any]:
     }
 
 
-def _tell_summary(summary: ReasonSummary) -> None:
-    from vsd_analytics.ingest.reasons import MENDS
+def _print_summary(summary: ReasonSummary) -> None:
+    from vsd_analytics.ingest.reasons import FIXES
 
-    counted = f", and {summary.n_not_kept:,} counted but not kept" if summary.n_not_kept else ""
-    click.echo(plain(f"{summary.reason}: {summary.n_kept:,} kept{counted}; {summary.n_replayable:,} can be replayed"))
+    counted = f", and {summary.n_not_kept:,} counted but not stored" if summary.n_not_kept else ""
+    line = f"{summary.reason}: {summary.n_stored:,} stored{counted}; {summary.n_replayable:,} can be replayed"
+    click.echo(plain(line))
     for name, n in summary.sources.most_common(_SOURCES_SHOWN):
         click.echo(f"    {n:>9,}  {_line(name)}")
     if len(summary.sources) > _SOURCES_SHOWN:
         click.echo(f"               and {len(summary.sources) - _SOURCES_SHOWN:,} more sources")
     for entry in summary.examples:
-        _tell_example(entry)
-    if mend := MENDS.get(summary.reason):
-        click.echo(f"     mend: {mend}")
+        _print_example(entry)
+    if mend := FIXES.get(summary.reason):
+        click.echo(f"     fix: {mend}")
 
 
-def _tell_example(entry: Entry) -> None:
+def _print_example(entry: QuarantineEntry) -> None:
     click.echo(f"      --> {_line(entry.source)}, line {entry.line}")
     if entry.text:
         click.echo(f"       |  {_line(entry.text)}")
@@ -174,43 +178,50 @@ def _line(text: str) -> str:
 def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
     return {
         "dry_run": is_dry_run,
-        "tried": result.n_chosen - sum(result.n_fixed.values()),
-        "mended": result.n_mended,
+        "tried": result.n_chosen - sum(result.n_not_replayable.values()),
+        "mended": result.n_solved,
         "records": dict(result.n_records),
         "left_out": dict(result.n_dropped),
         "still_bad": dict(result.n_bad),
-        "not_replayable": dict(result.n_fixed),
+        "not_replayable": dict(result.n_not_replayable),
         "counted_not_kept": dict(result.n_not_kept),
         "errors": [e.as_dict() for e in result.errors],
         "stored": {
-            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second}
+            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
             for t, c in result.fold.tables.items()
         },
+        "waited_in_spool": result.waiting.n_new,
     }
 
 
-def _tell_replay(result: ReplayResult, *, is_dry_run: bool) -> None:
-    from vsd_analytics.ingest.reasons import MENDS
+def _print_replay(result: ReplayResult, *, is_dry_run: bool) -> None:
+    from vsd_analytics.ingest.reasons import FIXES
 
-    _tell_counts("left out", result.n_dropped, "")
+    _print_counts("left out", result.n_dropped, "")
     for reason, n in sorted(result.n_bad.items()):
         click.echo(plain(f"    still bad: {n:,} {reason}"))
-        if mend := MENDS.get(reason):
-            click.echo(f"         mend: {mend}")
-    _tell_counts("cannot be replayed", result.n_fixed, "; mend and ingest their file again")
-    _tell_counts("counted, not kept", result.n_not_kept, "; ingest their file again")
+        if mend := FIXES.get(reason):
+            click.echo(f"         fix: {mend}")
+    _print_counts("cannot be replayed", result.n_not_replayable, "; fix and ingest their file again")
+    _print_counts("counted, not stored", result.n_not_kept, "; ingest their file again")
     for error in result.errors:
         click.echo(render_error(error, word="warning"), err=True)
-    n_records, n_new = sum(result.n_records.values()), sum(c.n_new for c in result.fold.tables.values())
-    said = (
-        f"{result.n_mended:,} of {result.n_chosen:,} are good now, {n_records:,} record{'s' if n_records != 1 else ''}"
+    if n_waiting := result.waiting.n_new:
+        click.echo(
+            f"    {n_waiting:,} record{'s' if n_waiting != 1 else ''} that waited in the spool were stored first"
+        )
+    n_records, n_new = sum(result.n_records.values()), result.fold.n_new
+    counts = (
+        f"{result.n_solved:,} of {result.n_chosen:,} are good now, {n_records:,} record{'s' if n_records != 1 else ''}"
     )
-    new = "" if is_dry_run else f", {n_new:,} of them new to the store"
-    click.echo(f"{said}{new}; {result.n_left:,} remain")
+    new = "" if is_dry_run or not n_records else f", {n_new:,} of them new to the store"
+    if n_new > n_records:  # another process put records into the spool meanwhile
+        new = f"; the store gained {n_new:,}, with those that others sent meanwhile"
+    click.echo(f"{counts}{new}; {result.n_left:,} remain")
     if is_dry_run:
         click.echo("nothing was written")
 
 
-def _tell_counts(words: str, counts: Mapping[str, int], mend: str) -> None:
+def _print_counts(words: str, counts: Mapping[str, int], mend: str) -> None:
     for reason, n in sorted(counts.items()):
         click.echo(plain(f"    {words}: {n:,} {reason}{mend}"))

@@ -1,31 +1,21 @@
-"""The range a command works on: a week, days, or everything stored; and the warehouse of it."""
+"""The range a command works on (a week, days, or everything stored) and its warehouse."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from datetime import date, timedelta
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.shared import F, Project, parse_range, parse_week, progress
-from vsd_analytics.errors import StoreError
+from vsd_analytics.cli.instants import parse_range, parse_week
+from vsd_analytics.cli.output import facts_progress, render_error
+from vsd_analytics.cli.project import Project
+from vsd_analytics.errors import StoreError, VsdError
 
 if TYPE_CHECKING:
     from vsd_analytics.warehouse.warehouse import Warehouse
-
-
-def range_options(command: F) -> F:
-    """Add `--week` and `--range` to a command."""
-    for option in (
-        click.option(
-            "--range", "days", metavar="DAYS", help="Local days: 2026-11-09..2026-11-15 (default: everything stored)."
-        ),
-        click.option("--week", metavar="WEEK", help="ISO week: 2026-W46, last, last-2."),
-    ):
-        command = option(command)
-    return command
 
 
 def resolve(project: Project, *, week: str | None, days: str | None) -> tuple[date, date]:
@@ -34,7 +24,7 @@ def resolve(project: Project, *, week: str | None, days: str | None) -> tuple[da
     Raises:
         StoreError: E301, nothing is stored and no range was given.
     """
-    from vsd_analytics.warehouse.warehouse import stored_extent
+    from vsd_analytics.warehouse.stored_days import stored_extent
 
     if week is not None:
         monday = parse_week(week, last=last_monday(project))
@@ -49,7 +39,7 @@ def resolve(project: Project, *, week: str | None, days: str | None) -> tuple[da
 
 def last_monday(project: Project) -> date:
     """Return the Monday that `--week last` means: of the last whole week before the clock, but not after the data."""
-    from vsd_analytics.warehouse.warehouse import stored_extent
+    from vsd_analytics.warehouse.stored_days import stored_extent
 
     today = project.now.astimezone(project.site.zone).date()
     whole = today - timedelta(days=today.weekday() + 7)
@@ -73,15 +63,26 @@ def nothing_stored(project: Project) -> StoreError:
 @contextmanager
 def warehouse_of(project: Project, *, week: str | None, days: str | None, **options: Any) -> Iterator[Warehouse]:
     """Open the warehouse of a range with a progress bar over what must be computed first."""
+    from vsd_analytics.store.stretches import FAR_OFF_FIX
     from vsd_analytics.warehouse.warehouse import open_warehouse
 
     first, last = resolve(project, week=week, days=days)
-    with progress(None, total=None, label="facts", unit="h", quiet=project.quiet) as bar:
-
-        def plan(n_hours: int) -> None:
-            bar.total = n_hours
-
-        update: Callable[[int], Any] = bar.update
-        warehouse = open_warehouse(project.site, first, last, on_plan=plan, on_hours=update, **options)
+    if week is None and days is None:  # everything stored, and no more
+        options["spare_days"] = 0
+    with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
+        warehouse = open_warehouse(project.site, first, last, on_plan=on_plan, on_hours=on_hours, **options)
     with warehouse:
+        for note in warehouse.left_out():
+            project.say(render_error(VsdError(note, code="W311", mend=FAR_OFF_FIX), word="warning"))
         yield warehouse
+
+
+def purged_hours_notes(warehouse: Warehouse) -> list[str]:
+    """Return what a reader must know about figures of purged hours."""
+    return [run.warning(warehouse.site) for run in warehouse.other_rules()]
+
+
+def warn(notes: Iterable[str]) -> None:
+    """Print notes as warnings W310 on standard error."""
+    for note in notes:
+        click.echo(render_error(VsdError(note, code="W310"), word="warning"), err=True)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.shared import emit_json, render_error
+from vsd_analytics.cli.output import emit_json, render_error
 from vsd_analytics.errors import ReportError, UsageError
 
 if TYPE_CHECKING:
-    from vsd_analytics.delivery.pdf import Paper
-    from vsd_analytics.report.model import WeekReport
-    from vsd_analytics.site import Site
+    from vsd_analytics.report.model.week import WeekReport
+    from vsd_analytics.report.pages.pdf import Paper
+    from vsd_analytics.site.model import Site
 
 FORMATS = ("html", "pdf", "json", "csv", "svg", "png")
 ALL = ("html", "pdf", "json", "csv")
@@ -46,7 +46,7 @@ def expanded(kinds: tuple[str, ...], files: ReportFiles) -> tuple[str, ...]:
         return kinds
     each = dict.fromkeys(k for kind in kinds for k in (ALL if kind == "all" else (kind,)))
     if "pdf" not in kinds and files.chromium is None:
-        from vsd_analytics.delivery.pdf import no_chromium
+        from vsd_analytics.report.pages.pdf import no_chromium
 
         click.echo(render_error(no_chromium(), word="warning"), err=True)
         del each["pdf"]
@@ -60,7 +60,7 @@ class ReportFiles:
     Attributes:
         report: The finished week.
         site: Its project, for the browser it names.
-        is_only: True when the site has one floor, so that names need not tell it.
+        is_only: True when the site has one floor, so that names need not include it.
         figure: Figure of `svg` and `png`.
         paper: Of the PDF.
     """
@@ -90,13 +90,13 @@ class ReportFiles:
     @cached_property
     def chromium(self) -> Path | None:
         """Return the browser that prints; None when there is none."""
-        from vsd_analytics.delivery.pdf import find_chromium
+        from vsd_analytics.report.pages.pdf import find_chromium
 
         return find_chromium(environ=os.environ, configured=self.site.chromium)
 
     def _make(self, kind: str) -> dict[str, bytes]:
-        from vsd_analytics.report.render import render_html
-        from vsd_analytics.report.twins import to_csv, to_json
+        from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+        from vsd_analytics.report.pages.week import render_html
 
         match kind:
             case "html":
@@ -111,8 +111,8 @@ class ReportFiles:
                 return {f"{self.stem}-{self.figure}.{kind}": self._figure(kind)}
 
     def _pdf(self) -> bytes:
-        from vsd_analytics.delivery.pdf import no_chromium, print_pdf
-        from vsd_analytics.report.render import render_html
+        from vsd_analytics.report.pages.pdf import no_chromium, print_pdf
+        from vsd_analytics.report.pages.week import render_html
 
         if self.chromium is None:
             raise no_chromium()
@@ -120,7 +120,7 @@ class ReportFiles:
         return print_pdf(html, chromium=self.chromium, made_at=self.report.generated_at)
 
     def _figure(self, kind: str) -> bytes:
-        from vsd_analytics.delivery.single import figure_svg, to_png
+        from vsd_analytics.report.pages.single_figures import figure_svg, to_png
 
         if self.figure is None:
             raise UsageError(f"which figure as {kind}?", mend=f"--figure {'|'.join(FIGURES)}")
@@ -135,7 +135,7 @@ def checked(kinds: tuple[str, ...], *, figure: str | None, files: ReportFiles, i
         UsageError: E101, a figure without its format, or the other way round.
         ReportError: E520, PDF without a browser.
     """
-    from vsd_analytics.delivery.pdf import no_chromium
+    from vsd_analytics.report.pages.pdf import no_chromium
 
     drawn = FIGURE_FORMATS & set(kinds)
     if drawn and figure is None:
@@ -149,9 +149,11 @@ def checked(kinds: tuple[str, ...], *, figure: str | None, files: ReportFiles, i
 def write(folder: Path, files: dict[str, bytes]) -> list[Path]:
     """Put files into a folder, each wholly or not at all, and return their paths."""
     from vsd_analytics.store.durable import publish
+    from vsd_analytics.store.page_folders import sweep_pages
 
     for name, data in files.items():
         publish(folder / name, data, is_synced=False)
+    sweep_pages(folder)
     return [folder / name for name in files]
 
 

@@ -7,18 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.config.engine import read_engine
-from vsd_analytics.config.lines import TomlText, read_toml
-from vsd_analytics.config.live import read_alarms, read_broker, read_delivery
-from vsd_analytics.config.mail import read_base_url, read_chromium, read_mail
+from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
+from vsd_analytics.config.engine_error import read_engine
+from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
+from vsd_analytics.config.mail_route import read_base_url, read_chromium, read_mail
 from vsd_analytics.config.opening import Spans, parse_opening
-from vsd_analytics.config.places import read_areas, read_cameras, read_fixtures, read_floors
 from vsd_analytics.config.reader import Mistakes, TableReader
-from vsd_analytics.config.settings import read_settings
+from vsd_analytics.config.site_settings import read_settings
+from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
 from vsd_analytics.settings import Settings
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 
 FILE = "vsd.toml"
 DAY_STARTS_MIN = 240

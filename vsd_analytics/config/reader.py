@@ -10,7 +10,7 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
-from vsd_analytics.config.lines import KeyPath, TomlText
+from vsd_analytics.config.toml_lines import KeyPath, TomlText
 from vsd_analytics.errors import CONTROL, VsdError
 
 ID_PATTERN = "[a-z0-9][a-z0-9_-]{0,62}"

@@ -1,8 +1,8 @@
 """The contract between engine formats and the store.
 
 An adapter knows one format: it recognises its files, states what its coordinates are, and streams *raw batches* in
-bounded memory. Everything that is the same for all formats (known cameras, finite numbers, sane clocks, millimetres,
-pseudonyms, quarantine) happens once, in `vsd_analytics.ingest.normalise`.
+bounded memory. The work that is the same for all formats (known cameras, finite numbers, plausible times, millimetres,
+pseudonyms, quarantine) is done once, in `vsd_analytics.ingest.normalise`.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from typing import IO, Protocol
 import pyarrow as pa
 
 from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.limits import unpacked_max, unpacks_too_far
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.settings import BY_NAME, Settings
 
 BATCH_ROWS = 200_000
 EXCERPT_CHARS = 500
 WHOLE_MAX_BYTES = 10_000
 _HELD_MAX = 4 << 20
-_FREE_BYTES = 64 << 20
-_MAX_RATIO = 1000  # bz2 makes 140 of heartbeats alone, gzip can make 1032 of nothing
 _MAGIC = {b"\x1f\x8b": "gzip", b"\x28\xb5\x2f\xfd": "zstd", b"BZh": "bz2"}
 
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """One record that cannot be used, kept in quarantine.
+    """One record that cannot be used and goes to quarantine.
 
     Attributes:
         line: 1-based line or record number in the source.
         reason: A short, stable slug such as "not-a-number"; counts are given per reason.
         detail: One sentence for people.
-        text: The record as it stood, shortened to `EXCERPT_CHARS`.
-        whole: The record's whole line, so that it can be read again; None when it is too long or no text.
+        text: The record as it was sent, shortened to `EXCERPT_CHARS`.
+        whole: The record's whole line, so that it can be read again; None when it is too long or not text.
         table: Raw table the record was a row of; None for one that could not be read at all.
         row: That row as a JSON object, so that it can be checked again; None when it is too long.
+        n: Above 1 it represents so many records of one reason that are only counted, and shows the first of them.
     """
 
     line: int
@@ -52,6 +52,7 @@ class Rejected:
     whole: str | None = None
     table: TableName | None = None
     row: str | None = None
+    n: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +64,11 @@ class RawBatch:
         rejected: Records the adapter could not read at all.
         n_dropped: Counts by reason of records left out on purpose, such as second sightings in one sampling period.
         notes: Things the user should know about the whole source, each once: a warning begins with its code ("W208: "),
-            a mere piece of information with "info:".
+            information with "info:".
         done_bytes: How far into the source the batch reaches, for the progress bar.
         engines: Engine names and versions the records came from.
-        first_line: Line below which a rejected line can be read again on its own: a table's header, "" for none; None =
-            lines of this format mean something only in their place.
+        first_line: Line needed above a rejected line to read it again: a table's header, "" for none. None = lines of
+            this format cannot be read on their own.
     """
 
     tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
@@ -86,21 +87,23 @@ class RawBatch:
 
 @dataclass(frozen=True, slots=True)
 class IngestOptions:
-    """What the user said about the files; all of it may also stand in `vsd.toml`.
+    """What the user says about the files, by options of the command or in `vsd.toml`.
 
     Attributes:
         format: Name of an adapter, or None to detect it.
         camera: Camera id for records that name none.
         columns: Column names of a headerless table, in order.
-        map: Ours to theirs, for tables with other column names; a name that is not there is an error.
-        site_map: `[ingest.map]` of vsd.toml, ours to theirs, for files that have such columns.
+        map: Our column names to theirs; a name that the file lacks is an error.
+        site_map: `[ingest.map]` of vsd.toml, our column names to theirs, used for files that have such columns.
         period_s: Sampling period: times are floored to it, so that records of one period are one frame.
         fps: Frames per second, for files that have frame numbers.
         start: Instant of frame 0 (UTC milliseconds), for files that have frame numbers.
-        first_frame: Number of the frame that stands at `start`; None = the format's first (0, MOTChallenge 1).
+        first_frame: Number of the frame taken at `start`; None = the format's first (0, MOTChallenge 1).
         frame_zone: IANA zone of times without an offset.
         clocks: IANA zones of times without an offset by camera (what the engine calls it), where cameras differ.
         line_max_bytes: Lines longer than this are quarantined unread.
+        persons_max: Frame messages with more persons are quarantined.
+        pairs_max: Frame messages with more pairs are quarantined.
         coordinates: "floor" or "image", for formats that carry both (MOTChallenge: world columns or boxes).
         method: smart-social-distancing: "center-points" or "four-corner".
         resolution_px: smart-social-distancing: width and height at which boxes were logged.
@@ -121,6 +124,8 @@ class IngestOptions:
     frame_zone: str = "UTC"
     clocks: Mapping[str, str] = field(default_factory=dict)
     line_max_bytes: int = int(BY_NAME["line_max_bytes"].default)
+    persons_max: int = int(BY_NAME["persons_max"].default)
+    pairs_max: int = int(BY_NAME["pairs_max"].default)
     coordinates: str | None = None
     method: str = "center-points"
     resolution_px: tuple[int, int] = (640, 480)
@@ -135,9 +140,11 @@ class Source:
 
     Attributes:
         path: As given.
+        settings: The bounds of what it may ask for; see `vsd_analytics.ingest.limits`.
     """
 
     path: Path
+    settings: Settings = field(default_factory=Settings, repr=False, kw_only=True)
 
     @property
     def name(self) -> str:
@@ -164,7 +171,7 @@ class Source:
             E206 when they unpack to an absurd size.
 
         Raises:
-            InputError: E120, no regular file stands at the path: a pipe or a device would be read for ever.
+            InputError: E120, the path is no regular file: a pipe or a device would be read for ever.
         """
         if not self.path.is_file():
             raise not_a_file(self)
@@ -173,7 +180,7 @@ class Source:
         codec = next((c for start, c in _MAGIC.items() if magic.startswith(start)), None)
         if codec is None:
             return self.path.open("rb")
-        return io.BufferedReader(_Decompressed(self.path, codec), buffer_size=1 << 20)
+        return io.BufferedReader(_Decompressed(self, codec), buffer_size=1 << 20)
 
     def head(self, n_bytes: int = 65536) -> bytes:
         """Return the first decompressed bytes of a file, for recognising its format; b"" for a folder.
@@ -190,13 +197,13 @@ class Source:
 
 
 def not_a_file(source: Source) -> InputError:
-    """Return the error of a path at which no regular file stands: E120."""
+    """Return the error of a path that is no regular file: E120."""
     return InputError(
-        f"{source.path.name} is no regular file",
+        f"{source.path.name} is not a regular file",
         code="E120",
         where=Where(source.name),
         why="pipes, devices and sockets have no end, and a link may lead nowhere",
-        mend="name a file, or write what comes from the pipe into one",
+        mend="name a file; write the output of a pipe to a file first",
     )
 
 
@@ -229,13 +236,15 @@ class _Decompressed(io.RawIOBase):
     Bytes after the last newline are held back until more arrive, so that damage never cuts a number in two.
     """
 
-    def __init__(self, path: Path, codec: str) -> None:
-        self._path = path
+    def __init__(self, source: Source, codec: str) -> None:
+        self._path = source.path
+        self._settings = source.settings
+        self._n_packed = source.path.stat().st_size
         self._held = b""
         self._ready = b""
         self._n_unpacked = 0
         self._error: InputError | None = None
-        self._file = path.open("rb")
+        self._file = source.path.open("rb")
         self._raw: IO[bytes]
         if codec == "gzip":
             import gzip
@@ -263,25 +272,19 @@ class _Decompressed(io.RawIOBase):
                 data = self._raw.read(1 << 20) if not hasattr(self._raw, "read1") else self._raw.read1(1 << 20)
             except (EOFError, OSError, ValueError, zlib.error) as error:
                 self._error = InputError(
-                    f"{self._path.name} is damaged: its compressed data end or break off early",
+                    f"{self._path.name} is damaged: its compressed data end early",
                     code="E205",
                     where=Where(str(self._path)),
                     why=f"the decompressor says: {error}",
-                    mend="copy or export the file again; the records before the damage are kept",
+                    mend="copy or export the file again; the records before the damage are stored",
                 )
                 break
             if not data:
                 self._ready, self._held = self._held, b""
                 break
             self._n_unpacked += len(data)
-            if self._n_unpacked > max(_FREE_BYTES, _MAX_RATIO * self.bytes_read()):
-                self._error = InputError(
-                    f"{self._path.name} unpacks to more than {_MAX_RATIO:,} times its size",
-                    code="E206",
-                    where=Where(str(self._path)),
-                    why="no recording compresses like that; this looks like a file made to fill a disk",
-                    mend="unpack it by hand, look at it, and name the files you want",
-                )
+            if self._n_unpacked > unpacked_max(self._n_packed, self._settings):
+                self._error = unpacks_too_far(str(self._path), n_bytes=self._n_packed, settings=self._settings)
                 break
             whole, newline, self._held = (self._held + data).rpartition(b"\n")
             self._ready = whole + newline
@@ -307,10 +310,10 @@ class Adapter(Protocol):
     name: str
     """Value of `--format`."""
     coordinates: str
-    """What positions are, in words: for the manual and for `vsd check`."""
+    """What the positions are, as text for the manual and `vsd check`."""
 
     def detects(self, source: Source) -> bool:
-        """Tell whether the source is of this format, from its name and first bytes only."""
+        """Return whether the source is of this format, from its name and first bytes only."""
         ...
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:

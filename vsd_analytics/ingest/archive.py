@@ -20,11 +20,8 @@ from typing import IO, Literal
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import Source
+from vsd_analytics.ingest.limits import unpacked_max, unpacks_too_far
 
-MAX_BYTES = 2 * 1024**3
-MAX_RATIO = 200
-FREE_BYTES = 64 * 1024**2
-"""Below this size no compression ratio is absurd: small tables of zeros compress a thousandfold."""
 MAX_HEADER_BYTES = 1024**2
 
 _DAMAGE = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
@@ -46,9 +43,10 @@ class Member:
 
 
 def archive_kind(source: Source) -> Kind | None:
-    """Return what holds several files here, by first bytes: "folder", "zip", "tar" (plain, gz or bz2) or None.
+    """Return the kind of container, by its first bytes: "folder", "zip", "tar" (plain, gz or bz2), or None.
 
-    An archive damaged before its first byte comes out is told by its name, so that reading it can say so.
+    An archive from which not even the first byte can be unpacked is recognised by its name, so that reading it reports
+    the damage.
     """
     if source.path.is_dir():
         return "folder"
@@ -64,31 +62,30 @@ def archive_kind(source: Source) -> Kind | None:
 
 @contextmanager
 def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Member]]:
-    """Open a folder or archive and hand out its files whose names `wanted` finds something in.
+    """Open a folder or archive and yield its files whose names match `wanted`.
 
     Args:
         source: A folder, a zip, or a tar, plain, gz or bz2.
-        wanted: Searched in each member's path, in which slashes are forward.
+        wanted: Searched in each member's path, which has forward slashes.
 
     Yields:
-        The members: of a folder or zip in order of their names, of a tar as they stand in it.
+        The members: of a folder or zip in order of their names, of a tar in its own order.
 
     Raises:
-        InputError: E205 when the archive is damaged or encrypted, E206 when it would unpack to an absurd size; both
-            also while a member is being read.
+        InputError: E205 when the archive is damaged or encrypted, E206 when it would unpack to more than is allowed;
+            both also while a member is being read.
     """
     kind = archive_kind(source)
     if kind == "folder":
-        yield _folder_members(source.path, wanted)
+        yield _folder_members(source, wanted)
     elif kind == "zip":
         with _translated(source.name):
             archive = zipfile.ZipFile(source.path)
         with archive:
             yield _zip_members(source, archive, wanted)
     elif kind == "tar":
-        limit = max(FREE_BYTES, min(MAX_BYTES, MAX_RATIO * source.size_bytes))
         with source.path.open("rb") as packed:
-            yield _tar_members(source.name, packed, wanted, limit)
+            yield _tar_members(source, packed, wanted)
     else:
         raise InputError(
             f"{source.path.name} is neither a folder nor a zip or tar archive",
@@ -98,14 +95,14 @@ def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Mem
         )
 
 
-def _folder_members(root: Path, wanted: re.Pattern[str]) -> list[Member]:
-    found = []
+def _folder_members(source: Source, wanted: re.Pattern[str]) -> list[Member]:
+    root, found = source.path, []
     for folder, _, files in os.walk(root):
         for file in files:
             path = Path(folder, file)
             name = path.relative_to(root).as_posix()
             if wanted.search(name):
-                found.append(Member(name, Source(path).open))
+                found.append(Member(name, Source(path, settings=source.settings).open))
     return sorted(found, key=lambda m: m.name)
 
 
@@ -114,27 +111,29 @@ def _zip_members(source: Source, archive: zipfile.ZipFile, wanted: re.Pattern[st
         def opened() -> IO[bytes]:
             with _translated(source.name):
                 raw = archive.open(info)
-            return io.BufferedReader(_Guarded(raw, f"{source.name}/{info.filename}", info.file_size))
+            return io.BufferedReader(_Guarded(raw, f"{source.name}/{info.filename}"))
 
         return opened
 
     found = sorted((i for i in archive.infolist() if wanted.search(i.filename)), key=lambda i: i.filename)
-    for info in found:
-        limit = max(FREE_BYTES, min(MAX_BYTES, MAX_RATIO * info.compress_size))
-        if info.file_size > limit:
-            raise _too_large(f"{source.name}/{info.filename}", limit)
+    # members may share bytes of the archive, so their sum is compared with its size
+    n_packed, n_unpacked = source.size_bytes, sum(info.file_size for info in found)
+    if n_unpacked > unpacked_max(n_packed, source.settings):
+        raise unpacks_too_far(source.name, n_bytes=n_packed, settings=source.settings, found=n_unpacked)
     return [Member(i.filename, opener(i)) for i in found]
 
 
-def _tar_members(name: str, packed: IO[bytes], wanted: re.Pattern[str], limit: int) -> Iterator[Member]:
+def _tar_members(source: Source, packed: IO[bytes], wanted: re.Pattern[str]) -> Iterator[Member]:
+    name, n_packed = source.name, source.size_bytes
+    limit = unpacked_max(n_packed, source.settings)
     with _translated(name), tarfile.open(fileobj=packed, mode="r|*", tarinfo=_TarInfo) as archive:
         for info in archive:
-            archive.members = []  # type: ignore[attr-defined]  # else every header of the stream is kept
+            archive.members = []  # type: ignore[attr-defined]  # or tarfile stores every header of the stream
             if info.offset_data + info.size > limit:
-                raise _too_large(name, limit)
+                raise unpacks_too_far(name, n_bytes=n_packed, settings=source.settings)
             raw = archive.extractfile(info) if info.isreg() and wanted.search(info.name) else None
             if raw is not None:
-                stream = io.BufferedReader(_Guarded(raw, f"{name}/{info.name}", info.size))
+                stream = io.BufferedReader(_Guarded(raw, f"{name}/{info.name}"))
                 yield Member(info.name, partial(_same, stream))
 
 
@@ -143,21 +142,26 @@ def _same(stream: IO[bytes]) -> IO[bytes]:
 
 
 class _TarInfo(tarfile.TarInfo):
-    """A tar header that refuses long names and extended headers of absurd size, which would be read whole."""
+    """A tar header that refuses long names and extended headers beyond `MAX_HEADER_BYTES`: they are read whole."""
 
     @classmethod
     def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> _TarInfo:
         info = super().frombuf(buf, encoding, errors)
         if not (info.isfile() or info.isdir()) and info.size > MAX_HEADER_BYTES:
-            raise _too_large("a header of the archive", MAX_HEADER_BYTES)
+            raise InputError(
+                f"a header of the archive has {info.size:,} bytes; at most {MAX_HEADER_BYTES:,} are read",
+                code="E206",
+                why="headers hold names, which are short; this looks like an archive made to fill memory",
+                mend="unpack it by hand, look at it, and name the files you want",
+            )
         return info
 
 
 class _Guarded(io.RawIOBase):
-    """A stream that ends with E206 beyond its limit and turns damage into E205."""
+    """A stream that turns damage into E205; zip and tar never return more of a member than its header says."""
 
-    def __init__(self, raw: IO[bytes], name: str, limit: int) -> None:
-        self._raw, self._name, self._limit, self._read = raw, name, limit, 0
+    def __init__(self, raw: IO[bytes], name: str) -> None:
+        self._raw, self._name, self._read = raw, name, 0
 
     def readable(self) -> bool:
         return True
@@ -169,8 +173,6 @@ class _Guarded(io.RawIOBase):
         with _translated(self._name):
             data = self._raw.read(len(buffer))
         self._read += len(data)
-        if self._read > self._limit:
-            raise _too_large(self._name, self._limit)
         buffer[: len(data)] = data
         return len(data)
 
@@ -183,19 +185,9 @@ def _translated(name: str) -> Iterator[None]:
         raise
     except _DAMAGE as error:
         raise InputError(
-            f"{Path(name).name} is damaged, breaks off early or is encrypted",
+            f"{Path(name).name} is damaged, ends early or is encrypted",
             code="E205",
             where=Where(name),
             why=f"the archive reader says: {error}",
-            mend="copy or export the archive again; the records before the damage are kept",
+            mend="copy or export the archive again; the records before the damage are stored",
         ) from None
-
-
-def _too_large(name: str, limit: int) -> InputError:
-    return InputError(
-        f"{Path(name).name} would unpack to more than {limit / 1024**2:,.0f} MiB",
-        code="E206",
-        where=Where(name),
-        why=f"no recording compresses more than {MAX_RATIO}-fold; this looks like an archive made to fill a disk",
-        mend="unpack it by hand, look at it, and name the files you want",
-    )

@@ -1,4 +1,4 @@
-"""Which column of a table is which of ours, and a helpful word when one is missing."""
+"""Finding our columns among those of a table, and an error that helps when one is missing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.cells import is_number
+from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.schema import TableName
 
 NUMBERS = ("x_m", "y_m", "u_px", "v_px", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
@@ -34,7 +34,7 @@ class Header:
 
     Attributes:
         names: Column names, each once.
-        line: Number of the line that names them, None where no line does.
+        line: Number of the header line; None without a header.
         text: That line, or the first record of a headerless file; None in Parquet.
     """
 
@@ -44,7 +44,7 @@ class Header:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ColumnPlan:
     """How the columns of one table are read.
 
     Attributes:
@@ -57,15 +57,20 @@ class Plan:
     theirs: Mapping[str, int]
     names: Mapping[str, str]
 
+    def only_where(self) -> ColumnPlan:
+        """Return the plan that reads only camera and time, whatever else is wrong with a row."""
+        theirs = {ours: i for ours, i in self.theirs.items() if ours in ("ts", "frame", "camera_id")}
+        return ColumnPlan("observations", theirs, self.names)
 
-def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind: TableName | None) -> Plan:
+
+def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind: TableName | None) -> ColumnPlan:
     """Find our columns among a file's.
 
     Args:
         source: For messages.
         options: `map` renames; `camera`, `fps` and `start` replace columns.
         header: The file's columns.
-        kind: What the user said is in the file, or None to tell from the columns.
+        kind: Table that the user named, or None to decide by the columns.
 
     Raises:
         InputError: E203 naming the column that is missing and the nearest one found; E207 frame numbers without a rate.
@@ -81,7 +86,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             raise _missing(source, "distance_m", header, "a pair needs a distance or both positions")
         for column in ("track_a", "track_b"):
             if column not in found:
-                raise _missing(source, column, header, "without it a pair cannot be told from another")
+                raise _missing(source, column, header, "without it pairs cannot be distinguished")
     else:
         place = max(_PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
         lacking = [c for c in place if c not in found]
@@ -103,11 +108,11 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         )  # fmt: skip
     wanted = {"ts" if "ts" in found else "frame", "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
-    return Plan(kind, theirs, {ours: header.names[i] for ours, i in theirs.items()})
+    return ColumnPlan(kind, theirs, {ours: header.names[i] for ours, i in theirs.items()})
 
 
 def unique_names(names: Sequence[str]) -> list[str]:
-    """Return names of which each stands once: blank, `_` and repeated ones become `_` and the column's number."""
+    """Return names that are all different: blank, `_` and repeated ones become `_` and the column's number."""
     seen: set[str] = set()
     unique = []
     for i, name in enumerate(names):
@@ -146,9 +151,9 @@ def _missing(
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             mend="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
-    # a column that is already one of ours is no other one under a wrong name
+    # a column with one of our names is not another one under a wrong name, so it is no suggestion
     free = shown if ours is not None else [n for n in shown if n.lower() not in KNOWN]
-    near = _nearest(column, free) if mend is None else None
+    near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if mend is None else None
     at = header.text.find(near) + 1 if header.text and near else 0
     if mend is None and header.line is None and header.text is not None:
         mend = f"name it in --columns: {column}, at its place in the order of the file's columns"

@@ -1,7 +1,7 @@
 """VSD frame messages, the native format: one JSON object per processed frame, as JSON Lines or MQTT payloads.
 
-The message is typed: what does not fit is quarantined with the decoder's reason, unknown fields are counted and never
-stored. `json_schema()` publishes the same types.
+The message is typed. A message that does not fit is quarantined with the decoder's reason. Unknown fields are counted
+and never stored. `json_schema()` publishes the same types.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ import pyarrow as pa
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
-from vsd_analytics.ingest.lines import line_blocks
 from vsd_analytics.ingest.raw import raw_table, rejected
+from vsd_analytics.ingest.reasons import TOO_MANY
+from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.schema import TableName
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
+_LONG_BYTES = 2 << 20  # a first line that is damaged may be long
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 Id = str | int
@@ -77,7 +79,7 @@ class _KnownPair(PairMessage, frozen=True, gc=False, forbid_unknown_fields=True)
 
 
 class _KnownFrame(FrameMessage, frozen=True, gc=False, forbid_unknown_fields=True):
-    """The same message without unknown fields, so that they need not be looked for in every one."""
+    """The same message, refused with unknown fields: they are counted only in messages that have some."""
 
     persons: tuple[_KnownPerson, ...] | None = None
     pairs: tuple[_KnownPair, ...] | None = None
@@ -109,11 +111,12 @@ class Frames:
     coordinates = "floor metres, image pixels, or both, as each message says"
 
     def detects(self, source: Source) -> bool:
-        """Tell by the first non-blank line: a JSON object with a "camera" or "v"."""
-        for line in source.head().removeprefix(_BYTE_ORDER_MARK).splitlines():
-            if line.strip():
-                return line.lstrip().startswith(b"{") and (b'"camera"' in line or b'"v"' in line)
-        return False
+        """Return whether a line begins as a JSON object with "camera" or "v"; lines before it may be damaged."""
+        head = source.head()
+        if b"\n" not in head:
+            head = source.head(_LONG_BYTES)
+        lines = head.removeprefix(_BYTE_ORDER_MARK).splitlines()
+        return any(n.lstrip().startswith(b"{") and (b'"camera"' in n or b'"v"' in n) for n in lines)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the messages of one file; see `Adapter.read`."""
@@ -141,7 +144,7 @@ class MessageRows:
     """Turns message after message into raw tables; the MQTT listener uses it too.
 
     Args:
-        options: What the user said (clock zones of times without an offset).
+        options: What the user says (such as clock zones of times without an offset).
     """
 
     def __init__(self, options: IngestOptions) -> None:
@@ -157,19 +160,30 @@ class MessageRows:
 
     def reject(self, number: int, reason: str, detail: str, line: bytes) -> None:
         """Put one message into quarantine."""
-        self.n_rows += 1 + len(line) // 256  # bad lines are kept whole, so they weigh what they hold
+        self.n_rows += 1 + len(line) // 256  # bad lines stay in memory whole, so a long one counts as several rows
         self._rejected.append(rejected(number, reason=reason, detail=detail, record=line))
 
     def add(self, number: int, line: bytes) -> None:
-        """Decode one message and keep its records; a blank line is none."""
+        """Decode one message and add its records; a blank line is no message."""
         try:
             message: FrameMessage | None = _known.decode(line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             message = self._second_look(number, line)
-        if message is not None:
+        if message is not None and not self._is_crowded(number, message, line):
             self._messages.append(message)
             self._numbers.append(number)
             self.n_rows += 1 + len(message.persons or ()) + len(message.pairs or ())
+
+    def _is_crowded(self, number: int, message: FrameMessage, line: bytes) -> bool:
+        """Put a message with more persons or pairs than a camera sees into quarantine as a whole; return whether."""
+        for what, found, most in (
+            ("persons", message.persons, self._options.persons_max),
+            ("pairs", message.pairs, self._options.pairs_max),
+        ):
+            if found is not None and len(found) > most:
+                self.reject(number, TOO_MANY, f"{len(found):,} {what} in one frame; at most {most:,} are read", line)
+                return True
+        return False
 
     def _second_look(self, number: int, line: bytes) -> FrameMessage | None:
         """Decode a message that is wrong or has unknown fields, and count these."""
@@ -189,7 +203,7 @@ class MessageRows:
         return message
 
     def batch(self, done_bytes: int) -> RawBatch:
-        """Return what was added since the last call."""
+        """Return the records added since the last call."""
         messages, lines = self._messages, np.array(self._numbers, dtype=np.int64)
         ts_ms, zones, notes = self._instants()
         tables: dict[TableName, pa.Table] = {"frames": self._frames(ts_ms, zones, lines)}
@@ -267,7 +281,7 @@ class MessageRows:
             n_persons = len(persons)
             for pair in message.pairs or ():
                 for side, track in (("a", str(pair.a)), ("b", str(pair.b))):
-                    if track not in number:  # a person the message does not list is numbered after those it does
+                    if track not in number:  # a person that `persons` does not list gets a number after those it does
                         number[track], n_persons = n_persons, n_persons + 1
                     i = number[track]
                     person = persons[i] if i < len(persons) else PersonMessage()

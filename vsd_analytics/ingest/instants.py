@@ -12,13 +12,13 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vsd_analytics.ingest.cells import numbers, trimmed
+from vsd_analytics.ingest.cell_values import numbers, trimmed
 
 QUARTER_MS = 900_000
 
 _UNITS: tuple[tuple[float, float, float, float], ...] = (
-    # unix numbers from here on are in this unit: times and divided by these they are milliseconds, but for a slack,
-    # since a float64 of today's unix seconds is off by up to 2.4e-4 ms, of nanoseconds by 1.3e-4 ms
+    # (least number in this unit, factor and divisor to milliseconds, slack). The slack in milliseconds makes up for
+    # rounding: a float64 of today's unix seconds is off by up to 2.4e-4 ms, of nanoseconds by 1.3e-4 ms.
     (1e17, 1.0, 1e6, 1e-3),
     (1e14, 1.0, 1e3, 0.0),
     (1e11, 1.0, 1.0, 0.0),
@@ -34,11 +34,11 @@ _LAST_MS = (datetime(9999, 12, 29) - _NAIVE_EPOCH) // timedelta(milliseconds=1)
 
 @dataclass(frozen=True, slots=True)
 class Instants:
-    """A column of times, understood.
+    """A parsed column of times.
 
     Attributes:
         ms: Milliseconds since 1970 (UTC), int64; 0 where `is_wrong`.
-        is_wrong: Which rows hold no time that can be understood.
+        is_wrong: Which rows hold no time that can be parsed.
         notes: What the user should know.
         zones: Zone in which each time without an offset was read, null for the others; None when all have one.
     """
@@ -71,7 +71,7 @@ def parse_instants(values: pa.Array, *, zone: str) -> Instants:
     is_unix = np.isfinite(unix)
     ms = np.zeros(len(values))
     if is_unix.any():
-        with np.errstate(over="ignore"):  # what overflows is no time, and is told so below
+        with np.errstate(over="ignore"):  # a number that overflows is no time, and is marked wrong below
             magnitude = float(np.median(np.abs(unix[is_unix])))
             times, divided, slack = next(unit[1:] for unit in _UNITS if magnitude >= unit[0])
             ms[is_unix] = np.floor(unix[is_unix] * times / divided + slack)
@@ -89,8 +89,8 @@ def local_to_utc(local_ms: np.ndarray, zone: str) -> tuple[np.ndarray, np.ndarra
 
     Args:
         local_ms: Milliseconds since 1970-01-01T00:00 on a wall clock in `zone`, int64.
-        zone: IANA zone. Its offset is looked up once a quarter of an hour, on which all changes of offset fall. Times
-            in the hour that is skipped in spring keep their distances, as on a clock that was not put forward.
+        zone: IANA zone. Its offset is looked up once a quarter of an hour, because all changes of offset are at the
+            start of one. Times in the hour that is skipped in spring are read as by a clock that was not put forward.
 
     Returns:
         UTC milliseconds, and which times come twice because clocks are set back: the first of the two is taken.
@@ -109,7 +109,7 @@ def local_to_utc(local_ms: np.ndarray, zone: str) -> tuple[np.ndarray, np.ndarra
 
 
 def utc_to_local(utc_ms: np.ndarray, zone: str) -> np.ndarray:
-    """Return what a wall clock in `zone` shows, in milliseconds since 1970-01-01T00:00: undoes `local_to_utc`.
+    """Return the wall clock time in `zone` as milliseconds since 1970-01-01T00:00: the inverse of `local_to_utc`.
 
     Args:
         utc_ms: UTC milliseconds, int64; those beyond the years 1 to 9999 stay as they are.
@@ -133,9 +133,9 @@ def frame_ms(frame: float, *, first: float, fps: float, start_ms: int) -> int | 
 
 
 def ambiguous_note(zone: str) -> str:
-    """Return what to tell about times that come twice."""
+    """Return the warning about times that come twice."""
     return (
-        f"W211: some times fall into the hour that {zone} has twice when clocks are set back; "
+        f"W211: some times are in the hour that {zone} has twice when clocks are set back; "
         "the first of the two is taken: log in UTC, or with an offset, to be exact"
     )
 
@@ -150,7 +150,7 @@ def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: st
 
 
 def _from_texts(texts: pa.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return milliseconds as written, which texts are wrong, and which carry an offset."""
+    """Return milliseconds as written, which texts are wrong, and which have an offset."""
     is_iso = pc.match_substring_regex(texts, _ISO).to_numpy(zero_copy_only=False)
     has_offset = pc.match_substring_regex(texts, _OFFSET).to_numpy(zero_copy_only=False)
     ms, is_wrong = np.zeros(len(texts)), ~is_iso

@@ -1,4 +1,4 @@
-"""Where MOTChallenge sequences are: in a file, a sequence folder, or a folder or zip of several."""
+"""Finding MOTChallenge sequences: in a file, a sequence folder, or a folder or zip of several."""
 
 from __future__ import annotations
 
@@ -16,8 +16,6 @@ from vsd_analytics.errors import InputError, UsageError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.archive import Member, archive_kind, members
 
-MAX_FRAMES = 10_000_000
-"""Highest frame number believed: 4.6 days at 25 frames a second."""
 MAX_INI_BYTES = 65_536
 SEQUENCE_FILES = re.compile(r"(?:^|/)(?:gt/gt\.txt|det/det\.txt|seqinfo\.ini)$")
 
@@ -45,7 +43,7 @@ class Sequence:
 
 @contextmanager
 def sequences(source: Source, options: IngestOptions) -> Iterator[list[Sequence]]:
-    """Open a source and yield its sequences, those `options.camera` chooses."""
+    """Open a source and yield its sequences, or those that `options.camera` selects."""
     kind = archive_kind(source)
     if kind == "tar":
         raise _no_sequences(source)
@@ -59,7 +57,7 @@ def sequences(source: Source, options: IngestOptions) -> Iterator[list[Sequence]
             folder = path.parent if path.name == "seqinfo.ini" else path.parent.parent
             folders.setdefault(folder, {})[path.name] = member
         whole = [
-            _sequence(folder.name or bare_name(source.path.absolute()).removesuffix(".zip"), files)
+            _sequence(source, folder.name or bare_name(source.path.absolute()).removesuffix(".zip"), files)
             for folder, files in folders.items()
             if "gt.txt" in files or "det.txt" in files
         ]
@@ -93,8 +91,8 @@ def _no_sequences(source: Source) -> InputError:
     )
 
 
-def _sequence(title: str, files: dict[str, Member]) -> Sequence:
-    fps, n_frames = _seqinfo(files["seqinfo.ini"].open) if "seqinfo.ini" in files else (None, 0)
+def _sequence(source: Source, title: str, files: dict[str, Member]) -> Sequence:
+    fps, n_frames = _seqinfo(source, files["seqinfo.ini"].open) if "seqinfo.ini" in files else (None, 0)
     boxes = files.get("gt.txt") or files["det.txt"]
     return Sequence(title, _camera(title) or "sequence", boxes.open, "gt.txt" not in files, fps, n_frames)
 
@@ -103,18 +101,18 @@ def _single(source: Source, options: IngestOptions) -> Sequence:
     path = source.path.absolute()
     ini = path.parent.parent / "seqinfo.ini"
     in_sequence = path.parent.name in ("gt", "det")
-    fps, n_frames = _seqinfo(lambda: ini.open("rb")) if in_sequence and ini.is_file() else (None, 0)
+    fps, n_frames = _seqinfo(source, lambda: ini.open("rb")) if in_sequence and ini.is_file() else (None, 0)
     camera = options.camera or (_camera(path.parent.parent.name) if in_sequence else "") or None
     return Sequence(path.name, camera, source.open, bare_name(path) == "det.txt", fps, n_frames)
 
 
 def _camera(title: str) -> str:
-    """Return the camera id a sequence name makes: lower case, other characters than letters, digits, _ and - as -."""
+    """Return a camera id made from a sequence name: lower case, with - for all but letters, digits, _ and -."""
     return re.sub(r"[^a-z0-9_-]+", "-", title.lower()).strip("-_")[:63]
 
 
-def _seqinfo(opened: Callable[[], IO[bytes]]) -> tuple[float | None, int]:
-    """Return frame rate and length as `seqinfo.ini` gives them; what it does not give as a number is unknown."""
+def _seqinfo(source: Source, opened: Callable[[], IO[bytes]]) -> tuple[float | None, int]:
+    """Return frame rate and number of frames from `seqinfo.ini`; None and 0 where it has no valid number."""
     parser = configparser.ConfigParser(interpolation=None, strict=False)
     try:
         with opened() as stream:
@@ -123,7 +121,8 @@ def _seqinfo(opened: Callable[[], IO[bytes]]) -> tuple[float | None, int]:
         n_frames = parser.getint("Sequence", "seqLength", fallback=0)
     except (configparser.Error, ValueError):
         return None, 0
-    return fps if fps and math.isfinite(fps) and fps > 0 else None, n_frames if 0 < n_frames <= MAX_FRAMES else 0
+    is_length = 0 < n_frames <= source.settings.sequence_frames_max
+    return fps if fps and math.isfinite(fps) and fps > 0 else None, n_frames if is_length else 0
 
 
 def bare_name(path: Path) -> str:

@@ -1,8 +1,8 @@
 """MOTChallenge text: a line `frame,id,left,top,width,height,conf,x,y,z` per person and frame, 1-based, without a clock.
 
-Sources are a `gt.txt` or `det.txt`, a sequence folder (`gt/gt.txt`, `det/det.txt`, `seqinfo.ini`), or a folder or zip
-of several sequences; where a sequence has both files its ground truth is read. Ground truth of nine columns (MOT16 and
-later: flag, class, visibility) also lists things that are no pedestrians; they are left out and counted.
+A source is a `gt.txt` or `det.txt`, a sequence folder (`gt/gt.txt`, `det/det.txt`, `seqinfo.ini`), or a folder or zip
+of several sequences. Of a sequence with both files the ground truth is read. Ground truth of nine columns (MOT16 and
+later: flag, class, visibility) also lists objects other than pedestrians; they are left out and counted.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.archive import archive_kind, members
 from vsd_analytics.ingest.instants import frame_ms
-from vsd_analytics.ingest.mot_sequences import MAX_FRAMES, SEQUENCE_FILES, Sequence, bare_name, sequences
+from vsd_analytics.ingest.mot_sequences import SEQUENCE_FILES, Sequence, bare_name, sequences
 from vsd_analytics.ingest.raw import BadRowError, bounded_lines, raw_table, rejected
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.settings import Settings
 
 PEDESTRIAN = 1
 
@@ -31,8 +31,8 @@ _FPS = (1 / 3600, 1000.0)
 
 
 @dataclass(slots=True)
-class _Rows:
-    """Rows read and not yet handed over."""
+class _MotRows:
+    """Rows that were read and not yielded yet."""
 
     frame: list[int] = field(default_factory=list)
     person: list[int] = field(default_factory=list)
@@ -70,7 +70,7 @@ class MotChallenge:
     )
 
     def detects(self, source: Source) -> bool:
-        """Tell whether this is a gt.txt or det.txt of numbers, or a folder or zip that has them in gt/ and det/."""
+        """Return whether this is a gt.txt or det.txt of numbers, or a folder or zip that has them in gt/ and det/."""
         path = source.path
         if path.is_dir():
             patterns = (f"{up}{kind}/{kind}.txt" for up in ("", "*/", "*/*/") for kind in ("gt", "det"))
@@ -88,7 +88,7 @@ class MotChallenge:
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the sequences of a source, one after the other, as one camera each.
 
-        Frame n stands at `start + (n - first_frame) / fps`; frame 1 is the first unless `options.first_frame` says
+        Frame n was taken at `start + (n - first_frame) / fps`. Frame 1 is the first unless `options.first_frame` says
         otherwise, such as 0 for trackers that count from 0. Every frame from 1 (or 0) to the sequence's length, or its
         highest frame, is a heartbeat.
 
@@ -103,7 +103,7 @@ class MotChallenge:
             usable = []
             notes = []
             for sequence in found:
-                if not is_floor or _has_floor(sequence):
+                if not is_floor or _has_floor(sequence, source.settings):
                     usable.append(sequence)
                 elif len(found) == 1:
                     raise _no_floor(source, sequence)
@@ -116,8 +116,10 @@ class MotChallenge:
                 prefix = f"{sequence.title}: " if len(found) > 1 else ""
                 done = (size * (number - 1) // len(usable), size * number // len(usable))
                 try:
-                    yield from _read(sequence, clock, is_floor=is_floor, lowest=lowest, prefix=prefix, done=done)
-                except InputError as error:  # the sequences after a damaged one are read all the same
+                    yield from _read(
+                        sequence, clock, source.settings, is_floor=is_floor, lowest=lowest, prefix=prefix, done=done
+                    )
+                except InputError as error:  # read the sequences after a damaged one all the same
                     damage = damage or error
             if notes:
                 yield RawBatch(notes=notes, done_bytes=size)
@@ -128,18 +130,20 @@ class MotChallenge:
 def _read(
     sequence: Sequence,
     clock: Callable[[int], int | None],
+    settings: Settings,
     *,
     is_floor: bool,
     lowest: int,
     prefix: str,
     done: tuple[int, int],
 ) -> Iterator[RawBatch]:
-    rows, n_persons, damage = _Rows(), array("i"), None
+    rows, n_persons, damage = _MotRows(), array("i"), None
     with sequence.open() as stream:
         try:
-            for number, line in bounded_lines(stream, max_bytes=int(BY_NAME["line_max_bytes"].default)):
+            for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
                 try:
-                    _take(line, sequence=sequence, is_floor=is_floor, lowest=lowest, rows=rows, n_persons=n_persons)
+                    frames = (lowest, int(settings.sequence_frames_max))
+                    _take(line, sequence=sequence, is_floor=is_floor, frames=frames, rows=rows, n_persons=n_persons)
                 except BadRowError as bad:
                     reason, detail = bad.args
                     rows.rejected.append(rejected(number, reason=reason, detail=prefix + detail, record=line or b""))
@@ -148,14 +152,14 @@ def _read(
                 if len(rows.line) + 10 * len(rows.rejected) >= BATCH_ROWS:
                     so_far = min(done[1], done[0] + bytes_read(stream))
                     yield rows.batch(sequence.camera, clock, is_floor=is_floor, done_bytes=so_far)
-                    rows = _Rows()
+                    rows = _MotRows()
         except InputError as error:
             damage = error
     yield rows.batch(sequence.camera, clock, is_floor=is_floor, done_bytes=done[0])
     last = max(len(n_persons) - 1, sequence.n_frames + lowest - 1)
     for first in range(lowest, last + 1, BATCH_ROWS):
         seen = {f: n_persons[f] if f < len(n_persons) else 0 for f in range(first, min(first + BATCH_ROWS, last + 1))}
-        if damage is not None:  # what follows the damage is unknown, not empty
+        if damage is not None:  # the frames after the damage are unknown, not empty
             seen = {f: n for f, n in seen.items() if n}
         ts = [clock(f) for f in seen]
         table = raw_table("frames", camera=sequence.camera, ts_ms=ts, n_persons=list(seen.values()), line=0)
@@ -165,7 +169,13 @@ def _read(
 
 
 def _take(
-    line: bytes | None, *, sequence: Sequence, is_floor: bool, lowest: int, rows: _Rows, n_persons: array[int]
+    line: bytes | None,
+    *,
+    sequence: Sequence,
+    is_floor: bool,
+    frames: tuple[int, int],
+    rows: _MotRows,
+    n_persons: array[int],
 ) -> None:
     """Add one line to the rows; a person that cannot be used still counts as seen in its frame."""
     if line is None:
@@ -174,10 +184,9 @@ def _take(
         return
     cells = line.split(b",")
     frame = _number(cells[0])
-    if not frame.is_integer() or not lowest <= frame <= MAX_FRAMES:
-        raise BadRowError(
-            "bad-frame", f"frames are whole numbers from {lowest} to {MAX_FRAMES:,}; this one is {frame:g}"
-        )
+    if not frame.is_integer() or not frames[0] <= frame <= frames[1]:
+        wanted = f"frames are whole numbers from {frames[0]} to {frames[1]:,} (sequence_frames_max)"
+        raise BadRowError("bad-frame", f"{wanted}; this one is {frame:g}")
     index = int(frame)
     n_persons.frombytes(bytes(n_persons.itemsize * max(0, index + 1 - len(n_persons))))
     n_persons[index] += 1
@@ -213,13 +222,13 @@ def _number(cell: bytes) -> float:
 
 
 def _is_floor(more: list[float]) -> bool:
-    """Tell whether conf,x,y,z hold a floor position: given, and not the -1 that stands for "not given"."""
+    """Return whether conf,x,y,z hold a floor position: given, and not -1, which means "not given"."""
     return len(more) >= 4 and not (more[1] == more[2] == -1)
 
 
-def _has_floor(sequence: Sequence) -> bool:
+def _has_floor(sequence: Sequence, settings: Settings) -> bool:
     with sequence.open() as stream:
-        for number, line in bounded_lines(stream, max_bytes=int(BY_NAME["line_max_bytes"].default)):
+        for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
             if line and line.strip():
                 try:
                     return _is_floor([_number(cell) for cell in line.split(b",")[6:]])

@@ -1,6 +1,6 @@
 """From an adapter's raw batch to the stored tables: the checks, units and pseudonyms that are the same for all formats.
 
-Bad records are rejected with a reason, never fatal to good ones; nothing else is invented or dropped.
+A bad record is rejected with a reason and does not affect good ones. Nothing is invented, and nothing dropped silently.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.ingest.adapter import RawBatch, Rejected
-from vsd_analytics.ingest.closed import FORGOTTEN, SEALED, Closed
+from vsd_analytics.ingest.crowds import Crowds
 from vsd_analytics.ingest.pseudonyms import Pseudonyms
-from vsd_analytics.ingest.raw import rejected, row_json
+from vsd_analytics.ingest.raw import Check, rejected, row_json
+from vsd_analytics.ingest.reasons import TOO_MANY
+from vsd_analytics.ingest.sealed_hours import FORGOTTEN, ClosedTimes
 from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TS, TableName
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.seals import SEALED
 from vsd_analytics.store.secrets import DayKeys
 
 TRACK_MAX_CHARS = 200
 PIXEL_MAX = 1e6
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _ROUNDING_MM = 1e-6  # 1.001 m is 1000.9999999999999 mm in floating point
-
-Check = tuple[str, str, Callable[[pa.Table], pa.ChunkedArray]]
-"""Reason, a sentence for people, and which rows are bad (null: not)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,8 @@ class Normaliser:
     def __init__(self, site: Site, *, now: datetime, keys: DayKeys | None) -> None:
         self._site = site
         self._pseudonyms = Pseudonyms(site, keys)
-        self._closed = Closed(site, self._pseudonyms)
+        self._closed = ClosedTimes(site, self._pseudonyms)
+        self._crowds = Crowds(persons_max=int(site.settings.persons_max), pairs_max=int(site.settings.pairs_max))
         self._settings = site.settings
         self._first_ms = int(datetime(site.settings.earliest_year, 1, 1, tzinfo=UTC).timestamp() * 1000)
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
@@ -74,8 +75,14 @@ class Normaliser:
         self._first_ms = int((now.timestamp() - self._settings.live_late_max_s) * 1000)
         self._last_ms = int((now.timestamp() + self._settings.live_ahead_max_s) * 1000)
 
-    def normalise(self, batch: RawBatch) -> Normalised:
-        """Return the batch's good rows in stored form, its bad rows with reasons, and what was left out on purpose."""
+    def normalise(self, batch: RawBatch, *, n_whole: int | None = None) -> Normalised:
+        """Return the batch's good rows in stored form, its bad rows with reasons, and the counts of rows left out.
+
+        Args:
+            batch: The rows an adapter read.
+            n_whole: Most bad records to return one by one, including those of the adapter; more of one reason are only
+                counted, in one `Rejected`. None = all.
+        """
         tables: dict[TableName, pa.Table] = {}
         bad: list[Rejected] = list(batch.rejected)
         dropped = Counter(batch.n_dropped)
@@ -85,7 +92,8 @@ class Normaliser:
             if not raw.num_rows:
                 continue
             raw = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
-            rows = _good(name, raw, [*self._common_checks(), *self._closed_checks(), *self._checks(name)], bad)
+            checks = [*self._common_checks(), *self._closed_checks(), *self._checks(name), self._crowds.check(name)]
+            rows = _good(name, raw, checks, bad, n_whole=n_whole)
             if name == "observations":
                 rows = self._observations(rows)
             elif name == "pairs":
@@ -106,7 +114,7 @@ class Normaliser:
             ("no-time", "the record has no usable time", lambda r: pc.is_null(r["ts_ms"])),
             (
                 "time-out-of-range",
-                f"the time lies outside {first} to {last}: wrong unit, wrong clock or a camera set to a wrong year",
+                f"the time is outside {first} to {last}: wrong unit, wrong clock or a camera set to a wrong year",
                 lambda r: pc.or_(pc.less(r["ts_ms"], self._first_ms), pc.greater(r["ts_ms"], self._last_ms)),
             ),
             ("no-camera", "the record names no camera and no --camera was given", lambda r: pc.is_null(r["camera"])),
@@ -141,7 +149,7 @@ class Normaliser:
             ),
             (
                 "out-of-range",
-                f"a coordinate lies more than {limit:g} m from the origin or {PIXEL_MAX:g} px from the picture",
+                f"a coordinate is more than {limit:g} m from the origin or {PIXEL_MAX:g} px from the picture",
                 lambda r: _or(_beyond(limit, r, "x_m", "y_m"), _beyond(PIXEL_MAX, r, "u_px", "v_px")),
             ),
             *_shared_checks("track"),
@@ -181,7 +189,7 @@ class Normaliser:
 
     def _observations(self, rows: pa.Table) -> pa.Table:
         x, y = _millimetres(rows["x_m"]), _millimetres(rows["y_m"])
-        is_half = pc.or_(pc.is_null(x), pc.is_null(y))
+        is_half = pc.or_(pc.is_null(x), pc.is_null(y))  # one coordinate alone is no place
         nothing = pa.scalar(None, pa.int32())
         columns = {
             "track_id": self._tracks(rows, "track"),
@@ -215,9 +223,8 @@ class Normaliser:
         for stem in ("x_a", "y_a", "x_b", "y_b"):
             columns[f"{stem}_mm"] = _millimetres(columns[f"{stem}_m"])
         # rounded down, so that "strictly closer than D metres" stays distance_mm < 1000 D
-        columns["distance_mm"] = pc.floor(pc.add(pc.multiply(rows["distance_m"], 1000.0), _ROUNDING_MM)).cast(
-            pa.int32()
-        )
+        distance_mm = pc.floor(pc.add(pc.multiply(rows["distance_m"], 1000.0), _ROUNDING_MM))
+        columns["distance_mm"] = distance_mm.cast(pa.int32())
         columns["distance_sd_mm"] = _millimetres(rows["distance_sd_m"])
         return _with(rows, columns)
 
@@ -244,19 +251,26 @@ def _shared_checks(*tracks: str) -> list[Check]:
     ]
 
 
-def _good(name: TableName, rows: pa.Table, checks: list[Check], bad: list[Rejected]) -> pa.Table:
+def _good(
+    name: TableName, rows: pa.Table, checks: list[Check], bad: list[Rejected], *, n_whole: int | None
+) -> pa.Table:
     """Return the rows that pass all checks; append the others to `bad` with the first reason each."""
     shown = [c for c in rows.column_names if c not in ("line", "camera_id")]
     for reason, detail, is_bad in checks:
         mask = pc.fill_null(is_bad(rows), False)
         if not pc.any(mask).as_py():
             continue
-        for row in rows.filter(mask).to_pylist():
-            kept = row_json({c: row[c] for c in shown if row[c] is not None})
+        found = rows.filter(mask)
+        n_single = found.num_rows if n_whole is None else min(found.num_rows, max(0, n_whole - len(bad)))
+        n_more = found.num_rows - n_single  # these become one record with a count, shown by the first of them
+        for i, row in enumerate(found.slice(0, n_single + (n_more > 0)).to_pylist()):
+            as_json = row_json({c: row[c] for c in shown if row[c] is not None})
             row["ts_ms"] = _readable(row["ts_ms"])
             text = ", ".join(f"{c}={row[c]}" for c in shown if row[c] is not None and c != "zone")
-            told = rejected(row["line"], reason=reason, detail=detail, record=text)
-            bad.append(replace(told, table=name, row=kept))
+            record = rejected(row["line"], reason=reason, detail=detail, record=text)
+            n = 1 if i < n_single else n_more
+            # a row of a crowded frame must not be replayed: on its own it would pass the check
+            bad.append(replace(record, n=n) if reason == TOO_MANY else replace(record, table=name, row=as_json, n=n))
         rows = rows.filter(pc.invert(mask))
     return rows
 

@@ -14,14 +14,15 @@ from typing import IO, Any
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import Rejected
+from vsd_analytics.ingest.adapter import IngestOptions, Rejected
 from vsd_analytics.ingest.body_distance import LoggedFrame
-from vsd_analytics.ingest.raw import BadRowError, bounded_lines, rejected
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.ingest.raw import BadRowError, bounded_lines, rejected, too_many_people
+from vsd_analytics.ingest.reasons import TOO_MANY
 
 NEEDED = ("Timestamp", "DetectedObjects", "ViolatingObjects", "Detections")
-MAX_BYTES = int(BY_NAME["line_max_bytes"].default)
-MAX_PERSONS = 1000
+MAX_COUNT = 10**12
+PERSON_MAX_BYTES = 1000
+"""One person takes fewer bytes than this of the cell that lists them: a longer cell lists too many persons."""
 MAX_ROWS_A_SECOND = 1000
 
 _UNTRACKED = re.compile(r"\d+-\d+")
@@ -31,7 +32,7 @@ _STEP_BACK = timedelta(minutes=30)
 
 
 @dataclass(frozen=True, slots=True)
-class LogRow:
+class ObjectLogRow:
     """One row of an object log.
 
     Attributes:
@@ -47,44 +48,49 @@ class LogRow:
     tracks: tuple[str | None, ...]
 
 
-def parsed(stream: IO[bytes], *, source_name: str, prefix: str) -> Iterator[LogRow | Rejected]:
+def parsed(
+    stream: IO[bytes], *, source_name: str, prefix: str, options: IngestOptions
+) -> Iterator[ObjectLogRow | Rejected]:
     """Yield the rows of one log.
 
     Args:
         stream: Its bytes.
         source_name: What the user named, for messages.
         prefix: Put before the details of rejected rows, to tell several logs apart.
+        options: The longest line and the most people in a row.
 
     Raises:
         InputError: E203 when the header lacks a needed column; E205 from the stream.
     """
-    csv.field_size_limit(max(csv.field_size_limit(), MAX_BYTES))
+    max_bytes = options.line_max_bytes
+    csv.field_size_limit(max(csv.field_size_limit(), max_bytes))
     columns: dict[str, int] | None = None
-    for number, line in bounded_lines(stream, max_bytes=MAX_BYTES):
+    for number, line in bounded_lines(stream, max_bytes=max_bytes):
         try:
             if line is None:
-                raise BadRowError("line-too-long", f"the line is longer than {MAX_BYTES:,} bytes")
+                raise BadRowError("line-too-long", f"the line is longer than {max_bytes:,} bytes")
             if not line.strip():
                 continue
             cells = _cells(line)
             if columns is None:
                 columns = _columns(cells, source_name)
             else:
-                yield _row(cells, columns, number)
+                yield _row(cells, columns, number, options)
         except BadRowError as bad:
             reason, detail = bad.args
             yield rejected(number, reason=reason, detail=prefix + detail, record=line or b"")
 
 
-def timed(rows: Iterator[LogRow | Rejected], zone: ZoneInfo) -> Iterator[tuple[LogRow, int] | Rejected]:
-    """Give the rows of each second their times in UTC milliseconds; pass on what was rejected.
+def timed(rows: Iterator[ObjectLogRow | Rejected], zone: ZoneInfo) -> Iterator[tuple[ObjectLogRow, int] | Rejected]:
+    """Yield each row with its time in UTC milliseconds; rejected rows are passed on.
 
-    When clocks are set back the hour comes twice: rows after a step back of half an hour or more are in the second one.
+    The log has whole seconds, so the rows of one second are spread evenly over it. When clocks are set back, an hour
+    comes twice: rows after a step back of half an hour or more are in the second one.
     """
-    group: list[LogRow] = []
+    group: list[ObjectLogRow] = []
     fold, damage = 0, None
 
-    def finished() -> Iterator[tuple[LogRow, int]]:
+    def finished() -> Iterator[tuple[ObjectLogRow, int]]:
         for k, row in enumerate(group):
             second = (row.second.replace(tzinfo=zone, fold=fold) - _EPOCH) // timedelta(milliseconds=1)
             yield row, second + k * 1000 // len(group)
@@ -120,7 +126,7 @@ def _columns(cells: list[str], source_name: str) -> dict[str, int]:
     columns = {name.strip(): i for i, name in enumerate(cells)}
     for name in NEEDED:
         if name not in columns:
-            near = difflib.get_close_matches(name, columns, 1)
+            near = difflib.get_close_matches(name, [c for c in list(columns)[:1000] if len(c) <= 100], 1)
             raise InputError(
                 f"the object log has no column {name}",
                 code="E203",
@@ -132,14 +138,14 @@ def _columns(cells: list[str], source_name: str) -> dict[str, int]:
 
 
 def _cells(line: bytes) -> list[str]:
-    """Return the cells of one record; the engine never breaks a record over lines, so bad quotes harm one row only."""
+    """Return the cells of one record; the engine writes a record on one line, so bad quotes spoil one row only."""
     try:
         return next(csv.reader([line.decode("utf-8")], strict=True))
     except (UnicodeDecodeError, csv.Error, StopIteration) as error:
         raise BadRowError("bad-csv", f"not a CSV record: {error}") from None
 
 
-def _row(cells: list[str], columns: dict[str, int], number: int) -> LogRow:
+def _row(cells: list[str], columns: dict[str, int], number: int, options: IngestOptions) -> ObjectLogRow:
     if len(cells) != len(columns):
         raise BadRowError("wrong-number-of-cells", f"the header has {len(columns)} columns, the row {len(cells)}")
     try:
@@ -151,20 +157,27 @@ def _row(cells: list[str], columns: dict[str, int], number: int) -> LogRow:
         raise BadRowError("bad-time", f"{text!r} is no time as YYYY-MM-DD HH:MM:SS") from None
     try:
         n_persons, n_violations = (int(cells[columns[c]]) for c in ("DetectedObjects", "ViolatingObjects"))
-        if not (0 <= n_persons <= MAX_BYTES and 0 <= n_violations <= MAX_BYTES**2):
+        if not (0 <= n_persons <= MAX_COUNT and 0 <= n_violations <= MAX_COUNT):
             raise ValueError("out of range")
     except ValueError:
         raise BadRowError("not-a-number", "DetectedObjects and ViolatingObjects must be whole numbers from 0") from None
-    boxes, tracks = _detections(_literal(cells[columns["Detections"]], "Detections"))
+    listed = cells[columns["Detections"]]
+    if len(listed) > options.persons_max * PERSON_MAX_BYTES:
+        detail = f"Detections has {len(listed):,} characters; {options.persons_max:,} people (persons_max) take fewer"
+        raise BadRowError(TOO_MANY, detail)
+    people = _literal(listed, "Detections")
+    if len(people) > options.persons_max:
+        raise BadRowError(TOO_MANY, too_many_people(len(people), options))
+    boxes, tracks = _detections(people)
     if len(tracks) != n_persons:
         raise BadRowError("count-mismatch", f"DetectedObjects is {n_persons}, but Detections lists {len(tracks)}")
     violators = None
     if "ViolationsIndexes" in columns:
-        listed = _literal(cells[columns["ViolationsIndexes"]], "ViolationsIndexes")
-        if not all(type(i) is int and 0 <= i < n_persons for i in listed):
+        indexes = _literal(cells[columns["ViolationsIndexes"]], "ViolationsIndexes")
+        if not all(type(i) is int and 0 <= i < n_persons for i in indexes):
             raise BadRowError("bad-index", "ViolationsIndexes names a person that Detections does not list")
-        violators = frozenset(listed)
-    return LogRow(number, second, LoggedFrame(boxes, n_violations, violators), tracks)
+        violators = frozenset(indexes)
+    return ObjectLogRow(number, second, LoggedFrame(boxes, n_violations, violators), tracks)
 
 
 def _literal(cell: str, column: str) -> list[Any]:
@@ -183,8 +196,6 @@ def _detections(people: list[Any]) -> tuple[Any, tuple[str | None, ...]]:
     """Return boxes, shape (n, 4), and the track ids of people the engine tracked."""
     import numpy as np
 
-    if len(people) > MAX_PERSONS:
-        raise BadRowError("too-many-people", f"{len(people):,} people in one frame; at most {MAX_PERSONS:,} are read")
     boxes, tracks = [], []
     for i, person in enumerate(people):
         box, track = (person.get("bbox"), person.get("tracking_id")) if isinstance(person, dict) else (None, None)

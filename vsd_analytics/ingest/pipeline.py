@@ -5,19 +5,26 @@ from __future__ import annotations
 import difflib
 import importlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
+from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
-from vsd_analytics.ingest.quarantine import Quarantine, Reading
+from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult, Store
+from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
     "frames": ("frames", "Frames", {}),
@@ -31,24 +38,25 @@ ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
 
 ENGINE_MAX_CHARS = 200
 
-# in the order they are asked whether a file is theirs; most particular first
+# in the order in which they look at a file; the most specific first
 _DETECTED = ("frames", "smart-social-distancing", "motchallenge", "wildtrack", "table")
 
 
 @dataclass
 class SourceResult:
-    """What became of one source.
+    """The result of one source.
 
     Attributes:
         source: Name as given.
         format: Adapter that read it.
         n_records: Records acknowledged, by table.
-        n_rejected: Records in quarantine, by reason.
+        n_rejected: Records put into quarantine, by reason.
         examples: One rejected record per reason.
         n_dropped: Records left out on purpose, by reason.
         notes: Things the user should know.
         error: Why the rest of the source could not be read, if so.
         first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
+        days: Records by UTC day number.
     """
 
     source: str
@@ -61,6 +69,7 @@ class SourceResult:
     error: VsdError | None = None
     first_ms: int | None = None
     last_ms: int | None = None
+    days: Counter[int] = field(default_factory=Counter)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +86,8 @@ class IngestResult:
 
     @property
     def n_rejected(self) -> int:
-        """Return the number of records in quarantine."""
-        return sum(sum(s.n_rejected.values()) for s in self.sources)
+        """Return the number of records put into quarantine, including those whose hour was sealed meanwhile."""
+        return sum(sum(s.n_rejected.values()) for s in self.sources) + self.fold.n_sealed
 
 
 def adapter(name: str) -> Adapter:
@@ -107,7 +116,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
             f"there is no file {source.name}",
             code="E201",
             where=where,
-            why="neither a file nor a folder stands at that path",
+            why="that path is neither a file nor a folder",
             mend="check the path and the spelling",
         )
     if not (source.path.is_file() or source.path.is_dir()):
@@ -153,18 +162,18 @@ def ingest(
     Args:
         site: The site the files belong to.
         paths: Files, archives or folders.
-        options: What the user said about them.
+        options: What the user says about them.
         now: The clock: later records are quarantined.
         is_dry_run: Read and check everything, write nothing.
-        is_folding: Fold at the end; False leaves what was acknowledged in the spool.
+        is_folding: Fold at the end; False leaves the acknowledged records in the spool.
         store: Where records are appended; None = the project's store.
         on_bytes: Called with the number of bytes read since the last call.
         on_rows: Called with the number of records put into the store since the last call.
         on_source: Called when a source is done.
 
     Returns:
-        What became of each source and what the store gained. A source that cannot be read to its end carries its
-        error; the others are ingested all the same.
+        The result of each source, and what the store gained. A source that cannot be read to its end has its error in
+        its result; the others are ingested all the same.
 
     Raises:
         UsageError: E101, `options.camera` is no camera of the site.
@@ -176,8 +185,12 @@ def ingest(
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
     results = []
+    days = store.days()
     for path in paths:
-        result = _ingest_one(site, Source(path), options, normaliser, None if is_dry_run else store, now, on_bytes)
+        source = Source(path, settings=site.settings)
+        result = _ingest_one(site, source, options, normaliser, None if is_dry_run else store, now, on_bytes)
+        days |= result.days.keys()
+        result.notes += _far_off(result.days, among=days)
         results.append(result)
         if on_source is not None:
             on_source(result)
@@ -197,9 +210,9 @@ def _ingest_one(
     quarantine = Quarantine(None if store is None else site.root / "quarantine", source=source.name, at=now)
     try:
         for batch in _batches(source, options, result, on_bytes):
-            clean = normaliser.normalise(batch)
+            clean = normaliser.normalise(batch, n_whole=quarantine.room)
             engines = batch.engines or ([options.engine] if options.engine else [])
-            quarantine.add(clean.rejected, reading=Reading(result.format, options, batch.first_line, engines))
+            quarantine.add(clean.rejected, reading=SourceReading(result.format, options, batch.first_line, engines))
             result.n_dropped.update(clean.n_dropped)
             result.notes += [n for n in batch.notes if n not in result.notes]
             for name in reversed(TABLES):  # a frame is stored after the persons it counts
@@ -209,7 +222,7 @@ def _ingest_one(
                 if store is not None:
                     store.append(name, rows, engines=engines)
                 result.n_records[name] += rows.num_rows
-                _note_range(result, rows["ts"])
+                _note_times(result, rows["ts"])
         if not result.n_records and not quarantine.counts and not result.notes:
             result.notes.append("W212: no record was found in it")
     except DiskError:
@@ -224,12 +237,12 @@ def _ingest_one(
 def _batches(
     source: Source, options: IngestOptions, result: SourceResult, on_bytes: Callable[[int], None] | None
 ) -> Iterator[RawBatch]:
-    """Read a source with the adapter that knows it; a file the system refuses is one source's error, not all's."""
+    """Read a source with its adapter; a file the system cannot open is an error of this source alone."""
     done = 0
     try:
         reader = find_adapter(source, options)
         result.format = reader.name
-        for batch in reader.read(source, options):
+        for batch in within_bounds(source, reader.read(source, options)):
             yield batch
             if on_bytes is not None and batch.done_bytes > done:
                 on_bytes(batch.done_bytes - done)
@@ -246,7 +259,7 @@ def _batches(
 
 
 def with_site(site: Site, options: IngestOptions) -> IngestOptions:
-    """Fill in what vsd.toml says: the only camera, clocks, `[ingest]`.
+    """Return options completed from vsd.toml: the only camera, clocks, `[ingest]`.
 
     Raises:
         UsageError: E101, `options.camera` is no camera of the site, or `options.engine` no name.
@@ -276,12 +289,29 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
         frame_zone=zones.pop() if len(zones) == 1 else options.frame_zone,
         clocks={**{name: c.clock for name, c in known.items()}, **options.clocks},
         line_max_bytes=int(site.settings.line_max_bytes),
+        persons_max=int(site.settings.persons_max),
+        pairs_max=int(site.settings.pairs_max),
     )
 
 
-def _note_range(result: SourceResult, ts: object) -> None:
-    import pyarrow.compute as pc
+def _note_times(result: SourceResult, ts: pa.ChunkedArray) -> None:
+    import numpy as np
 
-    low, high = (v.as_py() for v in pc.min_max(ts.cast("int64")).values())  # type: ignore[attr-defined]
+    instants = ts.cast("int64").to_numpy()
+    low, high = int(instants.min()), int(instants.max())
     result.first_ms = low if result.first_ms is None else min(result.first_ms, low)
     result.last_ms = high if result.last_ms is None else max(result.last_ms, high)
+    days, counts = np.unique(instants // (24 * HOUR_MS), return_counts=True)
+    result.days.update(dict(zip(days.tolist(), counts.tolist(), strict=True)))
+
+
+def _far_off(days: Mapping[int, int], *, among: Collection[int]) -> list[str]:
+    """Return a warning for each stretch of a source's days that is far from most others, here or stored."""
+    notes = []
+    for stretch in far_off(among):
+        if n := sum(days.get(day, 0) for day in stretch):
+            counted = f"{n:,} record{'' if n == 1 else 's'}"
+            notes.append(
+                f"W213: {counted} of {day_range(stretch)} (UTC), more than a year from the others; {FAR_OFF_FIX}"
+            )
+    return notes

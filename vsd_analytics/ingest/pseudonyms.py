@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.ingest.instants import QUARTER_MS
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store.secrets import DayKeys, pseudonym
 
 NAMES_MAX = 500_000
@@ -41,7 +41,7 @@ class Pseudonyms:
         tracks = [t or None for t in coded.dictionary.to_pylist()]
         if self._keys is None:
             return pa.array(tracks, pa.string()).take(coded.indices)
-        # each row's camera, day and track as one number; few of them are different
+        # camera, day and track of each row as one number: few of them differ, and only these are hashed
         cameras = camera_ids.dictionary_encode()
         quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
         days = [self._site_day(q) for q in quarters.tolist()]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
 import msgspec
 import pyarrow as pa
 
-from vsd_analytics.ingest.adapter import EXCERPT_CHARS, WHOLE_MAX_BYTES, Rejected
+from vsd_analytics.ingest.adapter import EXCERPT_CHARS, WHOLE_MAX_BYTES, IngestOptions, Rejected
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
+
+Check = tuple[str, str, Callable[[pa.Table], pa.ChunkedArray | pa.Array]]
+"""Reason, a sentence for people, and which rows are bad (null: not)."""
 
 
 class BadRowError(Exception):
@@ -23,8 +26,8 @@ def raw_table(name: TableName, **columns: Any) -> pa.Table:
     Args:
         name: Table of `vsd_analytics.schema.RAW_SCHEMAS`.
         **columns: Values by column: a list, NumPy array or Arrow array of one length each, or a single value (string,
-            number or None) that stands in every row. At least one column must be a sequence. NaN stays NaN (it is a
-            wrong number, which validation must see); None is missing.
+            number or None) for every row. At least one column must be a sequence. NaN stays NaN, a wrong number that
+            the checks must see; None is missing.
 
     Returns:
         A table in the schema of `name`, columns in its order.
@@ -55,13 +58,18 @@ def rejected(line: int, *, reason: str, detail: str, record: str | bytes = "") -
         line: 1-based line or record number in the source.
         reason: A short, stable slug.
         detail: One sentence for people.
-        record: The record as it stood: bytes are its line, which is kept whole if it can be; those that are not UTF-8
-            are shown as replacement characters.
+        record: The record as it was sent. Bytes are its line, which is stored whole if possible; bytes that are not
+            UTF-8 are shown as replacement characters.
     """
     if isinstance(record, str):
         return Rejected(line, reason, detail, record[:EXCERPT_CHARS])
     text = record[: 4 * EXCERPT_CHARS].decode("utf-8", "replace")
     return Rejected(line, reason, detail, text[:EXCERPT_CHARS], whole_line(record))
+
+
+def too_many_people(n_persons: int, options: IngestOptions) -> str:
+    """Return the detail of a frame with more people than `persons_max`."""
+    return f"{n_persons:,} people in one frame; at most {options.persons_max:,} are read (persons_max)"
 
 
 def whole_line(line: bytes | None) -> str | None:
@@ -77,7 +85,7 @@ def whole_line(line: bytes | None) -> str | None:
 def row_json(row: Mapping[str, Any]) -> str | None:
     """Return a raw row as a JSON object, or None when that is longer than `WHOLE_MAX_BYTES`.
 
-    JSON has no NaN and no infinity, and null would make them missing: they stand as the texts "nan", "inf", "-inf".
+    JSON has no NaN and no infinity, and null would mean missing: they become the texts "nan", "inf", "-inf".
     """
     plain = {k: str(v) if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
     text = msgspec.json.encode(plain)
@@ -110,7 +118,7 @@ def rows_table(name: TableName, rows: Sequence[Mapping[str, Any]], *, lines: Seq
 
 
 def n_rows(tables: Iterable[pa.Table]) -> int:
-    """Return the number of rows of the longest table, which is what a batch is measured by."""
+    """Return the number of rows of the longest table, which limits the size of a batch."""
     return max((t.num_rows for t in tables), default=0)
 
 
@@ -119,10 +127,10 @@ def bounded_lines(stream: IO[bytes], *, max_bytes: int) -> Iterator[tuple[int, b
 
     Args:
         stream: Bytes; a UTF-8 byte order mark at its start is left out.
-        max_bytes: Longest line handed out, its end not counted.
+        max_bytes: Longest line yielded, its end not counted.
 
     Yields:
-        Number and line without its end (LF or CR LF); None stands for a line that was too long, which is skipped.
+        Number and line without its end (LF or CR LF); None for a line that is too long, which is skipped.
     """
     number = 0
     while line := stream.readline(max_bytes + 2):

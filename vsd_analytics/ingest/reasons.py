@@ -1,11 +1,14 @@
-"""What a person can do about records in quarantine, by reason."""
+"""How to fix records in quarantine, by reason."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Final
 
-MENDS: Final[Mapping[str, str]] = {
+TOO_MANY: Final = "too-many"
+"""A frame with more persons or pairs than `persons_max` or `pairs_max`."""
+
+FIXES: Final[Mapping[str, str]] = {
     "bad-json": "look at the line: it was cut off, or it is not JSON; export it again",
     "bad-message": "compare it with the format: vsd schema frame",
     "bad-quotes": 'quote cells as "a""b", without line breaks inside, or leave such columns out of the export',
@@ -24,8 +27,10 @@ MENDS: Final[Mapping[str, str]] = {
     "same-person": "export pairs of two different persons",
     "sealed-hour": "nothing: the hour was purged and its figures stay as they are (purge.jsonl says when)",
     "time-out-of-range": "check the unit of the times and the engine's clock; files may reach a day beyond now (--now)",
+    "cell-too-long": "if such cells are right, raise cell_max_bytes under [ingest] in vsd.toml",
+    "too-many": "check the times: many frames may share one; else raise persons_max or pairs_max, and ingest it again",
     "unknown-camera": 'add engine_ids = ["its name"] to its [[camera]] in vsd.toml, or describe it in a new one',
     "unknown-quality": "vsd schema frame",
     "wrong-number-of-fields": "check the delimiter and decimal commas of these lines",
 }
-"""What to do, by reason; adapters' own reasons explain themselves in their details."""
+"""What to do, by reason; the details of adapters' own reasons say it themselves."""

@@ -1,8 +1,8 @@
 """Object logs of smart-social-distancing: one CSV row a frame, with people as a Python list of boxes in one cell.
 
-The log counts the pairs that were too close and names the persons in them, but gives neither pairs nor distances. Both
-are rebuilt from the boxes (`vsd_analytics.ingest.body_distance`); what the log does say is then the check of method,
-resolution and threshold. A row is written also when nobody is in view, so every row is a heartbeat.
+The log counts the pairs that were too close and lists the persons in them, but has neither pairs nor distances. Both
+are rebuilt from the boxes (`vsd_analytics.ingest.body_distance`). The counts of the log then show whether method,
+resolution and threshold are right. The engine writes a row also when nobody is in view, so every row is a heartbeat.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ import pyarrow as pa
 from vsd_analytics.errors import InputError, UsageError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.archive import Member, archive_kind, members
-from vsd_analytics.ingest.body_distance import METHODS, Agreement, Pairs, Setting
-from vsd_analytics.ingest.object_log import LogRow, parsed, timed
+from vsd_analytics.ingest.body_distance import METHODS, EngineSetting, LogAgreement, Pairs
+from vsd_analytics.ingest.object_log import ObjectLogRow, parsed, timed
 from vsd_analytics.ingest.raw import raw_table
 from vsd_analytics.schema import TableName
 from vsd_analytics.settings import BY_NAME
@@ -36,15 +36,15 @@ _LOGS_HERE = re.compile(r"^[^/]+\.csv(?:\.gz)?$")
 
 
 @dataclass(slots=True)
-class _Rows:
-    """Rows read and not yet handed over, with their times."""
+class _ObjectLogRows:
+    """Rows that were read and not yielded yet, with their times."""
 
-    rows: list[LogRow] = field(default_factory=list)
+    rows: list[ObjectLogRow] = field(default_factory=list)
     ts: list[int] = field(default_factory=list)
     rejected: list[Rejected] = field(default_factory=list)
     n_records: int = 0
 
-    def add(self, row: LogRow, ts_ms: int) -> None:
+    def add(self, row: ObjectLogRow, ts_ms: int) -> None:
         n = len(row.frame.boxes)
         self.rows.append(row)
         self.ts.append(ts_ms)
@@ -54,7 +54,7 @@ class _Rows:
     def is_full(self) -> bool:
         return self.n_records + 10 * len(self.rejected) >= BATCH_ROWS
 
-    def batch(self, camera: str | None, agreement: Agreement, done_bytes: int) -> RawBatch:
+    def batch(self, camera: str | None, agreement: LogAgreement, done_bytes: int) -> RawBatch:
         """Return raw tables: a frame a row, foot points, and the pairs within the default of `pair_max_m`."""
         import numpy as np
 
@@ -62,16 +62,16 @@ class _Rows:
         pairs = Pairs.of(frames)
         metres = pairs.distances_m(agreement.setting)
         agreement.add(frames, pairs, distances_m=metres)
-        kept = metres < float(BY_NAME["pair_max_m"].default)
+        is_near = metres < float(BY_NAME["pair_max_m"].default)
         ts, lines = np.array(self.ts, dtype=np.int64), np.array([r.line for r in self.rows], dtype=np.int64)
         sizes = [len(f.boxes) for f in frames]
-        n_pairs = np.bincount(pairs.frame[kept], minlength=len(frames))
+        n_pairs = np.bincount(pairs.frame[is_near], minlength=len(frames))
         boxes = np.concatenate([np.empty((0, 4)), *(f.boxes for f in frames)])
         width, height = agreement.setting.resolution_px
         tracks = [t for r in self.rows for t in r.tracks]
-        of_person, of_pair = np.repeat(np.arange(len(frames)), sizes), pairs.frame[kept]
+        of_person, of_pair = np.repeat(np.arange(len(frames)), sizes), pairs.frame[is_near]
         first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.intp)[of_pair]
-        a, b = pairs.a[kept], pairs.b[kept]
+        a, b = pairs.a[is_near], pairs.b[is_near]
         tables: dict[TableName, pa.Table] = {
             "frames": raw_table("frames", camera=camera, ts_ms=ts, n_persons=sizes, n_pairs=n_pairs, line=lines),
             "observations": raw_table(
@@ -93,7 +93,7 @@ class _Rows:
                 person_b=b,
                 track_a=[tracks[i] for i in first + a],
                 track_b=[tracks[i] for i in first + b],
-                distance_m=metres[kept],
+                distance_m=metres[is_near],
                 quality="body",
                 line=lines[of_pair],
             ),
@@ -110,26 +110,26 @@ class SmartSocialDistancing:
     )
 
     def detects(self, source: Source) -> bool:
-        """Tell by the header line, or by a folder objects_log of CSV files that have it."""
+        """Return whether this is a file with the header line, or a folder with an objects_log of such files."""
         if not source.path.is_dir():
             return source.head(256).removeprefix(b"\xef\xbb\xbf").startswith(HEADER)
         patterns = ("objects_log/*.csv", "*/objects_log/*.csv", *(("*.csv",) if _is_log_folder(source) else ()))
         logs = (next(source.path.glob(pattern), None) for pattern in patterns)
-        return any(log is not None and self.detects(Source(log)) for log in logs)
+        return any(log is not None and self.detects(Source(log, settings=source.settings)) for log in logs)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream a log, or every log of a camera's or an engine's log folder.
 
-        Times are local to `options.frame_zone`. The n rows of one second get k 1000/n ms added to the k-th (from 0).
-        The camera is `options.camera`, else the folder that holds `objects_log`. The last batch carries one note on how
-        many rows agree with the pairs rebuilt at `options.method`, `resolution_px` and `threshold_m`.
+        Times are local to `options.frame_zone`. The log has whole seconds; of n rows in one second, the k-th (from 0)
+        gets k 1000/n ms added. The camera is `options.camera`, else the folder that holds `objects_log`. The last batch
+        has a note on how many rows agree with the pairs rebuilt by `options.method`, `resolution_px` and `threshold_m`.
 
         Raises:
             InputError: E203 when a needed column is missing, E204 when a folder has no logs, E205 when a file is
                 damaged.
             UsageError: E101 for a method, resolution, threshold or zone that cannot be.
         """
-        agreement, zone, damage = Agreement(_setting(options)), _zone(options.frame_zone), None
+        agreement, zone, damage = LogAgreement(_setting(options)), _zone(options.frame_zone), None
         with _logs(source) as logs:
             is_empty = True
             try:
@@ -150,13 +150,13 @@ class SmartSocialDistancing:
 
 
 def _read(
-    source: Source, log: Member, *, options: IngestOptions, zone: ZoneInfo, agreement: Agreement
+    source: Source, log: Member, *, options: IngestOptions, zone: ZoneInfo, agreement: LogAgreement
 ) -> Iterator[RawBatch]:
     prefix = "" if archive_kind(source) is None else f"{log.name}: "
-    camera, rows, damage, done = options.camera or _camera(source, log), _Rows(), None, 0
+    camera, rows, damage, done = options.camera or _camera(source, log), _ObjectLogRows(), None, 0
     with log.open() as stream:
         try:
-            for item in timed(parsed(stream, source_name=source.name, prefix=prefix), zone):
+            for item in timed(parsed(stream, source_name=source.name, prefix=prefix, options=options), zone):
                 if isinstance(item, Rejected):
                     rows.rejected.append(item)
                 else:
@@ -164,7 +164,7 @@ def _read(
                 if rows.is_full:
                     done = min(bytes_read(stream), source.size_bytes)
                     yield rows.batch(camera, agreement, done)
-                    rows = _Rows()
+                    rows = _ObjectLogRows()
         except InputError as error:
             damage = error
     yield rows.batch(camera, agreement, done)
@@ -172,14 +172,14 @@ def _read(
         raise damage
 
 
-def _setting(options: IngestOptions) -> Setting:
+def _setting(options: IngestOptions) -> EngineSetting:
     width, height = options.resolution_px
     if options.method not in METHODS:
         near = difflib.get_close_matches(options.method, METHODS, 1) or METHODS
         raise UsageError(f"there is no distance method {options.method!r}", mend=f"use --method {' or '.join(near)}")
     if width <= 0 or height <= 0 or not (math.isfinite(options.threshold_m) and options.threshold_m > 0):
         raise UsageError("resolution and threshold must be above zero", mend="--resolution 640x480 --threshold 1.5")
-    return Setting(options.method, (width, height), options.threshold_m)
+    return EngineSetting(options.method, (width, height), options.threshold_m)
 
 
 def _zone(name: str) -> ZoneInfo:

@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
-from vsd_analytics.ingest.cells import floats_or_null, ids, numbers
-from vsd_analytics.ingest.columns import BOX, NUMBERS, Plan
+from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers
+from vsd_analytics.ingest.columns import BOX, NUMBERS, ColumnPlan
 from vsd_analytics.ingest.instants import Instants, parse_instants
 from vsd_analytics.ingest.raw import raw_table, rejected
 
@@ -17,7 +17,7 @@ _MAX_MS = 2.0**53
 
 
 def raw_batch(
-    plan: Plan,
+    plan: ColumnPlan,
     columns: Mapping[str, pa.Array],
     lines: np.ndarray,
     options: IngestOptions,
@@ -27,10 +27,10 @@ def raw_batch(
     """Return the records of some rows of a table.
 
     Args:
-        plan: What is in the table.
+        plan: Which columns are read.
         columns: The columns of `plan`, by our names, each of the length of `lines`.
         lines: Line or record numbers.
-        options: What the user said.
+        options: What the user says.
         decimal_comma: Numbers may have a comma for the point.
 
     Raises:
@@ -54,25 +54,25 @@ def raw_batch(
         ts_ms = (np.floor(ts_ms / period_ms) * period_ms).astype(np.int64)
     values.pop("frame", None)
     _foot_points(values)
-    keep = pa.array(~bad.mask)
-    kept = {name: floats_or_null(v).filter(keep) for name, v in values.items()}
-    shared = {"camera": camera.filter(keep), "ts_ms": ts_ms[~bad.mask], "line": lines[~bad.mask]}
-    shared["zone"] = None if instants.zones is None else instants.zones.filter(keep)
+    is_good = pa.array(~bad.mask)
+    good = {name: floats_or_null(v).filter(is_good) for name, v in values.items()}
+    shared = {"camera": camera.filter(is_good), "ts_ms": ts_ms[~bad.mask], "line": lines[~bad.mask]}
+    shared["zone"] = None if instants.zones is None else instants.zones.filter(is_good)
     if plan.kind == "pairs":
-        # a table sends pair by pair: each is the first person and the second of its own message
-        tracks = {t: ids(columns[t], default=None, length=len(lines)).filter(keep) for t in ("track_a", "track_b")}
-        table = raw_table("pairs", **shared, **tracks, **kept, person_a=0, person_b=1, quality="metric")
+        # a table has one pair a row, so each pair is persons 0 and 1 of a frame message of its own
+        tracks = {t: ids(columns[t], default=None, length=len(lines)).filter(is_good) for t in ("track_a", "track_b")}
+        table = raw_table("pairs", **shared, **tracks, **good, person_a=0, person_b=1, quality="metric")
     else:
-        track = ids(columns.get("track_id"), default=None, length=len(lines)).filter(keep)
-        quality = "metric" if "x_m" in kept else "relative"
-        table = raw_table("observations", **shared, track=track, **kept, person=0, quality=quality)
+        track = ids(columns.get("track_id"), default=None, length=len(lines)).filter(is_good)
+        quality = "metric" if "x_m" in good else "relative"
+        table = raw_table("observations", **shared, track=track, **good, person=0, quality=quality)
     return RawBatch({plan.kind: table}, bad.rejected, notes=instants.notes)
 
 
 class _BadRows:
-    """Collects rows that cannot be used, each with the first thing wrong with it."""
+    """Collects rows that cannot be used, each with the first error found in it."""
 
-    def __init__(self, plan: Plan, columns: Mapping[str, pa.Array], lines: np.ndarray) -> None:
+    def __init__(self, plan: ColumnPlan, columns: Mapping[str, pa.Array], lines: np.ndarray) -> None:
         self._plan, self._columns, self._lines = plan, columns, lines
         self.mask = np.zeros(len(lines), dtype=bool)
         self.rejected: list[Rejected] = []
@@ -89,7 +89,7 @@ class _BadRows:
 def _shown(cell: pa.Scalar) -> str:
     try:
         return str(cell.as_py())[:200]
-    except (ArithmeticError, ValueError, LookupError):  # a date that Python has not, a zone that nobody knows
+    except (ArithmeticError, ValueError, LookupError):  # a date outside Python's years, an unknown zone
         return f"a {cell.type} that cannot be shown"
 
 

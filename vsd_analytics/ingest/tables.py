@@ -1,10 +1,10 @@
 """Tables of positions or pairs: CSV (plain, gz, bz2, zst; comma, semicolon, tab or blanks) and Parquet.
 
 Our column names are `ts camera_id track_id x_m y_m u_px v_px` for positions and `ts camera_id track_a track_b x_a_m
-y_a_m x_b_m y_b_m distance_m distance_sd_m` for pairs; `frame` may stand for `ts`, and a box (`left top right bottom` or
-`left top width height`, pixels) for `u_px v_px`, its foot point. `--map ours=theirs` and `--columns` rename.
+y_a_m x_b_m y_b_m distance_m distance_sd_m` for pairs. `frame` may replace `ts`. A box (`left top right bottom` or `left
+top width height`, pixels) may replace `u_px v_px`, its foot point. `--map ours=theirs` and `--columns` rename columns.
 
-A line is a record: a quote that is not closed on its line spoils that line, never the ones after it.
+A line is a record: a quote that is not closed on its line spoils that line, never the lines after it.
 """
 
 from __future__ import annotations
@@ -15,16 +15,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read, empty
-from vsd_analytics.ingest.columns import KNOWN, Header, Plan, plan_columns, unique_names
-from vsd_analytics.ingest.lines import line_blocks
+from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected, Source, bytes_read, empty
+from vsd_analytics.ingest.columns import KNOWN, ColumnPlan, Header, plan_columns, unique_names
+from vsd_analytics.ingest.parquet import ParquetTable
 from vsd_analytics.ingest.raw import BadRowError, rejected, whole_line
 from vsd_analytics.ingest.table_rows import raw_batch
+from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.schema import TableName
 
+BLOCK_BYTES = 1 << 20  # a block may be all line ends, or lines of one character, each of them a record
 _PARQUET = b"PAR1"
 _SUFFIXES = frozenset({".csv", ".tsv", ".parquet"})
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -36,13 +37,14 @@ class Tables:
     name = "table"
     coordinates = "floor metres (x_m y_m) or image pixels (u_px v_px, or boxes)"
 
-    def __init__(self, kind: TableName | None = None) -> None:
+    def __init__(self, kind: TableName | None = None, *, is_only_where: bool = False) -> None:
         self._kind = kind
+        self._is_only_where = is_only_where  # read only camera and time; for text tables
         if kind is not None:
             self.name = "positions" if kind == "observations" else "pairs"
 
     def detects(self, source: Source) -> bool:
-        """Tell by suffix, or by a first line with a column name we know."""
+        """Return whether the suffix is that of a table, or the first line has one of our column names."""
         if source.path.is_dir():
             return False
         head = source.head(8192)
@@ -65,51 +67,20 @@ class Tables:
             yield from self._read_text(source, options)
 
     def _read_parquet(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
-        try:
-            file = pq.ParquetFile(source.path)
-            there = file.schema_arrow.names
-            for i in range(file.metadata.num_columns):
-                _ = file.metadata.schema.column(i).path  # a UnicodeDecodeError where a name is no UTF-8
-        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            raise InputError(
-                f"{source.path.name} is not a whole Parquet file",
-                code="E205",
-                where=Where(source.name),
-                why=f"its footer cannot be read, as when a copy was cut short: {str(error)[:200]}",
-                mend="copy or export the file again",
-            ) from None
-        with file:
-            plan = plan_columns(source, options, Header(unique_names(there)), kind=self._kind)
-            names = sorted({there[i] for i in plan.theirs.values()})
-            done = 0
-            try:
-                for chunk in file.iter_batches(columns=names, batch_size=BATCH_ROWS // 2):
-                    columns = {o: _column(chunk, there[i]) for o, i in plan.theirs.items()}
-                    lines = np.arange(done + 1, done + chunk.num_rows + 1)
-                    batch = raw_batch(plan, columns, lines, options)
-                    done += chunk.num_rows
-                    yield replace(batch, done_bytes=source.size_bytes * done // max(1, file.metadata.num_rows))
-            except (pa.ArrowNotImplementedError, pa.ArrowTypeError, pa.ArrowKeyError) as error:
-                raise InputError(
-                    f"{source.path.name} has a column of a type that cannot be read",
-                    code="E203",
-                    where=Where(source.name),
-                    why=str(error)[:200],
-                    mend="write numbers, texts and timestamps into plain columns; --map names the right ones",
-                ) from None
-            except (pa.ArrowException, OSError) as error:
-                raise InputError(
-                    f"{source.path.name} is damaged after record {done:,}",
-                    code="E205",
-                    where=Where(source.name, done + 1),
-                    why=str(error)[:200],
-                    mend="copy or export the file again; the records before the damage are kept",
-                ) from None
+        table = ParquetTable(source)
+        plan = plan_columns(source, options, Header(unique_names(table.names)), kind=self._kind)
+        with table.readable():
+            for chunk in table.chunks(plan.theirs):
+                batch = raw_batch(plan, chunk.columns, chunk.lines, options)
+                done_bytes = source.size_bytes * chunk.done // max(1, table.n_rows)
+                yield replace(batch, rejected=[*chunk.rejected, *batch.rejected], done_bytes=done_bytes)
 
     def _read_text(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         layout = _layout(source, options, self._kind)
+        if self._is_only_where:
+            layout = replace(layout, plan=layout.plan.only_where())
         with source.open() as stream:
-            for first, lines in line_blocks(stream, max_bytes=options.line_max_bytes):
+            for first, lines in line_blocks(stream, max_bytes=options.line_max_bytes, block_bytes=BLOCK_BYTES):
                 numbers, rows, bad = layout.records(first, lines, options.line_max_bytes)
                 columns = {o: pa.array([row[i] for row in rows], pa.string()) for o, i in layout.plan.theirs.items()}
                 at = np.array(numbers, dtype=np.int64)
@@ -120,17 +91,17 @@ class Tables:
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """How the lines of a text table are cut.
+    """How the lines of a text table are split.
 
     Attributes:
         plan: Which columns are read.
-        delimiter: Character between cells; a blank stands for any number of blanks and tabs.
-        n_cells: Cells a record has.
+        delimiter: Character between cells; a blank means any number of blanks and tabs.
+        n_cells: Cells of a record.
         n_header: Lines before the first record.
-        first_line: The line this was found from: the header, or without one the first record.
+        first_line: The header, or without one the first record.
     """
 
-    plan: Plan
+    plan: ColumnPlan
     delimiter: str
     n_cells: int
     n_header: int
@@ -139,7 +110,7 @@ class _Layout:
     def records(
         self, first: int, lines: list[bytes | None], max_bytes: int
     ) -> tuple[list[int], list[list[str]], list[Rejected]]:
-        """Return line numbers and cells of the records among some lines, and the lines that are none."""
+        """Return line numbers and cells of the records in some lines, and the lines that are no records."""
         split = _split_by(self.delimiter)
         numbers: list[int] = []
         rows: list[list[str]] = []
@@ -177,7 +148,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
             mend=f"iconv -f UTF-16 -t UTF-8 {source.path.name} > utf8.csv   (or save it as CSV UTF-8)",
         )
     lines = _text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
-    # where --columns name the columns, lines before the first record that start with # are a note of its writer
+    # with --columns there is no header line, so lines that start with # before the first record are comments
     skipped = "#" if options.columns is not None else ()
     at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(skipped)), None)
     if at is None:
@@ -187,7 +158,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
     try:
         cells = [c.strip() for c in _split_by(delimiter)(first)]
     except BadRowError as error:
-        why = f"its first line cannot be cut into cells: {error.args[1]}"
+        why = f"its first line cannot be split into cells: {error.args[1]}"
         raise InputError(
             f"{source.path.name} cannot be read as a table",
             code="E204",
@@ -213,7 +184,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
 
 
 def _delimiter(line: str, *, n_cells: int = 0) -> str:
-    """Return what stands between the cells of a line: the commonest of tab, semicolon and comma, else blanks."""
+    """Return the delimiter of a line: the most frequent of tab, semicolon and comma, else a blank."""
     counts = {d: line.count(d) for d in ("\t", ";", ",")}
     enough = [d for d, n in counts.items() if n and n + 1 >= n_cells > 0]
     best = enough[0] if enough else max(counts, key=lambda d: counts[d])
@@ -235,15 +206,3 @@ def _quoted(line: str, delimiter: str) -> list[str]:
 
 def _text(line: bytes) -> str:
     return line.decode("utf-8", "backslashreplace")
-
-
-def _column(chunk: pa.RecordBatch, name: str) -> pa.Array:
-    column = chunk.column(chunk.schema.get_all_field_indices(name)[0])
-    column = column.dictionary_decode() if pa.types.is_dictionary(column.type) else column
-    if not any(check(column.type) for check in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)):
-        return column
-    try:
-        column.validate(full=True)
-    except pa.ArrowInvalid:  # Parquet promises UTF-8 and does not look; what it is not is shown as escapes
-        return column.cast(pa.large_binary())
-    return column

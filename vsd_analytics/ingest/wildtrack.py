@@ -1,9 +1,9 @@
 """WILDTRACK annotations: one JSON file per annotated video frame, floor positions as numbers of grid cells.
 
-Seven cameras were fused into one set of positions before they were written, so they enter as one virtual camera and
-nobody is counted twice. Cell n of the 480 x 1440 grid stands at x = -3 + 0.025 (n mod 480), y = -9 + 0.025 (n div 480)
-metres. Or each view is a camera of its own, C1 to C7, and sends the foot points of its boxes in pixels, as engines that
-know nothing of one another would.
+The positions of seven cameras were fused into one set before they were written, so they are read as one virtual camera
+and nobody is counted twice. Cell n of the 480 x 1440 grid is at x = -3 + 0.025 (n mod 480), y = -9 + 0.025 (n div 480)
+metres. With `--per-camera` each view is a camera of its own, C1 to C7, with the foot points of its boxes in pixels, as
+engines send them that know nothing of each other.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.archive import archive_kind, members
 from vsd_analytics.ingest.instants import frame_ms
-from vsd_analytics.ingest.raw import raw_table, rejected
+from vsd_analytics.ingest.raw import raw_table, rejected, too_many_people
+from vsd_analytics.ingest.reasons import TOO_MANY
 
 VIDEO_FPS = 10.0
 """Video frames a second: every fifth is annotated, two a second."""
@@ -29,15 +30,14 @@ GRID_STEP_M = 0.025
 VIEWS = tuple(f"C{number}" for number in range(1, 8))
 """Cameras of the single views, by viewNum."""
 BOX_SIDES = ("xmin", "ymin", "xmax", "ymax")
-MAX_FILE_BYTES = 16 * 1024**2
 
 _FILES = re.compile(r"(?:^|annotations_positions/)(\d{1,9})\.json$")
 _TAR_ENTRY = re.compile(rb"(?:^|/)annotations_positions/(?:\d{1,9}\.json)?\0")
 
 
 @dataclass(slots=True)
-class _Rows:
-    """Records read and not yet handed over; places are metres, or pixels of single views."""
+class _WildtrackRows:
+    """Records that were read and not yielded yet; places are metres, or pixels of single views."""
 
     is_pixels: bool = False
     frames: list[tuple[str, int | None, int, int]] = field(default_factory=list)
@@ -71,16 +71,14 @@ class Wildtrack:
     )
 
     def detects(self, source: Source) -> bool:
-        """Tell whether this is a folder of numbered JSON files with positionID, or a tar of annotations_positions/."""
+        """Return whether this is a folder of numbered JSON files with positionID, or a tar of annotations_positions."""
         if source.path.is_dir():
             files = (
                 *islice(source.path.glob("annotations_positions/[0-9]*.json"), 1),
                 *islice(source.path.glob("[0-9]*.json"), 1),
             )
-            return any(
-                _FILES.search(f"/annotations_positions/{f.name}") and _is_annotation(Source(f).head(4096))
-                for f in files
-            )
+            heads = {f.name: Source(f, settings=source.settings).head(4096) for f in files}
+            return any(_FILES.search(f"/annotations_positions/{n}") and _is_annotation(h) for n, h in heads.items())
         kind = archive_kind(source)
         if kind == "tar":
             head = source.head(8192)
@@ -96,13 +94,13 @@ class Wildtrack:
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the annotated frames; see `Adapter.read`.
 
-        Video frame n stands at `start + (n - first_frame) / fps`, with `options.fps` in *video* frames a second
+        Video frame n was taken at `start + (n - first_frame) / fps`, with `options.fps` in *video* frames a second
         (default 10). Every readable file is a heartbeat, also one without people; an unreadable file is quarantined
         and makes no frame. The line of a record is the number of its file in reading order.
 
-        With `options.per_camera` a record is the middle of the lower edge of a box, in the pixels of its view (which it
-        may leave: the picture's edge cuts people off), and each file is a heartbeat of every view. Corners of -1 stand
-        for a view in which the person is not seen.
+        With `options.per_camera` a record is the middle of the lower edge of a box in the pixels of its view; it may be
+        outside the picture, whose edge cuts people off. Each file is a heartbeat of every view. Corners of -1 mean that
+        the person is not seen in that view.
 
         Raises:
             InputError: E207 without `options.start` or with an impossible frame rate, E204 without annotations, E205
@@ -120,7 +118,7 @@ class Wildtrack:
                 mend="give the start, for example --start 2026-01-05T09:00:00+01:00 (and --fps if it is not 10)",
             )
         camera, n_files, damage = options.camera or "wildtrack", 0, None
-        rows = _Rows(options.per_camera)
+        rows = _WildtrackRows(options.per_camera)
         with members(source, wanted=_FILES) as found:
             try:
                 for n_files, member in enumerate(found, 1):
@@ -128,19 +126,19 @@ class Wildtrack:
                     frame = int(number[1]) if number else 0
                     try:
                         with member.open() as stream:
-                            text = stream.read(MAX_FILE_BYTES + 1)
-                    except InputError as error:  # the files after a damaged one are read all the same
+                            text = stream.read(options.line_max_bytes + 1)
+                    except InputError as error:  # read the files after a damaged one all the same
                         damage = damage or error
                         continue
                     ts_ms = frame_ms(frame, first=options.first_frame or 0.0, fps=fps, start_ms=options.start)
-                    people = _people(text, file=member.name, line=n_files, rows=rows)
+                    people = _people(text, file=member.name, line=n_files, rows=rows, options=options)
                     if people is not None and options.per_camera:
                         _take_views(people, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows)
                     elif people is not None:
                         _take_floor(people, file=member.name, line=n_files, ts_ms=ts_ms, rows=rows, camera=camera)
                     if len(rows.persons) + len(rows.frames) + 10 * len(rows.rejected) >= BATCH_ROWS:
                         yield rows.batch()
-                        rows = _Rows(options.per_camera)
+                        rows = _WildtrackRows(options.per_camera)
             except InputError as error:
                 damage = damage or error
             yield rows.batch()
@@ -155,13 +153,13 @@ class Wildtrack:
             )
 
 
-def _people(text: bytes, *, file: str, line: int, rows: _Rows) -> list[Any] | None:
-    """Return the entries of one file; None when it cannot be used, which is then among the rejected."""
+def _people(text: bytes, *, file: str, line: int, rows: _WildtrackRows, options: IngestOptions) -> list[Any] | None:
+    """Return the entries of one file; None when it cannot be used and was rejected."""
     import msgspec
 
     name = file.rpartition("/")[2]
-    if len(text) > MAX_FILE_BYTES:
-        detail = f"{name} is longer than {MAX_FILE_BYTES:,} bytes"
+    if len(text) > options.line_max_bytes:
+        detail = f"{name} is longer than {options.line_max_bytes:,} bytes (line_max_bytes)"
         rows.rejected.append(rejected(line, reason="file-too-long", detail=detail, record=text))
         return None
     try:
@@ -173,10 +171,16 @@ def _people(text: bytes, *, file: str, line: int, rows: _Rows) -> list[Any] | No
         detail = f"{name} is no list of people"
         rows.rejected.append(rejected(line, reason="bad-file", detail=detail, record=text))
         return None
+    if len(people) > options.persons_max:
+        detail = f"{name}: {too_many_people(len(people), options)}"
+        rows.rejected.append(rejected(line, reason=TOO_MANY, detail=detail, record=text))
+        return None
     return people
 
 
-def _take_floor(people: list[Any], *, file: str, line: int, ts_ms: int | None, rows: _Rows, camera: str) -> None:
+def _take_floor(
+    people: list[Any], *, file: str, line: int, ts_ms: int | None, rows: _WildtrackRows, camera: str
+) -> None:
     """Add one file's floor positions; a person that cannot be used still counts as seen in its frame."""
     rows.frames.append((camera, ts_ms, len(people), line))
     for index, entry in enumerate(people):
@@ -190,7 +194,7 @@ def _take_floor(people: list[Any], *, file: str, line: int, ts_ms: int | None, r
             _reject(entry, wanted, reason="bad-position", file=file, line=line, index=index, rows=rows)
 
 
-def _take_views(people: list[Any], *, file: str, line: int, ts_ms: int | None, rows: _Rows) -> None:
+def _take_views(people: list[Any], *, file: str, line: int, ts_ms: int | None, rows: _WildtrackRows) -> None:
     """Add the foot points of one file's boxes, view by view; of a person with a bad one none is taken."""
     n_seen = [0] * len(VIEWS)
     for index, entry in enumerate(people):
@@ -213,7 +217,7 @@ def _person(entry: Any) -> str | None:
 
 
 def _boxes(entry: Any) -> dict[int, tuple[int, int, int, int]] | None:
-    """Return the corners of a person's box by view, or None when a view is missing, twice there or unreadable."""
+    """Return the corners of a person's box by view, or None when a view is missing, repeated or unreadable."""
     views = entry.get("views") if isinstance(entry, dict) else None
     if not isinstance(views, list) or not all(isinstance(view, dict) for view in views):
         return None
@@ -225,7 +229,7 @@ def _boxes(entry: Any) -> dict[int, tuple[int, int, int, int]] | None:
     return boxes
 
 
-def _reject(entry: Any, wanted: str, *, reason: str, file: str, line: int, index: int, rows: _Rows) -> None:
+def _reject(entry: Any, wanted: str, *, reason: str, file: str, line: int, index: int, rows: _WildtrackRows) -> None:
     detail = f"person {index + 1} of {file.rpartition('/')[2]} has {wanted}"
     rows.rejected.append(rejected(line, reason=reason, detail=detail, record=repr(entry)[:500]))
 

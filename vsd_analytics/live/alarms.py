@@ -1,12 +1,12 @@
 """The alarm engine: stored records in, alarm events out; the same for a live stream and for a stored day.
 
-Everything is judged in event time, camera by camera, so that a camera whose clock is off, or whose network is slow,
-disturbs no other. Records wait until they are `lateness_s` behind the newest of their camera, and are then handled in
-order; the same record twice is one. Hence order, batches and duplicates of the delivery change nothing, as long as no
-record comes later than `lateness_s` behind the newest of all cameras; later ones are counted in `n_late`.
+All rules use event time, camera by camera, so a camera with a wrong clock or a slow network disturbs no other. Records
+wait until they are `lateness_s` behind the newest of their camera, and are then handled in order; the same record twice
+counts once. So order, batches and duplicates of the delivery change nothing. The exception are records that come later
+than `lateness_s` behind the newest of all cameras: they are counted in `n_late`.
 
-A camera's time also passes while it sends nothing: as long as the other cameras' time, or the clock given to `tick`,
-has moved on since it was last heard.
+A camera's time also passes while it sends nothing, by as much as the other cameras' time, or the clock given to `tick`,
+has moved since its last record.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import pyarrow as pa
 from vsd_analytics.live.companions import Companions
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.live.silence import Opening, Silence
-from vsd_analytics.live.situations import Ground, Instant, Name, Sighting, contacts, frame_of, gatherings
+from vsd_analytics.live.situations import Ground, Instant, Name, Sighting, contacts, gatherings, people_graph
 from vsd_analytics.live.sustained import Situations
 from vsd_analytics.schema import TableName
-from vsd_analytics.site import AlarmRule, Camera, Site
+from vsd_analytics.site.model import AlarmRule, Camera, Site
 
 _INTERVAL_MAX_MS = 1_200_000  # of the fact camera_days
 _INTERVALS = 31
@@ -37,12 +37,12 @@ class AlarmEngine:
 
     Args:
         site: The project; its cameras, areas, opening hours and settings are used.
-        rules: Rules to judge; None = those of the site.
-        start: From when on a camera that was never heard counts as silent; None = a camera must be heard first.
+        rules: Rules to apply; None = those of the site.
+        start: Instant from which a camera without any record counts as silent; None = a camera must send first.
 
     Attributes:
         n_late: Records that came too late to count.
-        n_untracked: Person records without a track id: they are seen within a gathering, and cannot make one last.
+        n_untracked: Person records without a track id. They count in a gathering, but cannot make it last.
         n_instants: Instants handled, of all cameras.
     """
 
@@ -63,31 +63,31 @@ class AlarmEngine:
         return [alarm for stream in self._streams.values() for alarm in stream.open_alarms]
 
     @property
-    def n_kept(self) -> int:
+    def n_in_memory(self) -> int:
         """Return how many records, people, pairs and situations are in memory."""
-        return sum(stream.n_kept for stream in self._streams.values())
+        return sum(stream.n_in_memory for stream in self._streams.values())
 
     def watch(self, start: datetime, *, cameras: Collection[str] | None = None) -> None:
-        """Count cameras that were never heard as silent from `start` on.
+        """Count cameras without any record as silent from `start` on.
 
         Args:
             start: Instant of the first record to expect.
             cameras: Only these; None = all.
         """
-        self._clock_ms = max(_ms(start), self._clock_ms or 0)
+        self._clock_ms = max(epoch_ms(start), self._clock_ms or 0)
         for camera_id, stream in self._streams.items():
             if stream.newest_ms is None and (cameras is None or camera_id in cameras):
-                stream.watch(_ms(start), self._clock_ms)
+                stream.watch(epoch_ms(start), self._clock_ms)
 
     def feed(self, tables: Mapping[TableName, pa.Table], *, now: datetime | None = None) -> list[AlarmEvent]:
-        """Take in records.
+        """Take records and return the events they cause.
 
         Args:
-            tables: Rows in `SCHEMAS`, in any order; cameras the site does not have are passed over.
+            tables: Rows in `SCHEMAS`, in any order; cameras the site does not have are skipped.
             now: The clock, when listening: a camera whose clock is ahead of it does not make the others silent.
 
         Returns:
-            What there is to tell now, in order of time.
+            The events that are due now, in order of time.
         """
         heard: dict[str, int] = {}
         for camera_id, ts_ms, instant in self._instants(tables, heard):
@@ -98,33 +98,33 @@ class AlarmEngine:
         if not heard:
             return []
         newest = max(heard.values())
-        self._clock_ms = max(newest if now is None else min(newest, _ms(now)), self._clock_ms or 0)
+        self._clock_ms = max(newest if now is None else min(newest, epoch_ms(now)), self._clock_ms or 0)
         for camera_id, newest_ms in heard.items():
             self._streams[camera_id].hear(newest_ms, self._clock_ms)
         return self._advance()
 
     def tick(self, now: datetime) -> list[AlarmEvent]:
-        """Take in that it is `now` by the clock and nothing more has come; for streams that may fall silent."""
-        self._clock_ms = max(_ms(now), self._clock_ms or 0)
+        """Take the time when no record has come, and return the events of cameras that have fallen silent."""
+        self._clock_ms = max(epoch_ms(now), self._clock_ms or 0)
         return self._advance()
 
     def resume(self, now: datetime) -> None:
-        """Begin to listen at `now`: the time since the last record was not the cameras' silence but ours.
+        """Start to listen at `now`: before, nobody listened, so the cameras were not silent.
 
-        Cameras that were never heard count as silent from `now` on.
+        Cameras without any record count as silent from `now` on.
         """
         self.watch(now)
         for stream in self._streams.values():
             stream.heard_ms = self._clock_ms or 0
 
     def close(self, until: datetime | None = None) -> list[AlarmEvent]:
-        """Handle all that waits: nothing more comes of any instant before `until`. Feeding may go on after it.
+        """Handle all waiting records: none of an instant before `until` will come. Feeding may go on after it.
 
         Args:
-            until: End of what was fed; None = its newest instant. Situations that go on there stay open.
+            until: End of the records fed; None = their newest instant. Situations that go on there stay open.
         """
         if until is not None:
-            self._clock_ms = max(_ms(until), self._clock_ms or 0)
+            self._clock_ms = max(epoch_ms(until), self._clock_ms or 0)
         if self._clock_ms is None:
             return []
         events = [e for stream in self._streams.values() for e in stream.pass_time(self._clock_ms, is_all=True)]
@@ -144,12 +144,12 @@ class AlarmEngine:
     def _instants(
         self, tables: Mapping[TableName, pa.Table], heard: dict[str, int]
     ) -> Iterator[tuple[str, int, Instant | None]]:
-        """Put every record into its instant and yield that; None when its turn is over."""
+        """Add every record to its instant and yield the instant; None when it has been handled already."""
         for camera_id, ts_ms, n_pairs in _rows(tables, "frames", "n_pairs"):
             if (stream := self._streams.get(camera_id)) is not None:
                 instant = stream.instant(ts_ms)
                 if instant is not None and n_pairs is not None:
-                    instant.is_told = True
+                    instant.has_engine_pairs = True
                 yield camera_id, ts_ms, instant
         observations = tables.get("observations")
         if observations is not None and observations.num_rows:
@@ -182,11 +182,11 @@ class AlarmEngine:
 
 
 class _Stream:
-    """One camera's records in order, and what its rules make of them.
+    """One camera's records in order, and the rules applied to them.
 
     Attributes:
         newest_ms: Its latest instant; None before the first.
-        heard_ms: The clock when it was last heard.
+        heard_ms: The clock when its last record came.
     """
 
     def __init__(self, site: Site, camera: Camera, rules: Sequence[AlarmRule], ground: Ground) -> None:
@@ -205,16 +205,16 @@ class _Stream:
         self._intervals: deque[int] = deque(maxlen=_INTERVALS)
         self._last_ms: int | None = None
         self._tolerated_ms = _INTERVAL_MAX_MS * 5 // 2  # the longest gap within a situation, until the rate is known
-        self._over_ms = -(2**62)  # the turn of earlier instants is over
+        self._over_ms = -(2**62)  # earlier instants have been handled
         self.newest_ms: int | None = None
         self.heard_ms = 0
         self.n_instants = 0
 
     @property
-    def n_kept(self) -> int:
+    def n_in_memory(self) -> int:
         waiting = sum(1 + len(i.persons) + len(i.pairs) for i in self._waiting.values())
-        people = 0 if self._companions is None else self._companions.n_kept
-        return waiting + people + sum(s.n_kept for s in self._situations)
+        people = 0 if self._companions is None else self._companions.n_in_memory
+        return waiting + people + sum(s.n_in_memory for s in self._situations)
 
     @property
     def open_alarms(self) -> list[str]:
@@ -228,19 +228,19 @@ class _Stream:
             silence.watch(ts_ms)
 
     def instant(self, ts_ms: int) -> Instant | None:
-        """Return where records of an instant are collected; None when its turn is over."""
+        """Return the collection of records of an instant; None when the instant has been handled already."""
         found = self._waiting.get(ts_ms)
         if found is None and ts_ms >= self._over_ms:
-            found = self._waiting[ts_ms] = Instant(is_told=False, persons={}, pairs={})
+            found = self._waiting[ts_ms] = Instant(has_engine_pairs=False, persons={}, pairs={})
         return found
 
     def hear(self, newest_ms: int, clock_ms: int) -> None:
-        """Note what has come."""
+        """Note the newest instant and the clock when it came."""
         self.newest_ms = newest_ms if self.newest_ms is None else max(newest_ms, self.newest_ms)
         self.heard_ms = clock_ms
 
     def pass_time(self, ts_ms: int, *, is_all: bool = False) -> list[AlarmEvent]:
-        """Handle the instants before `ts_ms`, all of which have come (`is_all`: also later ones), then the silence."""
+        """Handle the waiting instants before `ts_ms` (`is_all`: also later ones), then the silence."""
         if self.newest_ms is None:
             return []
         events: list[AlarmEvent] = []
@@ -257,7 +257,7 @@ class _Stream:
         self.n_instants += 1
         events = [event for silence in self._silences for event in silence.hear(ts_ms)]
         if self._situations:
-            frame = frame_of(instant, distance_mm=self._distance_mm)
+            frame = people_graph(instant, distance_mm=self._distance_mm)
             strangers: list[Sighting] = []
             if self._companions is not None:
                 edges = self._companions.see(frame, ts_ms=ts_ms, interval_ms=self._interval_ms())
@@ -265,15 +265,15 @@ class _Stream:
             clusters = gatherings(frame)
             for situations in self._situations:
                 found = strangers if situations.rule.kind == "contact" else clusters
-                events += situations.see(self._told_by(situations.rule, found, ts_ms), ts_ms, self._tolerated_ms)
+                events += situations.see(self._matching(situations.rule, found, ts_ms), ts_ms, self._tolerated_ms)
         if self._last_ms is not None:
             self._intervals.append(ts_ms - self._last_ms)
             self._tolerated_ms = max(self._gap_ms, round(2.5 * self._interval_ms()))
         self._last_ms = ts_ms
         return events
 
-    def _told_by(self, rule: AlarmRule, found: Sequence[Sighting], ts_ms: int) -> list[Sighting]:
-        """Return the sightings a rule is about."""
+    def _matching(self, rule: AlarmRule, found: Sequence[Sighting], ts_ms: int) -> list[Sighting]:
+        """Return the sightings that match a rule: its hours, number of people and area."""
         if not found or (rule.is_open_only and not self._opening.is_open(ts_ms)):
             return []
         n_min = rule.n_people if rule.kind == "gathering" else 2
@@ -299,5 +299,6 @@ def _rows(tables: Mapping[TableName, pa.Table], name: TableName, *columns: str) 
         yield from zip(table["camera_id"].to_pylist(), ts_ms, *(table[c].to_pylist() for c in columns), strict=True)
 
 
-def _ms(instant: datetime) -> int:
+def epoch_ms(instant: datetime) -> int:
+    """Return an instant as UTC milliseconds since 1970."""
     return round(instant.timestamp() * 1000)

@@ -1,4 +1,4 @@
-"""When to store, when to fold, when to try again, and which numbers are missing: the pure part of listening."""
+"""When to store, when to fold, when to try again, and which sequence numbers are missing: listening without I/O."""
 
 from __future__ import annotations
 
@@ -14,13 +14,16 @@ FOLD_SEGMENTS = 2000
 FOLD_ROWS = 1_000_000
 """Rows in the spool after which a fold does not wait for the hour."""
 
+APART_MIN = 20
+"""After so many messages in a row outside the limits of time, this machine's clock may be the wrong one."""
+
 HELD_MAX_BYTES = 16 << 20
 RESTARTED = 10_000
 RANGES_MAX = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Delivery:
+class ReceivedMessage:
     """One message as the broker delivered it.
 
     Attributes:
@@ -28,9 +31,9 @@ class Delivery:
         payload: Its bytes; of a message that is too long only the beginning.
         n_bytes: Length of the whole payload.
         mid: Packet id to acknowledge it by, valid within its connection only.
-        qos: Quality of service it came with; 0 = the producer may lose it.
+        qos: Quality of service it came with; 0 = it may get lost on the way.
         epoch: Number of the connection it came by.
-        is_retained: A copy the broker had kept, sent because of the subscription.
+        is_retained: A stored copy that the broker sent because of the subscription.
         is_redelivered: The broker has sent it before.
     """
 
@@ -45,7 +48,7 @@ class Delivery:
 
 
 def is_due(n_held: int, *, n_bytes: int, age_s: float, window: int, linger_s: float) -> bool:
-    """Tell whether the messages held should be stored now.
+    """Return whether the messages held should be stored now.
 
     Args:
         n_held: Messages held.
@@ -59,7 +62,7 @@ def is_due(n_held: int, *, n_bytes: int, age_s: float, window: int, linger_s: fl
 
 
 def next_fold_s(after_s: float, *, every_s: float) -> float:
-    """Return the first instant after `after_s` (UNIX seconds) that lies `GRACE_S` beyond a multiple of `every_s`.
+    """Return the first instant after `after_s` (UNIX seconds) that is `GRACE_S` past a multiple of `every_s`.
 
     With 3600 s that is a minute past each full hour: soon after the hour is complete.
     """
@@ -70,12 +73,12 @@ def next_fold_s(after_s: float, *, every_s: float) -> float:
 def delays_s(*, first_s: float = 0.5, most_s: float = 30.0, seed: int = 0) -> Iterator[float]:
     """Yield waiting times that double from `first_s` to `most_s`, each shortened at random by up to a half.
 
-    The shortening (jitter) keeps many listeners from knocking at a restarted broker at once.
+    The shortening (jitter) keeps many listeners from connecting to a restarted broker at once.
 
     Args:
         first_s: The first, before shortening.
         most_s: The longest.
-        seed: Of the random numbers; the same seed gives the same times.
+        seed: Seed of the random numbers; the same seed gives the same times.
     """
     chance = random.Random(seed)
     delay_s = first_s
@@ -85,15 +88,35 @@ def delays_s(*, first_s: float = 0.5, most_s: float = 30.0, seed: int = 0) -> It
 
 
 @dataclass
-class Numbering:
-    """Running numbers of one camera: which were skipped, in bounded memory.
-
-    Numbers may come again or in another order. A number far below the highest is a producer that started anew. When
-    there are more than `RANGES_MAX` separate gaps the oldest can no longer be filled.
+class ClockAgreement:
+    """Counts messages whose times disagree with the machine's clock.
 
     Attributes:
-        highest: Highest number seen since the producer started; None = none yet.
-        n_missing: Numbers skipped and not come since.
+        n_apart: Messages outside the limits of time since the last one within.
+    """
+
+    n_apart: int = 0
+
+    @property
+    def is_lost(self) -> bool:
+        """Return whether at least `APART_MIN` messages in a row disagree with the clock."""
+        return self.n_apart >= APART_MIN
+
+    def see(self, *, n_within: int, n_outside: int) -> None:
+        """Count the messages of one batch; a single one that agrees is enough to trust the clock."""
+        self.n_apart = 0 if n_within else self.n_apart + n_outside
+
+
+@dataclass
+class Numbering:
+    """Sequence numbers of one camera: which were skipped, in bounded memory.
+
+    Numbers may come again or in another order. A number more than `RESTARTED` below the highest means that the engine
+    started again. Beyond `RANGES_MAX` separate gaps the oldest ones are forgotten and stay missing.
+
+    Attributes:
+        highest: Highest number seen since the engine started; None = none yet.
+        n_missing: Numbers skipped that have not come since.
     """
 
     highest: int | None = None

@@ -1,15 +1,15 @@
-"""Who moves together, as far as can be told while it happens: a causal form of the reports' rule for groups (R4).
+"""Who moves together, as far as it is known while it happens: a causal form of the reports' rule for groups (R4).
 
-Two people of one camera are together once all of this has been true at one instant, of what was seen of them so far:
+Two people of one camera are together once all of this is true at one instant, of their records so far:
 
 * they were closer than `distance_m` in at least 3 records and for at least 2 seconds,
 * in at least half of these they were at most `together_m` apart (their median distance is),
 * these are at least `together_share` of the records that have either of them: n / (life_a + life_b - n), and
 * the point between them has moved at least `together_walk_m` since they were first close.
 
-They stay together until one of them has not been seen for `FORGET_MS`. What it gets wrong: people who came in together
-and only ever stand are told apart; strangers who queue closely from their first record on, and move on with the queue,
-are not. Without positions nobody is known to move, so nobody is together.
+They stay together until one of them has not been seen for `FORGET_MS`. The rule makes two errors: people who came
+together and never walk count as strangers, and strangers who queue closely from their first record on, and move with
+the queue, count as together. Without positions nobody is known to move, so nobody is together.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vsd_analytics.live.situations import Edge, Frame
+from vsd_analytics.live.situations import Edge, PeopleGraph
 from vsd_analytics.settings import Settings
 
 FORGET_MS = 600_000
@@ -55,12 +55,12 @@ class Companions:
         self._swept = 0
 
     @property
-    def n_kept(self) -> int:
+    def n_in_memory(self) -> int:
         """Return how many people and pairs are in memory."""
         return len(self._seen_ms) + len(self._pairs)
 
-    def see(self, frame: Frame, *, ts_ms: int, interval_ms: float) -> list[Edge]:
-        """Take in one frame and return its close pairs that do not move together, as far as is known."""
+    def see(self, frame: PeopleGraph, *, ts_ms: int, interval_ms: float) -> list[Edge]:
+        """Take one frame and return its close pairs that do not move together, as far as is known."""
         for track in frame.observed:
             self._lives[track] = self._lives.get(track, 0) + 1
             self._seen_ms[track] = ts_ms
@@ -70,7 +70,7 @@ class Companions:
         n_min = max(_RECORDS_MIN, _CLOSE_MIN_MS / interval_ms)
         return [edge for edge in frame.edges if not self._is_together(frame, edge, ts_ms, n_min)]
 
-    def _is_together(self, frame: Frame, edge: Edge, ts_ms: int, n_min: float) -> bool:
+    def _is_together(self, frame: PeopleGraph, edge: Edge, ts_ms: int, n_min: float) -> bool:
         a, b = frame.tracks[edge.a], frame.tracks[edge.b]
         if a is None or b is None:
             return False
@@ -87,7 +87,7 @@ class Companions:
             life_a, life_b = self._lives.get(a, 0), self._lives.get(b, 0)
             either = life_a + life_b - pair.n
             pair.is_together = (
-                min(life_a, life_b) > 0  # engines that send pairs and nobody's own records tell no lives
+                min(life_a, life_b) > 0  # unknown when an engine sends pairs only, without records of persons
                 and pair.n >= n_min
                 and 2 * pair.n_near >= pair.n
                 and pair.n >= self._share * either

@@ -1,6 +1,6 @@
-"""Alarms leave the house: `alarms.jsonl` in the project, a webhook, an MQTT topic. Each at least once.
+"""Sending alarms: to `alarms.jsonl` in the project, to a webhook, to an MQTT topic. Each event at least once.
 
-A receiver that must not count twice goes by `alarm`, `event` and `at`, which never change.
+A receiver recognises an event that comes again by `alarm`, `event` and `at`, which never change.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 from vsd_analytics.errors import LiveError
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.live.mqtt import make_client
-from vsd_analytics.site import AlarmDelivery, Broker, Site
+from vsd_analytics.site.model import AlarmDelivery, Broker, Site
 from vsd_analytics.store.durable import fsync_dir
 from vsd_analytics.version import VERSION
 
@@ -30,28 +30,28 @@ TOKEN_VARIABLE = "VSD_WEBHOOK_TOKEN"
 TIMEOUT_S = 5.0
 QUEUE_MAX = 1000
 KNOWN_MAX = 100_000
-"""So many of the last events are known again."""
+"""Number of the last events that are recognised when they come again."""
 
 WAITS_S = (1.0, 60.0)
 """First and longest wait between two tries of a webhook; each wait is twice the one before."""
 
 _FOR_GOOD = frozenset({400, 405, 406, 411, 413, 414, 415, 422})
-"""Answers by which a webhook says that this event will never do; all others may pass."""
+"""HTTP codes by which a webhook refuses an event for good; after all others the event is sent again."""
 
 Record = dict[str, Any]
 Key = tuple[str, str, str]
 
 
 def key_of(record: Mapping[str, Any]) -> Key:
-    """Return what an event is known by: alarm, step and instant."""
+    """Return the identity of an event: alarm, step and instant."""
     return str(record.get("alarm")), str(record.get("event")), str(record.get("at"))
 
 
 class AlarmLog:
-    """`alarms.jsonl`: every event told, one JSON object a line, on the disk when `append` returns.
+    """`alarms.jsonl`: every event sent, one JSON object a line, durable when `append` returns.
 
     Args:
-        path: The file; made when the first event is told, for its owner alone.
+        path: The file; made with the first event, for its owner alone.
     """
 
     def __init__(self, path: Path) -> None:
@@ -65,11 +65,11 @@ class AlarmLog:
 
     @property
     def open_alarms(self) -> Mapping[str, Record]:
-        """Return the last record of each alarm that was told to start and not to end."""
+        """Return the last record of each alarm that has a start and no end in the file."""
         return self._open
 
     def holds(self, record: Mapping[str, Any]) -> bool:
-        """Tell whether an event was told before."""
+        """Return whether an event was sent before."""
         return key_of(record) in self._known
 
     def append(self, record: Record) -> None:
@@ -90,7 +90,7 @@ class AlarmLog:
         self._note(line)
 
     def _note(self, line: bytes) -> None:
-        """Remember a line of the file; a torn one, or one that is no event, is passed over."""
+        """Remember a line of the file; a line cut off by a crash, or one that is no event, is skipped."""
         try:
             record = json.loads(line)
             alarm, step, at = key = key_of(record)
@@ -115,7 +115,7 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
 
 
 class Webhook:
-    """POSTs events to an address, in order, from a thread of its own; a dead receiver holds up nobody.
+    """POSTs events to an address, in order, from a thread of its own; a dead receiver delays nothing else.
 
     Args:
         url: http or https; certificates are verified.
@@ -172,7 +172,7 @@ class Webhook:
             self._changed.notify_all()
 
     def stop(self, *, timeout_s: float = 0.0) -> bool:
-        """Give what waits up to `timeout_s` to be delivered, then stop; return whether all was."""
+        """Wait up to `timeout_s` for the waiting events, then stop; return whether all were delivered."""
         with self._changed:
             is_done = self._changed.wait_for(lambda: not self._queue, timeout_s)
             self._is_stopping = True
@@ -191,7 +191,7 @@ class Webhook:
             with self._changed:
                 if is_over:
                     wait_s = self._waits_s[0]
-                    if self._queue and self._queue[0] is body:  # it may have been dropped meanwhile
+                    if self._queue and self._queue[0] is body:  # `send` may have dropped it meanwhile
                         self._queue.popleft()
                     self._changed.notify_all()
                 else:
@@ -199,7 +199,7 @@ class Webhook:
                     wait_s = min(2 * wait_s, self._waits_s[1])
 
     def _try(self, body: bytes) -> bool:
-        """Send one event; return whether it is over with it, delivered or refused for good."""
+        """Send one event; return whether it is done: delivered, or refused for good."""
         request = urllib.request.Request(self._url, data=body, headers=self._headers, method="POST")
         try:
             with self._opener.open(request, timeout=self._timeout_s):
@@ -223,17 +223,17 @@ Publish = Callable[[str, bytes], bool]
 """Publishes a payload on an MQTT topic, QoS 1; returns whether there was a connection."""
 
 
-class Delivery:
-    """Sends events wherever the site wants them.
+class AlarmSender:
+    """Sends events to every target that the site configures.
 
     Args:
         site: The project.
-        log: Where every event is noted first; one that stands there is not sent again. None = no file.
+        log: Every event is written here first; an event that is in it is not sent again. None = no file.
         webhook: None = none.
 
     Attributes:
-        publish: For the topic of `[alarms]`; events wait until there is one.
-        n_told: Events sent.
+        publish: Publishes on the topic of `[alarms]`; events wait until it is set.
+        n_sent: Events sent.
         n_unlogged: Events sent that could not be written to the file.
         n_dropped: Events for the topic given up because too many waited for a connection.
     """
@@ -242,7 +242,7 @@ class Delivery:
         self._zone, self._topic = site.zone, site.alarm_delivery.topic
         self.log, self.webhook = log, webhook
         self.publish: Publish | None = None
-        self.n_told = self.n_unlogged = self.n_dropped = 0
+        self.n_sent = self.n_unlogged = self.n_dropped = 0
         self._unpublished: deque[bytes] = deque(maxlen=QUEUE_MAX)
         self.error: str | None = None
 
@@ -271,11 +271,11 @@ class Delivery:
             self.n_dropped += len(self._unpublished) == QUEUE_MAX
             self._unpublished.append(json.dumps(record).encode())
             self.publish_waiting()
-        self.n_told += 1
+        self.n_sent += 1
         return True
 
     def publish_waiting(self) -> None:
-        """Publish what there was no connection for, in order."""
+        """Publish, in order, the events that wait for a connection."""
         while self._unpublished and self.publish is not None and self._topic is not None:
             if not self.publish(self._topic, self._unpublished[0]):
                 return
@@ -288,11 +288,11 @@ def webhook_of(delivery: AlarmDelivery, *, environ: Mapping[str, str]) -> Webhoo
 
 
 class Publisher:
-    """Publishes on a topic by a connection of its own, for commands that end; use it as a context manager.
+    """Publishes on a topic with a connection of its own, for commands that end; use it as a context manager.
 
     Args:
         broker: Address and login.
-        password: Of its user; None = none.
+        password: Password of its user; None = none.
         timeout_s: Longest wait for the connection, and for each acknowledgement.
 
     Raises:

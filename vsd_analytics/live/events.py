@@ -1,4 +1,4 @@
-"""What an alarm tells: one event when it starts, when there is news, and when it ends."""
+"""The events of an alarm: one when it starts, one for each change worth reporting, one when it ends."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import Any, Literal
 from zoneinfo import ZoneInfo
 
-from vsd_analytics.site import AlarmKind, AlarmRule, Site
+from vsd_analytics.site.model import AlarmKind, AlarmRule, Site
 
 AlarmStep = Literal["start", "update", "end"]
 _STEPS = ("start", "update", "end")
@@ -18,20 +18,20 @@ _PLACE_STEP_MM = 500
 
 @dataclass(frozen=True, slots=True)
 class AlarmEvent:
-    """One step of an alarm. It names no track id: what leaves the house says that people stood there, not who.
+    """One step of an alarm. It holds no track id: what leaves the site says that people were there, not who.
 
     Attributes:
         alarm: Id of the alarm, the same in every replay and re-delivery: 16 hexadecimal digits.
         rule: `id` of the `[[alarm]]`.
         kind: "gathering", "contact" or "silence".
         event: "start", "update" or "end".
-        at_ms: UTC milliseconds; of an end, when it was last true (silence: when the camera spoke again).
+        at_ms: UTC milliseconds; of an end, when it was last true (silence: when the camera sent again).
         since_ms: When the situation began.
-        site, camera, floor: Where.
+        site, camera, floor: Ids of the place.
         area: Area of the rule, None when it has none.
         x_mm, y_mm: Mean place of its people, None when unknown.
-        n_people: How many are in it now; None for a silence.
-        n_people_max: Most it has had since it began.
+        n_people: People in it now; None for a silence.
+        n_people_max: Most people in it since it began.
         nearest_mm: Least distance within it since it began.
     """
 
@@ -53,11 +53,11 @@ class AlarmEvent:
 
     @property
     def order(self) -> tuple[Any, ...]:
-        """Return what events are sorted by: time, then camera and alarm, then its steps."""
+        """Return the sort key of events: time, then camera and alarm, then its steps."""
         return self.at_ms, self.camera, self.rule, self.alarm, _STEPS.index(self.event)
 
     def as_dict(self, zone: ZoneInfo) -> dict[str, Any]:
-        """Return the record that is sent: local times with offset, seconds, metres rounded to half a metre.
+        """Return the record that is sent: local times with offset, seconds, places rounded to half a metre.
 
         Args:
             zone: Zone of the local times.
@@ -98,7 +98,7 @@ def alarm_id(site: Site, rule: AlarmRule, *, camera_id: str, since_ms: int, numb
         rule: The rule.
         camera_id: The camera.
         since_ms: When the situation began.
-        number: Tells apart situations that began at the same instant.
+        number: Distinguishes situations that began at the same instant.
     """
-    told = json.dumps([site.site_id, rule.alarm_id, rule.kind, camera_id, since_ms, number])
-    return hashlib.blake2b(told.encode(), digest_size=8).hexdigest()
+    identity = json.dumps([site.site_id, rule.alarm_id, rule.kind, camera_id, since_ms, number])
+    return hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()

@@ -1,6 +1,6 @@
-"""Folding beside listening: a process of its own, so that receipt never waits and its memory goes with it.
+"""Folding beside listening, in a process of its own: receiving never waits, and the memory is released at its end.
 
-It also puts the quarantine's many small files together.
+The process also merges the quarantine's many small files.
 
 `python -m vsd_analytics.live.folding STORE SITE BALLAST_MB` folds once and prints what it did as one JSON line.
 """
@@ -8,6 +8,7 @@ It also puts the quarantine's many small files together.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import json
 import os
 import subprocess
@@ -17,6 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
+
+from vsd_analytics.live.process import peak_mb
 
 NICE = 5
 
@@ -28,9 +31,10 @@ class Folded:
     Attributes:
         took_s: Seconds from its start to its end.
         n_new: Records the tables gained.
-        n_known: Records that were delivered again, or twice.
-        n_second: Records left out because another one with their key and other values was there.
-        peak_mb: Peak memory of its process.
+        n_known: Records that were delivered more than once.
+        n_second: Records left out because another one has their key and other values.
+        n_sealed: Records put into quarantine because a purge sealed their hour meanwhile.
+        peak_mb: Peak memory of its process in megabytes.
         error: Why it failed; None = it did not.
     """
 
@@ -38,6 +42,7 @@ class Folded:
     n_new: int = 0
     n_known: int = 0
     n_second: int = 0
+    n_sealed: int = 0
     peak_mb: float = 0.0
     error: str | None = None
 
@@ -48,7 +53,7 @@ class Folding:
     Args:
         store: The store folder.
         site_id: Site.
-        ballast_mb: Room kept for folding on a full disk; see `Store`.
+        ballast_mb: Space reserved for folding on a full disk, in megabytes; see `Store`.
     """
 
     def __init__(self, store: Path, *, site_id: str, ballast_mb: float) -> None:
@@ -59,7 +64,7 @@ class Folding:
 
     @property
     def is_running(self) -> bool:
-        """Return whether a fold was started and not yet asked about after its end."""
+        """Return whether a fold was started whose end `poll` has not returned yet."""
         return self._process is not None
 
     def start(self) -> None:
@@ -77,14 +82,13 @@ class Folding:
         took_s = time.monotonic() - self._began_s
         out, err = (_read(stream) for stream in (process.stdout, process.stderr))
         try:
-            told = json.loads(out.splitlines()[-1])
-            return Folded(took_s=took_s, **told)
+            return Folded(took_s=took_s, **json.loads(out.splitlines()[-1]))
         except (IndexError, ValueError, TypeError):
             last = err.strip().splitlines()[-1:] or [f"ended with code {process.returncode}"]
             return Folded(took_s=took_s, error=last[0][:500])
 
     def stop(self) -> None:
-        """End a running fold at once: a fold may be ended anywhere, and the next one goes on."""
+        """Kill a running fold: a fold may be killed at any moment, and the next one does its work."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -101,10 +105,7 @@ def _read(stream: IO[bytes] | None) -> str:
 def main(arguments: Sequence[str]) -> int:
     """Fold a store (its folder, site and ballast in megabytes) and print a JSON line; return the exit code."""
     from vsd_analytics.errors import VsdError
-    from vsd_analytics.ingest import quarantine
-    from vsd_analytics.ingest.quarantine import tidy
-    from vsd_analytics.live.status import peak_mb
-    from vsd_analytics.store import Counts, Store
+    from vsd_analytics.store import Store, TableCounts, quarantine
 
     with contextlib.suppress(OSError):
         os.nice(NICE)
@@ -112,13 +113,11 @@ def main(arguments: Sequence[str]) -> int:
         store = Path(arguments[0])
         folded = Store(store, site_id=arguments[1], ballast_mb=float(arguments[2])).fold()
         quarantine.tidy(store.parent / "quarantine")
-        tidy(Path(arguments[0]).parent / "quarantine")
     except (VsdError, OSError) as error:
         print(json.dumps({"error": f"{type(error).__name__}: {error}"[:500], "peak_mb": peak_mb()}))
         return 2
-    total = sum(folded.tables.values(), Counts())
-    told = {"n_new": total.n_new, "n_known": total.n_known, "n_second": total.n_second, "peak_mb": peak_mb()}
-    print(json.dumps(told))
+    total = sum(folded.tables.values(), TableCounts())
+    print(json.dumps({**dataclasses.asdict(total), "peak_mb": peak_mb()}))
     return 0
 
 

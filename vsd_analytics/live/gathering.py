@@ -1,4 +1,4 @@
-"""Many small batches made durable together: a sync of the disk costs the same for ten records as for ten thousand."""
+"""Making many small batches durable together: a disk sync takes as long for ten records as for ten thousand."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HELD_ROWS = 200_000
 
 
 class GatheringStore(Store):
-    """A store whose `append` is durable only when `commit` returns, or when much has come together."""
+    """A store whose `append` is durable only after `commit`, which it calls itself after `HELD_ROWS` rows."""
 
     def __init__(self, root: Path, *, site_id: str, ballast_mb: float | None = None) -> None:
         super().__init__(root, site_id=site_id, ballast_mb=ballast_mb)
@@ -32,10 +32,10 @@ class GatheringStore(Store):
         return int(rows.num_rows)
 
     def commit(self) -> None:
-        """Put what is held into the spool; it is durable when this returns.
+        """Write the rows held to the spool; they are durable when this returns.
 
         Raises:
-            OSError: The disk refused; what is held is dropped, and its sources have to be read again.
+            OSError: The disk refused; the rows held are dropped, and their sources must be read again.
         """
         import pyarrow as pa
 
@@ -47,7 +47,7 @@ class GatheringStore(Store):
                 super().append(table, pa.concat_tables([rows for rows, _ in batches]), engines=engines)
 
     def forget(self) -> None:
-        """Drop what is held: its sources are going to be read again."""
+        """Drop the rows held: their sources will be read again."""
         for batches in self._held.values():
             batches.clear()
         self._n_held = 0

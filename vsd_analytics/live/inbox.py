@@ -1,26 +1,27 @@
-"""The watched folder itself: which files wait in it, where they go, and that only one process takes them."""
+"""The watched folder: which files wait in it, where they are moved, and the lock that lets one process take them."""
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import heapq
 import os
 import stat
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from vsd_analytics.errors import InputError, LiveError, UsageError, Where
 from vsd_analytics.ingest.adapter import Source
 from vsd_analytics.ingest.pipeline import SourceResult
-from vsd_analytics.site import Site
+from vsd_analytics.live.process import only_one
+from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 
 DONE, FAILED, LOCK = "done", "failed", ".vsd-watch.lock"
 UNFINISHED = (".part", ".tmp")
 LOOKED_AT = 10_000
-"""Files whose size and time are remembered between two listings: the oldest."""
+"""The oldest files, of which size and time are remembered between two listings."""
 NAME_MAX_BYTES = 255
 
 _OWN_FOLDERS = ("store", "facts", "quarantine", "secrets", "status")
@@ -34,7 +35,7 @@ class Waiting:
         mtime_ns: When it was last written.
         name: Its name.
         size_bytes: Its size.
-        inode: Its number, which tells two files of one name apart.
+        inode: Its number, which distinguishes two files with one name.
     """
 
     mtime_ns: int
@@ -44,12 +45,12 @@ class Waiting:
 
 
 def waiting(folder: Path, *, known: Collection[Waiting] = (), limit: int = LOOKED_AT) -> tuple[list[Waiting], int]:
-    """Return the oldest files that wait in a folder, at most `limit`, and how many there are; memory is bounded.
+    """Return the oldest files that wait in a folder, and the number of all that wait.
 
     Args:
         folder: The folder.
-        known: Files not to look at again.
-        limit: How many to return.
+        known: Files to leave out.
+        limit: Most files to return, so that memory is bounded.
     """
     n_open = 0
 
@@ -72,7 +73,7 @@ def waiting(folder: Path, *, known: Collection[Waiting] = (), limit: int = LOOKE
 
 
 def as_it_is(folder: Path, name: str) -> Waiting:
-    """Return a file of the folder as it is now; FileNotFoundError when it is gone."""
+    """Return the current state of a file of the folder; FileNotFoundError when it is gone."""
     return _waiting(name, (folder / name).stat(follow_symlinks=False))
 
 
@@ -89,7 +90,7 @@ def to_failed(folder: Path, file: Waiting, result: SourceResult) -> None:
 
 
 def refuse_folder(site: Site, folder: Path) -> None:
-    """Refuse to watch what is no folder (InputError E201) or one of the project's own (UsageError E101)."""
+    """Refuse to watch a path that is no folder (InputError E201) or a folder of the project (UsageError E101)."""
     if not folder.is_dir():
         raise InputError(
             f"there is no folder {Source(folder).name}", code="E201", mend="make it, or check the path and the spelling"
@@ -98,7 +99,7 @@ def refuse_folder(site: Site, folder: Path) -> None:
     if here == root or any(here.is_relative_to(root / name) for name in _OWN_FOLDERS):
         raise UsageError(
             f"{Source(folder).name} cannot be watched: it is a folder of the project itself",
-            why="every file in a watched folder is moved away",
+            why="the watcher moves every file in a watched folder away",
             mend=f"--watch {Source(site.root).name}/inbox",
         )
 
@@ -106,16 +107,14 @@ def refuse_folder(site: Site, folder: Path) -> None:
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
     """Hold the lock of a watched folder; LiveError E707 when another process does."""
-    with (folder / LOCK).open("a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise LiveError(
-                "another process watches this folder",
-                code="E707",
-                where=Where(Source(folder).name),
-                mend="stop it first; vsd doctor tells its process id",
-            ) from None
+    refusal = partial(
+        LiveError,
+        "another process watches this folder",
+        code="E707",
+        where=Where(Source(folder).name),
+        mend="stop it first; vsd doctor shows whether it runs",
+    )
+    with only_one(folder / LOCK, refusal=refusal):
         yield
 
 
@@ -124,7 +123,7 @@ def _waiting(name: str, about: os.stat_result) -> Waiting:
 
 
 def _free(folder: Path, file: Waiting) -> Path:
-    """Return a path in `folder` at which nothing stands yet: the file's name, if need be after its time."""
+    """Return an unused path in `folder`: the file's name, with its time before it when the name is taken."""
     target, n = folder / file.name, 0
     while os.path.lexists(target) or os.path.lexists(_beside(target)):
         front = f"{file.mtime_ns}-{f'{n}-' if n else ''}".encode()
@@ -134,7 +133,7 @@ def _free(folder: Path, file: Waiting) -> Path:
 
 
 def _beside(target: Path) -> Path:
-    """Return the path of the text that says why `target` failed."""
+    """Return the path of the text that says why `target` failed, short enough for a file system."""
     end = b".why.txt"
     return target.parent / os.fsdecode(os.fsencode(target.name)[: NAME_MAX_BYTES - 40 - len(end)] + end)
 
@@ -148,7 +147,7 @@ def _why(result: SourceResult) -> str:
         f"file: {result.source}" + (f", line {error.where.line}" if error.where and error.where.line else ""),
         *([f"why: {error.why}"] if error.why else []),
         *([f"mend: {error.mend}"] if error.mend else []),
-        f"stored: {n:,} records that came before it; they are recognised when the file comes again",
+        f"stored: {n:,} records that came before the error; they are recognised when the file comes again",
         f"more: vsd explain {error.code}",
     ]
     return "".join("".join(c if c.isprintable() else "\ufffd" for c in line) + "\n" for line in lines)

@@ -1,18 +1,17 @@
-"""`vsd listen`: live MQTT into the store. A message is acknowledged only after what it says is durable.
+"""`vsd listen`: live MQTT into the store. A message is acknowledged only after its records are durable.
 
-One thread speaks with the broker and appends to the spool; folding runs in a process of its own. The order of every
-batch: read, check, quarantine the bad, append pairs, observations, then frames, tell the observers, acknowledge.
+One thread talks to the broker and appends to the spool; folding runs in a process of its own. The order for every
+batch: read, check, quarantine bad records, append pairs, observations and frames, call the observers, acknowledge.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -22,51 +21,63 @@ import pyarrow.compute as pc
 
 from vsd_analytics.errors import LiveError, VsdError, Where
 from vsd_analytics.ingest.adapter import Rejected
-from vsd_analytics.ingest.quarantine import Quarantine, Reading
-from vsd_analytics.live.batches import FOLD_ROWS, FOLD_SEGMENTS, Delivery, delays_s, is_due, next_fold_s
+from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.live.batches import (
+    FOLD_ROWS,
+    FOLD_SEGMENTS,
+    GRACE_S,
+    ClockAgreement,
+    ReceivedMessage,
+    delays_s,
+    is_due,
+    next_fold_s,
+)
+from vsd_analytics.live.decode import Prepared, Preparer
 from vsd_analytics.live.folding import Folded, Folding
-from vsd_analytics.live.messages import Preparer
-from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, Link
+from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, BrokerLink
+from vsd_analytics.live.process import only_one
 from vsd_analytics.live.status import Status, offline, read_status, write_status
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.site import Broker, Site
+from vsd_analytics.site.model import Broker, Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.durable import make_dirs
 from vsd_analytics.store.layout import segment_paths
+from vsd_analytics.store.seals import SEALED
 
 LINGER_S = 1.0
 FOLD_EVERY_S = 3600.0
 STATUS_EVERY_S = 5.0
-_READING = Reading("frames", first_line="")
+_READING = SourceReading("frames", first_line="")
+CAMERAS_SHOWN = 5
 _STEP_MAX_S = 0.25
 _QUIET_S = 1.0
 
 
 class StoredObserver(Protocol):
-    """Somebody who wants to see what was stored, such as the alarms."""
+    """An object that is called with the stored records, such as the alarms."""
 
     def on_stored(self, tables: Mapping[TableName, pa.Table]) -> None:
-        """See a batch that is durable and not acknowledged yet; after a crash the same rows may come again."""
+        """Take a batch that is durable and not acknowledged yet; after a crash the same rows may come again."""
 
     def on_tick(self, now: datetime) -> None:
-        """Learn that time has passed, about every `status_every_s`, also when nothing comes."""
+        """Take the time, about every `status_every_s`, also when no message comes."""
 
 
 class Listener:
-    """Takes the frame messages of one site's broker into its store.
+    """Stores the frame messages of one site's broker.
 
     Args:
         site: The site.
         broker: Its broker.
-        password: Of the broker's user; None = none.
-        clock: Tells the instant, for the live rule of times, lag and status.
-        observers: Told of every durable batch.
+        password: Password of the broker's user; None = none.
+        clock: Returns the current instant, for the limits of live times, for lag and status.
+        observers: Called with every durable batch.
         fold_every_s: Folds a minute after each multiple of this.
         status_every_s: Seconds between two heartbeats.
         linger_s: How long a message waits for others before it is stored.
         window: Messages held at most.
-        seed: Of the jitter of waiting times.
-        tell: Gets lines for the log.
+        seed: Seed of the jitter of waiting times.
+        report: Called with lines for the log.
     """
 
     def __init__(
@@ -82,11 +93,11 @@ class Listener:
         linger_s: float = LINGER_S,
         window: int = WINDOW,
         seed: int = 0,
-        tell: Callable[[str], None] = lambda _line: None,
+        report: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self.site, self.broker = site, broker
         self.status = Status(started=clock())
-        self._clock, self._observers, self._tell = clock, observers, tell
+        self._clock, self._observers, self._report = clock, observers, report
         self._fold_every_s, self._status_every_s, self._linger_s = fold_every_s, status_every_s, linger_s
         self._store = Store(site.root / "store", site_id=site.site_id)
         self._folding = Folding(self._store.root, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
@@ -99,10 +110,14 @@ class Listener:
         self._spooled_since_fold = [0, 0]
         self._status_at_s = 0.0
         self._quarantine_day = clock().date()
-        self._quarantine = self._new_quarantine()
-        self._epoch_told = 0
-        self._error_told: str | None = None
-        self.link = Link(
+        source = f"mqtt://{broker.host}:{broker.port}"
+        stored_max = int(site.settings.quarantine_day_max)
+        self._quarantine = Quarantine(site.root / "quarantine", source=source, is_live=True, stored_max=stored_max)
+        self._agreement = ClockAgreement()
+        self._disagreement: str | None = None
+        self._epoch_reported = 0
+        self._error_reported: str | None = None
+        self.link = BrokerLink(
             broker,
             password=password,
             session_s=max(SESSION_MIN_S, int(site.settings.live_late_max_s)),
@@ -115,15 +130,15 @@ class Listener:
     def run(
         self, *, should_stop: Callable[[], bool], is_once: bool = False, connect_timeout_s: float | None = None
     ) -> Status:
-        """Listen until told to stop; store and acknowledge what is held, then leave.
+        """Listen until asked to stop; then store and acknowledge the messages held, and leave.
 
         Args:
-            should_stop: Asked several times a second.
-            is_once: Stop by itself when the broker has had nothing for a second, and fold.
+            should_stop: Called several times a second.
+            is_once: Stop when the broker has sent nothing for a second, and fold.
             connect_timeout_s: Give up when there is no connection for so long at the start; None = never.
 
         Returns:
-            What was done.
+            The counts of this run.
 
         Raises:
             LiveError: E701, no connection within `connect_timeout_s`; E702, another client took over the session.
@@ -137,7 +152,7 @@ class Listener:
                 self._note_link()
                 if self._is_store_due():
                     self.store_held()
-                self._keep_folding(is_owed=is_fold_owed)
+                self._start_or_end_fold(is_owed=is_fold_owed)
                 is_fold_owed = False
                 if time.monotonic() >= self._status_at_s:
                     self.beat()
@@ -159,12 +174,16 @@ class Listener:
         return self.status
 
     def store_held(self) -> bool:
-        """Store what is held, and acknowledge it; return False when the disk or a key refused, and nothing was."""
+        """Store the messages held and acknowledge them; return False, with nothing done, when disk or key refused.
+
+        The acknowledgement comes last: the broker forgets a message with it. A crash before it makes the broker send
+        the messages again, and the fold recognises the records that are stored already.
+        """
         deliveries = self.link.take()
         now = self._clock()
         try:
             ready = self._preparer.prepare(deliveries, now=now)
-            self._keep_rejected(ready.rejected, now=now)
+            self._quarantine_rejected(ready.rejected, now=now)
             n_segments = 0
             for name in reversed(TABLES):  # a frame is stored after the persons it counts
                 rows = ready.tables.get(name)
@@ -172,11 +191,12 @@ class Listener:
                     self._store.append(name, rows, engines=ready.engines)
                     n_segments += 1
         except (VsdError, OSError) as error:
-            delay_s = next(self._store_waiting_s)
-            self._store_again_s = time.monotonic() + delay_s
-            self._say_error(f"nothing can be stored, so nothing is acknowledged: {error}", state="cannot store")
+            # the messages stay held and fill the window, so that the broker queues the rest on its own disk
+            self._store_again_s = time.monotonic() + next(self._store_waiting_s)
+            self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state="cannot store")
             return False
         self._store_waiting_s = self._delays_s()
+        self._note_times(ready, now=now)
         self._show(ready.tables)
         self.status.n_acknowledged += self.link.acknowledge(deliveries)
         self._note_stored(deliveries, ready.tables, n_segments=n_segments)
@@ -185,12 +205,12 @@ class Listener:
         return True
 
     def beat(self) -> None:
-        """Write the heartbeat, publish it, let the observers know the time."""
+        """Write the heartbeat, publish it, and pass the time to the observers."""
         now = self._clock()
-        told = self.status.as_dict(now=now)
-        write_status(self.site.root, told)
+        status = self.status.as_dict(now=now)
+        write_status(self.site.root, status)
         if self.broker.status_topic is not None:
-            self.link.publish(self.broker.status_topic, json.dumps(told).encode(), retain=True)
+            self.link.publish(self.broker.status_topic, json.dumps(status).encode(), retain=True)
         for observer in self._observers:
             self._guarded(observer.on_tick, now)
         self._status_at_s = time.monotonic() + self._status_every_s
@@ -213,66 +233,83 @@ class Listener:
         )
 
     def _note_link(self) -> None:
-        """Bring the status up to what the connection is, and log changes of it."""
+        """Update the status from the connection, and log changes."""
         link, status = self.link, self.status
         if link.taken_over:
             raise LiveError(
                 f"another client took over the session {self.broker.client_id!r}",
                 code="E702",
-                why="two clients with one client id throw each other out for ever",
+                why="two clients with one client id disconnect each other again and again",
                 mend='stop the other listener, or give this one its own client_id = "..." under [mqtt]',
             )
-        if link.is_connected and link.epoch != self._epoch_told:
-            self._epoch_told = status.n_connections = link.epoch
+        if link.is_connected and link.epoch != self._epoch_reported:
+            self._epoch_reported = status.n_connections = link.epoch
             status.connected_since = self._clock()
-            known = "its session goes on" if link.session_was_present else "a new session"
-            self._tell(f"connected to {self.broker.host}:{self.broker.port}, {known}")
+            known = "with its earlier session" if link.session_was_present else "with a new session"
+            self._report(f"connected to {self.broker.host}:{self.broker.port}, {known}")
         if link.is_connected and link.error is None:
-            if time.monotonic() >= self._store_again_s:
-                status.state, status.error, self._error_told = "listening", None, None
+            if time.monotonic() < self._store_again_s:
+                return
+            if self._disagreement is not None:
+                self._report_error(self._disagreement, state="clocks disagree")
+            else:
+                status.state, status.error, self._error_reported = "listening", None, None
         elif link.error is not None:
             if not link.is_connected:
                 status.connected_since = None
             state = "listening" if link.is_connected else "waiting for the broker"
-            self._say_error(f"{self.broker.host}:{self.broker.port}: {link.error}", state=state)
+            self._report_error(f"{self.broker.host}:{self.broker.port}: {link.error}", state=state)
 
-    def _say_error(self, text: str, *, state: str) -> None:
+    def _note_times(self, ready: Prepared, *, now: datetime) -> None:
+        """Check whether this machine's clock and the messages agree, and report it once when they do not."""
+        frames = ready.tables.get("frames")
+        self._agreement.see(n_within=0 if frames is None else frames.num_rows, n_outside=len(ready.apart))
+        if not self._agreement.is_lost:
+            self._disagreement = None
+        elif self._disagreement is None and ready.apart:
+            cameras = ", ".join(sorted({camera for camera, _ in ready.apart})[:CAMERAS_SHOWN])
+            here, there = (datetime.fromtimestamp(s, tz=UTC) for s in (now.timestamp(), ready.apart[-1][1] / 1000))
+            self._disagreement = (
+                "this machine's clock and the messages disagree: "
+                f"here it is {here:%Y-%m-%d %H:%M} UTC, messages of {cameras} say {there:%Y-%m-%d %H:%M}. They go to "
+                "quarantine. Correct the wrong clock (this one: timedatectl set-ntp true), then replay the messages: "
+                "vsd explain E708"
+            )
+            self._report_error(self._disagreement, state="clocks disagree")
+
+    def _report_error(self, text: str, *, state: str) -> None:
         self.status.state, self.status.error = state, text
-        if text != self._error_told:
-            self._error_told = text
-            self._tell(text)
+        if text != self._error_reported:
+            self._error_reported = text
+            self._report(text)
             self.beat()
 
-    def _keep_rejected(self, rejects: Sequence[Rejected], *, now: datetime) -> None:
+    def _quarantine_rejected(self, rejects: Sequence[Rejected], *, now: datetime) -> None:
         """Make rejected records durable; what cannot be written now is tried again with its messages."""
-        if now.date() != self._quarantine_day:  # the most kept is per source and day
-            self._quarantine.close()  # says how many were only counted
+        if now.date() != self._quarantine_day:  # the limit of the quarantine is per source and day
+            self._quarantine.close()
             self._quarantine_day = now.date()
         if rejects:
             try:
                 self._quarantine.add(rejects, reading=_READING, at=now)
                 self._quarantine.flush()
             except OSError:
-                self._quarantine = self._new_quarantine()
+                self._quarantine.forget()
                 raise
-
-    def _new_quarantine(self) -> Quarantine:
-        source = f"mqtt://{self.broker.host}:{self.broker.port}"
-        return Quarantine(self.site.root / "quarantine", source=source, is_live=True)
 
     def _show(self, tables: Mapping[TableName, pa.Table]) -> None:
         for observer in self._observers:
             self._guarded(observer.on_stored, tables)
 
     def _guarded(self, call: Callable[[Any], None], value: Any) -> None:
-        """Call an observer; its mistakes are told and stop nothing."""
+        """Call an observer; its errors are reported and stop nothing."""
         try:
             call(value)
         except Exception as error:
-            self._tell(f"an observer failed: {type(error).__name__}: {error}")
+            self._report(f"an observer failed: {type(error).__name__}: {error}")
 
     def _note_stored(
-        self, deliveries: Sequence[Delivery], tables: Mapping[TableName, pa.Table], *, n_segments: int
+        self, deliveries: Sequence[ReceivedMessage], tables: Mapping[TableName, pa.Table], *, n_segments: int
     ) -> None:
         status = self.status
         status.n_received += len(deliveries)
@@ -298,19 +335,22 @@ class Listener:
             status.newest_ms = max(status.newest_ms or camera.last_ms, camera.last_ms)
 
     def _count_spool(self) -> None:
-        """Count what an earlier life left in the spool."""
+        """Count the files and rows that an earlier run left in the spool."""
         with contextlib.suppress(VsdError, OSError):
             self.status.spool_segments = sum(len(segment_paths(self._store.root, t)) for t in TABLES)
             self.status.spool_rows = self._store.n_spooled()
 
-    def _keep_folding(self, *, is_owed: bool) -> None:
+    def _start_or_end_fold(self, *, is_owed: bool) -> None:
+        """Note the end of a running fold, or start one: by the clock, by the size of the spool, or when one is owed."""
         status = self.status
         if self._folding.is_running:
             if (folded := self._folding.poll()) is not None:
                 self._note_fold(folded)
             return
         now_s = self._clock().timestamp()
-        is_clock_due = now_s >= self._fold_at_s
+        # the clock was set back: the next fold would wait until it has caught up
+        was_set_back = self._fold_at_s - now_s > self._fold_every_s + GRACE_S
+        is_clock_due = now_s >= self._fold_at_s or was_set_back
         if is_clock_due:
             self._fold_at_s = next_fold_s(now_s, every_s=self._fold_every_s)
         is_full = status.spool_segments >= FOLD_SEGMENTS or status.spool_rows >= FOLD_ROWS
@@ -324,14 +364,15 @@ class Listener:
         status.fold, status.fold_at = folded, self._clock()
         if folded.error is not None:
             self._fold_again_s = time.monotonic() + max(60.0, 10 * folded.took_s)
-            self._tell(f"folding failed, the spool keeps everything: {folded.error}")
+            self._report(f"folding failed, all records stay in the spool: {folded.error}")
             return
         status.n_folds += 1
         status.n_doubles += folded.n_known + folded.n_second
+        status.n_rejected.update({SEALED: folded.n_sealed} if folded.n_sealed else {})
         status.spool_rows, status.spool_segments = self._spooled_since_fold
 
     def _fold_now(self) -> None:
-        """Fold to the end: twice, when a fold is running that began before the last records."""
+        """Fold all records: a second time when a running fold began before the last records came."""
         for is_first in (True, False):
             if not self._folding.is_running:
                 if not (is_first or self.status.spool_segments):
@@ -343,7 +384,7 @@ class Listener:
             self._note_fold(folded)
 
     def _is_quiet(self, began_s: float) -> bool:
-        """Tell whether there is a connection, nothing held, and nothing came for a second."""
+        """Return whether there is a connection, no message is held, and none came for a second."""
         since_s = max(self.link.first_held_s, self.link.connected_s, began_s)
         return self.link.is_connected and not self.link.held and time.monotonic() - since_s > _QUIET_S
 
@@ -366,15 +407,15 @@ def alone(root: Path) -> Iterator[None]:
     """
     lock = root / "status" / "listen.lock"
     make_dirs(lock.parent)
-    with lock.open("a") as f:
-        try:
-            fcntl.flock(f, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise LiveError(
-                "a listener of this project runs already",
-                code="E706",
-                where=Where(str(lock)),
-                why=f"its process is {(read_status(root) or {}).get('pid', 'unknown')}",
-                mend="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
-            ) from None
+
+    def refusal() -> LiveError:
+        return LiveError(
+            "a listener of this project is running already",
+            code="E706",
+            where=Where(str(lock)),
+            why=f"its process id is {(read_status(root) or {}).get('pid', 'unknown')}",
+            mend="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
+        )
+
+    with only_one(lock, refusal=refusal):
         yield

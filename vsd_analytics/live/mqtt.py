@@ -1,8 +1,8 @@
-"""One persistent MQTT 5 session, driven by the caller's own loop: no thread, so no acknowledgement can go astray.
+"""One persistent MQTT 5 session, driven by the caller's own loop: without a thread, no acknowledgement gets lost.
 
-What is not acknowledged when a connection ends comes again by the next one, and its packet ids are void: they are never
-acknowledged. What has arrived is worth storing all the same, since a broker that crashed may have lost it; when it does
-come again, the store knows it.
+When a connection ends, the broker sends unacknowledged messages again with new packet ids. The old ids are void and
+never acknowledged. The messages that had arrived are stored all the same, because a broker that crashed may have lost
+them. When they do come again, the store recognises their records.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from vsd_analytics.errors import LiveError, VsdError, Where
 from vsd_analytics.ingest.adapter import EXCERPT_CHARS
-from vsd_analytics.live.batches import HELD_MAX_BYTES, Delivery
-from vsd_analytics.site import Broker
+from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
+from vsd_analytics.site.model import Broker
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
@@ -37,7 +37,7 @@ _READS_MAX = 2000
 
 
 def recommended_config() -> str:
-    """Return the text of the mosquitto.conf that the promises of listening rest on."""
+    """Return the text of a mosquitto.conf with which the broker loses no message."""
     return Path(__file__).with_name("mosquitto.conf").read_text(encoding="utf-8")
 
 
@@ -112,17 +112,17 @@ def connect_properties(*, session_s: int, window: int) -> Any:
     return properties
 
 
-class Link:
+class BrokerLink:
     """The listener's session with the broker.
 
     Args:
         broker: Address, topics, login.
-        password: Of `broker.username`; None = none.
-        session_s: Seconds the broker keeps the session, and what it queues, after the connection ends.
+        password: Password of `broker.username`; None = none.
+        session_s: Seconds the broker stores the session and its queue after the connection ends.
         payload_max_bytes: Longer payloads are cut to their beginning at once, so that memory stays bounded.
-        delays_s: Makes the waiting times between attempts to connect, anew after each success.
-        will: Retained payload of `broker.status_topic` that the broker publishes when this process vanishes.
-        window: Messages the broker may send without an acknowledgement: the bound of what is held.
+        delays_s: Returns new waiting times between attempts to connect; called after each success.
+        will: Retained payload of `broker.status_topic` that the broker publishes when the connection breaks.
+        window: Messages the broker may send without an acknowledgement: the limit of messages held.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Link:
     ) -> None:
         self.broker = broker
         self.window = window
-        self.held: deque[Delivery] = deque()
+        self.held: deque[ReceivedMessage] = deque()
         self.held_bytes = 0
         self.first_held_s = 0.0  # monotonic instant of the oldest message held
         self.epoch = 0
@@ -173,9 +173,9 @@ class Link:
         )
 
     def step(self, timeout_s: float) -> None:
-        """Let the connection go on: wait for something to read, at most `timeout_s`, and take in all there is.
+        """Wait at most `timeout_s` for something to read, and read all there is.
 
-        Without a connection, connect when the next attempt is due. Never raises for what network or broker do.
+        Without a connection, connect when the next attempt is due. Never raises for an error of network or broker.
 
         Args:
             timeout_s: Longest wait in seconds.
@@ -206,15 +206,16 @@ class Link:
         if self._is_open:
             self._client.loop_misc()
 
-    def take(self) -> list[Delivery]:
-        """Return the messages held, in the order they came; they stay held until acknowledged."""
+    def take(self) -> list[ReceivedMessage]:
+        """Return the messages held, in the order they came; they are held until acknowledged."""
         return list(self.held)
 
-    def acknowledge(self, deliveries: Sequence[Delivery]) -> int:
-        """Let messages go, the first of those held, and send a PUBACK for each.
+    def acknowledge(self, deliveries: Sequence[ReceivedMessage]) -> int:
+        """Release messages, the first of those held, and send a PUBACK for each.
 
         Returns:
-            How many were acknowledged; those of a connection that has ended are not: they come again.
+            How many were acknowledged. Messages of an earlier connection are not: their packet ids are void, and on
+            this connection the same id may belong to another message that is not stored yet.
         """
         n_sent = 0
         for delivery in deliveries:
@@ -234,10 +235,11 @@ class Link:
         return self.is_connected
 
     def close(self, *, timeout_s: float = 2.0) -> None:
-        """Leave; the session stays at the broker.
+        """Disconnect; the session stays at the broker.
 
-        Waits until the broker has taken all acknowledgements: a broker reads packet by packet, and forgets what it has
-        not read when a successor connects. Subscribing again changes nothing, and is answered after them.
+        Waits until the broker has read all acknowledgements. A broker reads packet by packet, and discards packets it
+        has not read when the next listener connects. To know that it has read them, this subscribes again: that
+        changes nothing, and the broker answers it after the acknowledgements.
 
         Args:
             timeout_s: Longest time to wait for that.
@@ -255,7 +257,7 @@ class Link:
 
     @property
     def _has_room(self) -> bool:
-        """Return whether more may be read: not every broker keeps to the window it was told."""
+        """Return whether more may be read: not every broker respects the window it was given."""
         return len(self.held) < self.window and self.held_bytes < 2 * HELD_MAX_BYTES
 
     def _read_all(self) -> None:
@@ -279,7 +281,7 @@ class Link:
             self._lost(str(error))
 
     def _lost(self, why: str) -> None:
-        """Forget the connection; set when to try again."""
+        """Note that the connection is lost, and when to try again."""
         self._is_open = self.is_connected = False  # paho closes a socket that is still open before the next attempt
         self.error = why
         self._try_again_s = time.monotonic() + next(self._waiting_s)
@@ -288,7 +290,7 @@ class Link:
         if reason.is_failure:
             self._refusal = f"the broker refuses: {reason}"
             return
-        self.held.clear()  # of an earlier connection, and could not be stored since: it comes again
+        self.held.clear()  # of an earlier connection, and not stored since: the broker sends them again
         self.held_bytes = 0
         self.epoch += 1
         self.is_connected, self.connected_s = True, time.monotonic()
@@ -301,8 +303,15 @@ class Link:
     def _subscribe(self) -> None:
         from paho.mqtt.subscribeoptions import SubscribeOptions
 
-        options = SubscribeOptions(qos=1, retainHandling=SubscribeOptions.RETAIN_SEND_IF_NEW_SUB)
-        self._client.subscribe([(topic, options) for topic in self.broker.topics])
+        # status and alarms go out by this session, and a topic filter may match them: noLocal stops the broker from
+        # sending them back (a shared subscription must not have noLocal, by the MQTT 5 standard)
+        options = {
+            is_shared: SubscribeOptions(
+                qos=1, noLocal=not is_shared, retainHandling=SubscribeOptions.RETAIN_SEND_IF_NEW_SUB
+            )
+            for is_shared in (False, True)
+        }
+        self._client.subscribe([(topic, options[topic.startswith("$share/")]) for topic in self.broker.topics])
         self._n_unanswered += 1
 
     def _on_subscribe(self, _client: Client, _data: Any, _mid: int, reasons: Any, _properties: Any) -> None:
@@ -311,13 +320,13 @@ class Link:
         if refused:
             self.error = f"the broker refuses the subscription to {', '.join(refused)}: may this user read it?"
 
-    # Mosquitto before 2.0.15 does not say that a session was taken over, it just closes: several connections in a row
-    # that are accepted at once, with our session, and closed within seconds are two clients that throw each other out
+    # Mosquitto before 2.0.15 closes without saying that another client took the session over. Several connections in a
+    # row that are accepted with our session and closed within seconds mean two clients that disconnect each other.
     def _on_disconnect(self, _client: Client, _data: Any, flags: Any, reason: Any, _properties: Any) -> None:
         is_short = self.is_connected and self.session_was_present and time.monotonic() - self.connected_s < _DUEL_S
         self._n_short = self._n_short + 1 if is_short else 0
-        is_told = flags.is_disconnect_packet_from_server and reason.value == _TAKEN_OVER
-        self.taken_over = is_told or self._n_short >= _DUEL_ROUNDS
+        is_stated = flags.is_disconnect_packet_from_server and reason.value == _TAKEN_OVER
+        self.taken_over = is_stated or self._n_short >= _DUEL_ROUNDS
         self._lost(self._refusal or f"the connection ended: {reason}")
 
     def _on_message(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
@@ -334,7 +343,7 @@ class Link:
             self.first_held_s = time.monotonic()
         self.held_bytes += len(payload)
         self.held.append(
-            Delivery(
+            ReceivedMessage(
                 topic=topic,
                 payload=payload,
                 n_bytes=n_bytes,

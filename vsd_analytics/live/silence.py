@@ -6,12 +6,12 @@ from datetime import datetime
 from functools import lru_cache
 
 from vsd_analytics.live.events import AlarmEvent, AlarmStep, alarm_id
-from vsd_analytics.site import AlarmRule, Site
+from vsd_analytics.site.model import AlarmRule, Site
 from vsd_analytics.warehouse.dimensions import QUARTER_MS, is_open
 
 FOREVER_MS = 2**62
 _QUARTERS_MAX = 8 * 96
-"""Opening hours are looked ahead this far; who is open for longer closes for no time at all."""
+"""How far ahead the closing time is looked for: 8 days; a site that is open for longer counts as never closing."""
 
 
 class Opening:
@@ -19,7 +19,7 @@ class Opening:
 
     Args:
         site: The project.
-        is_always: Take it as never closed.
+        is_always: Treat the site as always open.
     """
 
     def __init__(self, site: Site, *, is_always: bool = False) -> None:
@@ -34,7 +34,7 @@ class Opening:
         self._is_open_in = is_open_in
 
     def is_open(self, ts_ms: int) -> bool:
-        """Tell whether the site is open at an instant."""
+        """Return whether the site is open at an instant."""
         return self._is_always or self._is_open_in(ts_ms // QUARTER_MS)
 
     def opens(self, ts_ms: int, *, before_ms: int) -> int | None:
@@ -59,8 +59,8 @@ class Opening:
 class Silence:
     """One rule of the kind "silence" at one camera.
 
-    A silence begins with the camera's last record, or when the site opens if that is later, and ends with its next
-    record, or when the site closes. A silence that never was `for_s` long within one opening is none.
+    A silence begins with the camera's last record, or when the site opens if that is later. It ends with the camera's
+    next record, or when the site closes. A silence shorter than `for_s` within one opening gives no alarm.
 
     Args:
         site: The project.
@@ -77,7 +77,7 @@ class Silence:
         self._from_ms: int | None = None  # silent from here on, unless the site is closed
         self._quiet_ms = -FOREVER_MS
         self._since_ms: int | None = None  # of the open alarm
-        self._told_ms = self._closes_ms = 0
+        self._reported_ms = self._closes_ms = 0
 
     @property
     def open_alarms(self) -> list[str]:
@@ -85,7 +85,7 @@ class Silence:
         return [] if self._since_ms is None else [self._id(self._since_ms)]
 
     def hear(self, ts_ms: int) -> list[AlarmEvent]:
-        """Take in that the camera sent something of this instant, the latest so far."""
+        """Take a record of this instant, the latest so far."""
         events = [] if self._from_ms is None else self._until(ts_ms, is_heard=True)
         if self._since_ms is not None:
             events.append(self._end(ts_ms))
@@ -93,18 +93,18 @@ class Silence:
         return events
 
     def pass_time(self, ts_ms: int) -> list[AlarmEvent]:
-        """Take in that the camera sent nothing more of any instant before `ts_ms`."""
+        """Note that the camera sent nothing more of any instant before `ts_ms`."""
         if self._from_ms is None:
             return []
         return self._until(ts_ms, is_heard=False)
 
     def watch(self, ts_ms: int) -> None:
-        """Expect records from `ts_ms` on, of a camera never heard of."""
+        """Expect records from `ts_ms` on, when the camera has sent none yet."""
         if self._from_ms is None:
             self._from_ms = ts_ms
 
     def _until(self, ts_ms: int, *, is_heard: bool) -> list[AlarmEvent]:
-        """Return what was to tell of the silence up to `ts_ms`; at that instant itself only a start, when heard."""
+        """Return the events of the silence up to `ts_ms`; at that instant itself only a start, when a record came."""
         events: list[AlarmEvent] = []
         while self._from_ms is not None:
             if self._since_ms is None:
@@ -124,7 +124,7 @@ class Silence:
                 else:
                     break
             else:
-                due = min(self._told_ms + self._update_ms, self._closes_ms)
+                due = min(self._reported_ms + self._update_ms, self._closes_ms)
                 if due >= ts_ms:
                     break
                 events.append(self._end(due) if due == self._closes_ms else self._event("update", due))
@@ -140,7 +140,7 @@ class Silence:
 
     def _event(self, step: AlarmStep, at_ms: int) -> AlarmEvent:
         since_ms = self._since_ms if self._since_ms is not None else at_ms
-        self._told_ms = at_ms
+        self._reported_ms = at_ms
         camera = self._camera
         return AlarmEvent(
             self._id(since_ms),

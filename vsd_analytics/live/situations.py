@@ -1,8 +1,8 @@
-"""Situations of one instant: where people stand, who is close to whom, and which of them form a gathering or a contact.
+"""Situations of one instant: where people are, who is close to whom, and which of them form a gathering or a contact.
 
-Places and distances are those of the reports (`sql/staging/located.sql`, `sql/facts/pairs.sql`): floor millimetres win
-over pixels, pixels go through the calibration in force, an engine that sends pairs for a frame sends all of them, and
-close is strictly closer than `distance_m`.
+Places and distances follow the rules of the reports (`sql/staging/located.sql`, `sql/facts/pairs.sql`). Floor
+millimetres win over pixels. Pixels go through the calibration in force. An engine that sends pairs for a frame sends
+all of them. Close means strictly closer than `distance_m`.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from vsd_analytics.homography import to_floor
-from vsd_analytics.site import Area, Camera, Site
+from vsd_analytics.geometry.homography import to_floor
+from vsd_analytics.site.model import Area, Camera, Site
 from vsd_analytics.warehouse.dimensions import area_cells, calibration_spans, owner_spans
 
 _CROWD = 200
-"""From so many people on, close ones are looked for in a tree instead of a table of all distances."""
+"""With more people than this, close ones are found with a k-d tree instead of a table of all distances."""
 
 Floats = NDArray[np.float64]
 Floats4 = tuple[float, float, float, float]
 Name = tuple[Any, ...]
-"""Tells the people of one instant apart: by track id, else by place."""
+"""Distinguishes the people of one instant: by track id, else by place."""
 
 
 class Sighting(NamedTuple):
     """A situation as one instant shows it.
 
     Attributes:
-        tracks: Track ids of those in it.
-        n_people: How many are in it, also without a track id.
+        tracks: Track ids of the people in it.
+        n_people: Number of people in it, with and without a track id.
         x_mm, y_mm: Mean of their places, None when none is known.
         nearest_mm: Least distance between two of them.
     """
@@ -57,14 +57,14 @@ class Edge(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """The people of one camera and instant.
+class PeopleGraph:
+    """The people of one camera and instant as a graph whose edges join people close to each other.
 
     Attributes:
-        tracks: Track id of each, None without one.
-        places: Floor millimetres of each, None when unknown.
-        edges: Those closer than `distance_m`.
-        observed: Track ids of those whose own record was sent, not only pairs with them.
+        tracks: Track id of each person, None without one.
+        places: Floor millimetres of each person, None when unknown.
+        edges: Pairs closer than `distance_m`.
+        observed: Track ids of people with a record of their own, not only pairs.
     """
 
     tracks: Sequence[str | None]
@@ -75,50 +75,50 @@ class Frame:
 
 @dataclass(slots=True)
 class Instant:
-    """Records of one camera and instant, collected until it is their turn; the same record twice is one.
+    """Records of one camera and instant, collected until they are handled; the same record twice counts once.
 
     Attributes:
-        is_told: The engine measured the pairs of this frame itself.
+        has_engine_pairs: The engine measured the pairs of this frame itself.
         persons: Track id and place by name.
         pairs: Names, track ids, places and distance of both, by key.
     """
 
-    is_told: bool
+    has_engine_pairs: bool
     persons: dict[Name, tuple[str | None, float, float]]
     pairs: dict[Name, tuple[Name, Name, str | None, str | None, Floats4, int]]
 
     def add_person(self, name: Name, track: str | None, x_mm: float, y_mm: float) -> None:
-        """Keep one person record; of two with one name the lesser place counts, in whatever order they come."""
+        """Add a person record; of two with one name the lesser place counts, so their order changes nothing."""
         found = self.persons.get(name)
         if found is None or (math.isnan(x_mm), x_mm, y_mm) < (math.isnan(found[1]), *found[1:]):
             self.persons[name] = (track, x_mm, y_mm)
 
 
-def frame_of(instant: Instant, *, distance_mm: int) -> Frame:
-    """Return the people of an instant and who of them are closer than `distance_mm`.
+def people_graph(instant: Instant, *, distance_mm: int) -> PeopleGraph:
+    """Return the people of an instant and the pairs of them closer than `distance_mm`.
 
     Args:
-        instant: All its records; NaN stands for an unknown coordinate.
+        instant: All its records; an unknown coordinate is NaN.
         distance_mm: Strictly closer than this is close.
     """
     persons = sorted(instant.persons.items(), key=lambda item: _order(item[0]))
     observed = [track for _, (track, _, _) in persons if track is not None]
-    if instant.is_told or instant.pairs:
-        return _told(instant, dict(persons), observed, distance_mm)
+    if instant.has_engine_pairs or instant.pairs:
+        return _engine_graph(instant, dict(persons), observed, distance_mm)
     tracks = [track for _, (track, _, _) in persons]
     xy = np.array([(x, y) for _, (_, x, y) in persons], dtype=np.float64).reshape(-1, 2)
     places = [None if math.isnan(x) or math.isnan(y) else (x, y) for _, (_, x, y) in persons]
-    return Frame(tracks, places, close_pairs(xy, distance_mm=distance_mm), observed)
+    return PeopleGraph(tracks, places, close_pairs(xy, distance_mm=distance_mm), observed)
 
 
 def _order(name: Name) -> tuple[Any, ...]:
     return tuple((part is None, 0 if part is None else part) for part in name)
 
 
-def _told(
+def _engine_graph(
     instant: Instant, persons: Mapping[Name, tuple[str | None, float, float]], observed: Sequence[str], distance_mm: int
-) -> Frame:
-    """Return the graph the engine sent; people known from pairs only are part of it."""
+) -> PeopleGraph:
+    """Return the graph of the pairs that the engine sent; people known only from pairs are part of it."""
     number: dict[Name, int] = {}
     tracks: list[str | None] = []
     places: list[tuple[float, float] | None] = []
@@ -142,7 +142,7 @@ def _told(
         a, b = person(name_a, track_a, at[0], at[1]), person(name_b, track_b, at[2], at[3])
         if distance < distance_mm:
             nearest[a, b] = min(distance, nearest.get((a, b), distance))
-    return Frame(tracks, places, [Edge(a, b, d) for (a, b), d in nearest.items()], observed)
+    return PeopleGraph(tracks, places, [Edge(a, b, d) for (a, b), d in nearest.items()], observed)
 
 
 def close_pairs(xy: Floats, *, distance_mm: int) -> list[Edge]:
@@ -150,7 +150,7 @@ def close_pairs(xy: Floats, *, distance_mm: int) -> list[Edge]:
 
     Args:
         xy: Floor millimetres, shape (n, 2); NaN for people without a place, who are close to nobody.
-        distance_mm: Limit.
+        distance_mm: Pairs at this distance or more are left out.
     """
     known = np.flatnonzero(~np.isnan(xy).any(axis=1))
     if len(known) < 2:
@@ -173,10 +173,11 @@ def close_pairs(xy: Floats, *, distance_mm: int) -> list[Edge]:
     return [Edge(*edge) for edge in zip(a.tolist(), b.tolist(), mm.tolist(), strict=True)]
 
 
-def gatherings(frame: Frame) -> list[Sighting]:
-    """Return the connected components of the graph of close people, as recipe R8 of the reports has clusters."""
+def gatherings(frame: PeopleGraph) -> list[Sighting]:
+    """Return the connected components of the graph of close people, the clusters of recipe R8 of the reports."""
     if not frame.edges:
         return []
+    # union-find; the lower number becomes the root, so that the order of the components is that of the people
     root = list(range(len(frame.tracks)))
 
     def find(i: int) -> int:
@@ -198,7 +199,7 @@ def gatherings(frame: Frame) -> list[Sighting]:
     return [_sighting(frame, inside, nearest[of]) for of, inside in members.items()]
 
 
-def contacts(frame: Frame, edges: Iterable[Edge]) -> list[Sighting]:
+def contacts(frame: PeopleGraph, edges: Iterable[Edge]) -> list[Sighting]:
     """Return the given pairs of a frame that have track ids."""
     return [
         _sighting(frame, (a, b), mm)
@@ -207,7 +208,7 @@ def contacts(frame: Frame, edges: Iterable[Edge]) -> list[Sighting]:
     ]
 
 
-def _sighting(frame: Frame, inside: Sequence[int], nearest_mm: int) -> Sighting:
+def _sighting(frame: PeopleGraph, inside: Sequence[int], nearest_mm: int) -> Sighting:
     tracks = frozenset(t for t in (frame.tracks[i] for i in inside) if t is not None)
     at = [p for p in (frame.places[i] for i in inside) if p is not None]
     x, y = (sum(p[k] for p in at) / len(at) for k in (0, 1)) if at else (None, None)
@@ -234,14 +235,14 @@ class Ground:
         self._areas = {a.area_id: _cells_of(site, a) for a in site.areas}
 
     def is_in(self, area_id: str, camera_id: str, x_mm: float | None, y_mm: float | None) -> bool:
-        """Tell whether a place of a camera lies in an area: the middle of its floor cell does."""
+        """Return whether a place of a camera is in an area: whether the middle of its floor cell is."""
         if x_mm is None or y_mm is None:
             return False
         floor_id, cells = self._areas[area_id]
         return floor_id == self._floor[camera_id] and (int(x_mm // self._cell_mm), int(y_mm // self._cell_mm)) in cells
 
     def is_owned(self, camera_id: str, ts_ms: int, x_mm: float | None, y_mm: float | None) -> bool:
-        """Tell whether this camera counts at a place and instant; it does where no other is known to see it better."""
+        """Return whether this camera counts at a place and instant: whether no other is known to see it better."""
         if x_mm is None or y_mm is None:
             return True
         cell = int(x_mm // self._owner_cell_mm), int(y_mm // self._owner_cell_mm)

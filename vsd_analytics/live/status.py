@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import resource
-import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,25 +14,20 @@ from typing import Any
 
 from vsd_analytics.live.batches import Numbering
 from vsd_analytics.live.folding import Folded
-from vsd_analytics.store.durable import make_dirs
+from vsd_analytics.live.process import peak_mb
+from vsd_analytics.store.durable import publish
 
 FILE = Path("status") / "listen.json"
 
 
-def peak_mb() -> float:
-    """Return the peak resident memory of this process, in megabytes (10^6 bytes)."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak * (1 if sys.platform == "darwin" else 1024) / 1e6, 1)
-
-
 @dataclass
-class Camera:
-    """What came from one camera since the start.
+class CameraStatus:
+    """The messages of one camera since the start.
 
     Attributes:
         last_ms: Instant of its newest message (UTC milliseconds).
         n_frames: Messages stored, re-deliveries included.
-        numbering: Its running numbers.
+        numbering: Its sequence numbers.
     """
 
     last_ms: int = 0
@@ -44,11 +37,11 @@ class Camera:
 
 @dataclass
 class Status:
-    """What a listener has done since its start, and how it is.
+    """What a listener has done since its start, and its state.
 
     Attributes:
         started: When it started.
-        state: "starting", "listening", "waiting for the broker", "cannot store", or "stopped".
+        state: "starting", "listening", "waiting for the broker", "cannot store", "clocks disagree", or "stopped".
         connected_since: Since when there is a connection; None = there is none.
         n_connections: Connections made.
         n_received: Messages received, re-deliveries included.
@@ -56,7 +49,7 @@ class Status:
         n_qos0: Messages that came without a guarantee of delivery.
         n_stored: Records durable in the spool, by table.
         n_acknowledged: Messages acknowledged to the broker.
-        n_rejected: Records in quarantine, by reason.
+        n_rejected: Records put into quarantine, by reason.
         n_dropped: Records and fields left out on purpose, by reason.
         cameras: By camera id.
         newest_ms: Newest instant acknowledged.
@@ -66,7 +59,7 @@ class Status:
         fold: The last one.
         fold_at: When it ended.
         error: What is wrong now; None = nothing.
-        alarms: Tells how the alarms are; None = there are no rules.
+        alarms: Returns the state of the alarms; None = there are no rules.
     """
 
     started: datetime
@@ -80,7 +73,7 @@ class Status:
     n_acknowledged: int = 0
     n_rejected: Counter[str] = field(default_factory=Counter)
     n_dropped: Counter[str] = field(default_factory=Counter)
-    cameras: dict[str, Camera] = field(default_factory=dict)
+    cameras: dict[str, CameraStatus] = field(default_factory=dict)
     newest_ms: int | None = None
     spool_rows: int = 0
     spool_segments: int = 0
@@ -91,9 +84,9 @@ class Status:
     error: str | None = None
     alarms: Callable[[], dict[str, Any]] | None = None
 
-    def camera(self, camera_id: str) -> Camera:
+    def camera(self, camera_id: str) -> CameraStatus:
         """Return a camera's entry, made when it is new."""
-        return self.cameras.setdefault(camera_id, Camera())
+        return self.cameras.setdefault(camera_id, CameraStatus())
 
     def as_dict(self, *, now: datetime) -> dict[str, Any]:
         """Return the heartbeat; instants are ISO 8601 in UTC, what is unknown is null.
@@ -104,7 +97,7 @@ class Status:
         fold = None
         if self.fold is not None and self.fold_at is not None:
             fold = {
-                "at": _iso(self.fold_at),
+                "at": iso_utc(self.fold_at),
                 "took_s": round(self.fold.took_s, 3),
                 "new": self.fold.n_new,
                 "doubles": self.fold.n_known + self.fold.n_second,
@@ -114,9 +107,9 @@ class Status:
         return {
             "state": self.state,
             "pid": os.getpid(),
-            "at": _iso(now),
-            "started": _iso(self.started),
-            "connected_since": None if self.connected_since is None else _iso(self.connected_since),
+            "at": iso_utc(now),
+            "started": iso_utc(self.started),
+            "connected_since": None if self.connected_since is None else iso_utc(self.connected_since),
             "connections": self.n_connections,
             "received": self.n_received,
             "redelivered": self.n_redelivered,
@@ -129,7 +122,7 @@ class Status:
             "lag_s": None if self.newest_ms is None else round(now.timestamp() - self.newest_ms / 1000, 3),
             "cameras": {
                 name: {
-                    "last": _iso(datetime.fromtimestamp(c.last_ms / 1000, tz=UTC)),
+                    "last": iso_utc(datetime.fromtimestamp(c.last_ms / 1000, tz=UTC)),
                     "messages": c.n_frames,
                     "last_seq": c.numbering.highest,
                     "missing": c.numbering.n_missing if c.numbering.highest is not None else None,
@@ -146,44 +139,34 @@ class Status:
 
 
 def offline(started: datetime) -> bytes:
-    """Return the last will: what the broker says when a listener vanishes."""
-    return json.dumps({"state": "offline", "pid": os.getpid(), "started": _iso(started)}).encode()
+    """Return the last will: the message that the broker publishes when the listener's connection breaks."""
+    return json.dumps({"state": "offline", "pid": os.getpid(), "started": iso_utc(started)}).encode()
 
 
-def write_status(root: Path, told: dict[str, Any]) -> None:
-    """Put a heartbeat into `<project>/status/listen.json`: a reader sees the old one or the new one, whole.
+def write_status(root: Path, status: dict[str, Any]) -> None:
+    """Write a heartbeat to `<project>/status/listen.json`; a reader sees all of the old one or of the new one.
 
-    It is no record, so it need not survive a power cut; a disk that refuses it stops nothing.
+    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing.
     """
-    path = root / FILE
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    text = json.dumps(status, ensure_ascii=False, indent=1)
     with contextlib.suppress(OSError):
-        make_dirs(path.parent)
-        temporary.write_text(json.dumps(told, ensure_ascii=False, indent=1), encoding="utf-8")
-        temporary.rename(path)
+        publish(root / FILE, text.encode(), is_synced=False)
 
 
 def read_status(root: Path) -> dict[str, Any] | None:
     """Return the heartbeat of a project, or None when no listener ever ran or the file cannot be read."""
+    return read_json(root / FILE)
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the JSON object of a file, or None when it does not exist or cannot be read."""
     try:
-        told = json.loads((root / FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return None
-    return told if isinstance(told, dict) else None
+    return content if isinstance(content, dict) else None
 
 
-def is_alive(pid: object) -> bool:
-    """Tell whether a process with this id runs."""
-    if not isinstance(pid, int) or pid <= 0:
-        return False
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
-
-
-def _iso(instant: datetime) -> str:
+def iso_utc(instant: datetime) -> str:
+    """Return an instant as ISO 8601 text in UTC with milliseconds."""
     return instant.astimezone(UTC).isoformat(timespec="milliseconds")

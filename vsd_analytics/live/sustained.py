@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from vsd_analytics.live.events import AlarmEvent, AlarmStep, alarm_id
 from vsd_analytics.live.situations import Ground, Sighting
-from vsd_analytics.site import AlarmRule, Site
+from vsd_analytics.site.model import AlarmRule, Site
 
 _SHARED_MIN = 2
 """A situation goes on in a sighting that shares this many people with it (recipe R8)."""
@@ -23,7 +23,7 @@ class _Situation:
         seen_ms: When it was last seen.
         tracks: Who was in it and when last.
         sum_x_mm, sum_y_mm, n_placed: Its mean place so far.
-        told_ms: When its alarm was last told; None before the alarm starts.
+        reported_ms: When the last event of its alarm was made; None before the alarm starts.
         now: Its last sighting.
     """
 
@@ -36,12 +36,12 @@ class _Situation:
     sum_y_mm: float = 0.0
     n_placed: int = 0
     n_people_max: int = 0
-    n_people_told: int = 0
+    n_people_reported: int = 0
     nearest_mm: int = 2**31
-    told_ms: int | None = None
+    reported_ms: int | None = None
 
     def take(self, sighting: Sighting, ts_ms: int, gap_ms: int) -> None:
-        """Take in the next sighting, and forget who has not been in it for longer than `gap_ms`."""
+        """Add the next sighting, and forget people who have not been in it for longer than `gap_ms`."""
         self.now, self.seen_ms = sighting, ts_ms
         self.tracks.update(dict.fromkeys(sighting.tracks, ts_ms))
         if len(self.tracks) > len(sighting.tracks):
@@ -61,7 +61,7 @@ class _Situation:
 
 @dataclass(frozen=True, slots=True)
 class _Quiet:
-    """A place where an alarm ended, and until when the same rule stays quiet there."""
+    """A place where an alarm ended, and until when the same rule starts no alarm there."""
 
     until_ms: int
     place: tuple[float | None, float | None]
@@ -87,32 +87,32 @@ class Situations:
         self._quiet: list[_Quiet] = []
 
     @property
-    def n_kept(self) -> int:
+    def n_in_memory(self) -> int:
         """Return how many situations and places are in memory."""
         return len(self._situations) + len(self._quiet)
 
     @property
     def open_alarms(self) -> list[str]:
         """Return the ids of alarms that have started and not ended."""
-        return [self._id(s) for s in self._situations if s.told_ms is not None]
+        return [self._id(s) for s in self._situations if s.reported_ms is not None]
 
     def pass_time(self, ts_ms: int, gap_ms: int) -> list[AlarmEvent]:
-        """End what was last seen more than `gap_ms` before `ts_ms`; nothing was sent in between."""
+        """End situations last seen more than `gap_ms` before `ts_ms`."""
         over = [s for s in self._situations if ts_ms - s.seen_ms > gap_ms]
         if not over:
             return []
         self._situations = [s for s in self._situations if ts_ms - s.seen_ms <= gap_ms]
-        ended = [s for s in over if s.told_ms is not None]
+        ended = [s for s in over if s.reported_ms is not None]
         if self._cooldown_ms:
             self._quiet += [_Quiet(s.seen_ms + self._cooldown_ms, (s.now.x_mm, s.now.y_mm)) for s in ended]
         return [self._event(s, "end", s.seen_ms) for s in ended]
 
     def see(self, sightings: Sequence[Sighting], ts_ms: int, gap_ms: int) -> list[AlarmEvent]:
-        """Take in one instant.
+        """Take the sightings of one instant and return the events they cause.
 
         Args:
-            sightings: All that the rule is about at this instant.
-            ts_ms: UTC milliseconds, later than ever before.
+            sightings: All sightings that match the rule at this instant.
+            ts_ms: UTC milliseconds, later than every instant before.
             gap_ms: A situation not seen for up to this long goes on.
         """
         events = self.pass_time(ts_ms, gap_ms)
@@ -122,14 +122,15 @@ class Situations:
         for situation in self._join(sightings, ts_ms, gap_ms):
             step = self._step(situation, ts_ms)
             if step is not None:
-                situation.told_ms, situation.n_people_told = ts_ms, situation.n_people_max
+                situation.reported_ms, situation.n_people_reported = ts_ms, situation.n_people_max
                 events.append(self._event(situation, step, ts_ms))
         return events
 
     def _join(self, sightings: Sequence[Sighting], ts_ms: int, gap_ms: int) -> list[_Situation]:
-        """Return the situations seen now: each sighting goes on with one that shares people with it, or is new.
+        """Return the situations seen now: each sighting continues one that shares people with it, or starts a new one.
 
-        Those with an alarm come first, then older ones; each takes the sighting it shares most people with.
+        Situations with an alarm choose first, then older ones; each takes the sighting it shares most people with. So
+        an alarm follows its people when a crowd splits or merges, and no order of records changes the result.
         """
         having: dict[str, list[int]] = defaultdict(list)
         for i, sighting in enumerate(sightings):
@@ -137,7 +138,7 @@ class Situations:
                 having[track].append(i)
         free = set(range(len(sightings)))
         seen = []
-        for situation in sorted(self._situations, key=lambda s: (s.told_ms is None, s.since_ms, s.number)):
+        for situation in sorted(self._situations, key=lambda s: (s.reported_ms is None, s.since_ms, s.number)):
             recent = (t for t, last in situation.tracks.items() if ts_ms - last <= gap_ms)
             shared = Counter(i for t in recent for i in having.get(t, ()) if i in free)
             best = min(shared, key=lambda i: (-shared[i], i), default=None)
@@ -153,10 +154,10 @@ class Situations:
         return seen
 
     def _step(self, s: _Situation, ts_ms: int) -> AlarmStep | None:
-        if s.told_ms is None:
+        if s.reported_ms is None:
             is_due = ts_ms - s.since_ms >= self._for_ms and not self._is_quiet(s)
             return "start" if is_due and self._ground.is_owned(self._camera.camera_id, ts_ms, *s.mean_place) else None
-        return "update" if ts_ms - s.told_ms >= self._update_ms or s.n_people_max > s.n_people_told else None
+        return "update" if ts_ms - s.reported_ms >= self._update_ms or s.n_people_max > s.n_people_reported else None
 
     def _is_quiet(self, s: _Situation) -> bool:
         x, y = s.now.x_mm, s.now.y_mm

@@ -1,9 +1,9 @@
 """Watching a folder around the clock: every file that appears in it is ingested once and moved away.
 
-What stands in the folder is open, what is done stands in `done/`, what could not be read at all stands in `failed/`
-beside a text that says why. A file is moved after its records are durable; a crash in between ingests it again, and the
-store knows its records by their keys. The folder is listed every few seconds: notifications get lost when many files
-come at once, a listing does not.
+Files in the folder are open, files in `done/` are ingested, files in `failed/` could not be read; a text beside them
+says why. A file is moved after its records are durable. A crash in between ingests it again, and the store recognises
+its records by their keys. The folder is listed every few seconds, because file notifications get lost when many files
+come at once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,11 @@ from vsd_analytics.ingest.pipeline import SourceResult, ingest, with_site
 from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.gathering import GatheringStore
 from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
-from vsd_analytics.live.status import is_alive
-from vsd_analytics.site import Site
+from vsd_analytics.live.process import is_alive
+from vsd_analytics.live.status import iso_utc, read_json
+from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import make_dirs, publish
+from vsd_analytics.store.seals import SEALED
 
 STATUS = Path("status") / "watch.json"
 TOGETHER_FILES = 200
@@ -49,8 +51,8 @@ class WatchStatus:
         started: When it started.
         state: "watching", "cannot store" or "stopped".
         n_done, n_failed: Files moved to `done/` and to `failed/`.
-        n_open: Files that stood in the folder at the last look.
-        n_records: Records acknowledged, those known already among them.
+        n_open: Files in the folder at the last listing.
+        n_records: Records acknowledged, including those that were stored already.
         n_rejected: Records in quarantine, by reason.
         last_file: Name of the file ingested last.
         last_at: When that was.
@@ -70,12 +72,12 @@ class WatchStatus:
     error: str | None = None
 
     def as_dict(self, *, now: datetime) -> dict[str, Any]:
-        """Return the status as it stands in `status/watch.json`; instants are ISO 8601 in UTC, unknown is null."""
+        """Return the content of `status/watch.json`; instants are ISO 8601 in UTC, unknown is null."""
         return {
             "state": self.state,
             "pid": os.getpid(),
-            "at": _iso(now),
-            "started": _iso(self.started),
+            "at": iso_utc(now),
+            "started": iso_utc(self.started),
             "folder": Source(self.folder).name,
             "done": self.n_done,
             "failed": self.n_failed,
@@ -83,7 +85,7 @@ class WatchStatus:
             "records": self.n_records,
             "rejected": dict(self.n_rejected),
             "last_file": self.last_file,
-            "last_at": None if self.last_at is None else _iso(self.last_at),
+            "last_at": None if self.last_at is None else iso_utc(self.last_at),
             "error": self.error,
         }
 
@@ -97,14 +99,14 @@ def watch(
     sleep: Callable[[float], object] = time.sleep,
     stop: Callable[[], bool] = lambda: False,
     on_source: Callable[[SourceResult], None] | None = None,
-    tell: Callable[[str], None] | None = None,
+    report: Callable[[str], None] | None = None,
     monotonic: Callable[[], float] = time.monotonic,
 ) -> WatchStatus:
     """Ingest every file that appears in `folder` until `stop`.
 
-    A file is taken once its size and time have not changed for `watch_settle_s` seconds, oldest first; names that begin
-    with a dot or end in `.part` or `.tmp`, links and folders are left alone. An error of one file never stops the
-    watch; a disk that refuses is waited for, and the file stays where it is.
+    A file is ingested once its size and time have not changed for `watch_settle_s` seconds, oldest first. Names that
+    begin with a dot or end in `.part` or `.tmp`, links and folders are left alone. An error of one file never stops
+    the watch. When the disk refuses, the file stays where it is and is tried again.
 
     Args:
         site: The site the files belong to.
@@ -112,13 +114,13 @@ def watch(
         options: What the user said about the files.
         clock: The clock; records later than it are quarantined.
         sleep: Waits for so many seconds; may return sooner when `stop` has become true.
-        stop: Asked between files, and between the batches of a large one, which is then left for the next start.
+        stop: Called between files, and between the batches of a large one, which is then left for the next start.
         on_source: Called when a file is done.
-        tell: Called with one line for people about what went wrong.
-        monotonic: Seconds that no one sets.
+        report: Called with one line for people about what went wrong.
+        monotonic: Seconds of a clock that nobody sets.
 
     Returns:
-        What was done.
+        The counts of this run.
 
     Raises:
         InputError: E201, there is no such folder.
@@ -132,19 +134,16 @@ def watch(
         for name in (DONE, FAILED):
             make_dirs(folder / name)
         status = WatchStatus(folder, clock())
-        _Watch(site, options, status, clock, stop, on_source, tell or (lambda _: None), monotonic).run(sleep)
+        _Watch(site, options, status, clock, stop, on_source, report or (lambda _: None), monotonic).run(sleep)
     return status
 
 
 def read_watch_status(root: Path) -> dict[str, Any] | None:
-    """Return what stands in a project's `status/watch.json`, with `is_running`; None when there is nothing."""
-    try:
-        told = json.loads((root / STATUS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    """Return a project's `status/watch.json` with `is_running`; None when there is none or it cannot be read."""
+    status = read_json(root / STATUS)
+    if status is None:
         return None
-    if not isinstance(told, dict):
-        return None
-    return {**told, "is_running": told.get("state") != "stopped" and is_alive(told.get("pid"))}
+    return {**status, "is_running": status.get("state") != "stopped" and is_alive(status.get("pid"))}
 
 
 class _StopError(Exception):
@@ -161,7 +160,7 @@ class _Watch:
     clock: Callable[[], datetime]
     stop: Callable[[], bool]
     on_source: Callable[[SourceResult], None] | None
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
     monotonic: Callable[[], float]
 
     def __post_init__(self) -> None:
@@ -175,7 +174,7 @@ class _Watch:
         self.delays = delays_s(first_s=1.0, most_s=60.0)
 
     def run(self, sleep: Callable[[float], object]) -> None:
-        """Look, ingest, fold, wait, until asked to stop."""
+        """List the folder, ingest, fold and wait, until asked to stop."""
         self.beat()
         while not self.stop():
             wait_s = float(self.site.settings.watch_scan_s)
@@ -201,7 +200,7 @@ class _Watch:
         self.beat()
 
     def round(self) -> bool:
-        """Ingest the files that stand still; return whether more of them wait."""
+        """Ingest the files that no longer change; return whether more of them wait."""
         now_s = self.monotonic()
         self.held = {file: until_s for file, until_s in self.held.items() if until_s > now_s}
         found, self.status.n_open = waiting(self.status.folder, known=self.held)
@@ -239,7 +238,11 @@ class _Watch:
         )
 
     def commit(self) -> None:
-        """Make what was ingested durable, then move its files; those that cannot be read or moved now stay."""
+        """Make the ingested records durable, then move their files; those that cannot be read or moved now stay.
+
+        A file is moved only after its records are durable: a crash in between ingests it again, and its records are
+        recognised.
+        """
         pending, self.pending = self.pending, []
         self.is_folded = False
         self.store.commit()
@@ -268,7 +271,7 @@ class _Watch:
         else:
             to_failed(self.status.folder, file, result)
             self.status.n_failed += 1
-            self.tell(f"{result.source}: {result.error.what} (moved to {FAILED}/)")
+            self.report(f"{result.source}: {result.error.what} (moved to {FAILED}/)")
         self.status.n_open -= 1
 
     def hold(self, file: Waiting, words: str) -> None:
@@ -276,7 +279,7 @@ class _Watch:
         self.held[file] = self.monotonic() + RETRY_S
         if self.status.error != words:
             self.status.error = words
-            self.tell(words)
+            self.report(words)
 
     def check_stop(self, _n_bytes: int = 0) -> None:
         """Stop between two files, or two batches of a large one."""
@@ -288,7 +291,8 @@ class _Watch:
         if self.pending:
             self.commit()
         if not self.is_folded:
-            self.store.fold()
+            n_sealed = self.store.fold().n_sealed
+            self.status.n_rejected.update({SEALED: n_sealed} if n_sealed else {})
             self.is_folded = True
         self.folded_s = self.monotonic()
 
@@ -296,19 +300,19 @@ class _Watch:
         """Note that the disk or the store refused; return how long to wait."""
         self.pending.clear()  # their files are still there
         self.store.forget()
-        told = disk_error(error) or error
-        words = told.what if isinstance(told, VsdError) else (told.strerror or str(told))
-        if isinstance(told, VsdError) and told.where is not None:
-            words += f": {told.where.file}"
+        cause = disk_error(error) or error
+        words = cause.what if isinstance(cause, VsdError) else (cause.strerror or str(cause))
+        if isinstance(cause, VsdError) and cause.where is not None:
+            words += f": {cause.where.file}"
         if self.status.error != words:
-            self.tell(f"{words}; files stay where they are, and it is tried again")
+            self.report(f"{words}; files stay where they are and are tried again")
         self.status.state, self.status.error = "cannot store", words
         return next(self.delays)
 
     def healthy(self) -> None:
-        """Note that a round went well."""
+        """Note that a round ended without an error."""
         if self.status.state == "cannot store":
-            self.tell("it can be stored again")
+            self.report("records can be stored again")
             self.delays = delays_s(first_s=1.0, most_s=60.0)
         self.status.state = "watching"
         if not self.held:
@@ -323,7 +327,7 @@ class _Watch:
 
 
 def _together(files: Sequence[Waiting]) -> Iterator[list[Waiting]]:
-    """Yield the files in lots of at most `TOGETHER_FILES` and, but for the last of a lot, `TOGETHER_BYTES`."""
+    """Yield the files in groups that one commit makes durable: `TOGETHER_FILES` files or about `TOGETHER_BYTES`."""
     lot: list[Waiting] = []
     for file in files:
         lot.append(file)
@@ -335,9 +339,5 @@ def _together(files: Sequence[Waiting]) -> Iterator[list[Waiting]]:
 
 
 def _is_of_the_file(error: VsdError) -> bool:
-    """Tell whether an error lies in a file's content, not in its reading (E120) nor in the store."""
+    """Return whether the content of a file is wrong, and not its reading (E120, E201) or the store."""
     return isinstance(error, InputError | UsageError) and error.code not in ("E120", "E201")
-
-
-def _iso(instant: datetime) -> str:
-    return instant.astimezone(UTC).isoformat(timespec="milliseconds")

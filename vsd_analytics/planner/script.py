@@ -6,7 +6,7 @@ import re
 from functools import cache
 from typing import Final
 
-from vsd_analytics.report import wording
+from vsd_analytics.report.words import catalogue
 from vsd_analytics.resources import shipped
 
 SCRIPTS: Final = ("planner_rates.js", "planner_map.js", "planner_data.js", "planner.js", "planner_start.js")
@@ -19,17 +19,38 @@ SAID_TOO: Final = (
 )
 
 
+REASONS: Final = {
+    "days": "level.days",
+    "events": "level.events",
+    "camera": "level.camera",
+    "none_often": "level.none_often",
+    "none_risky": "level.none_risky",
+    "unrecorded": "level.unrecorded",
+    "person_hours": "level.person_hours",
+    "pairs": "change.pairs",
+    "person_hours_each": "change.person_hours",
+    "few": "change.few",
+    "camera_both": "change.camera",
+    "nobody": "nobody.on_camera",
+    "masked": "hidden.few",
+}
+"""Reasons that the script gives, by its own short names: the same sentences as those of the statistics."""
+
+
 def sentences() -> dict[str, str | dict[str, str]]:
     """Return the sentences the script says, with their places unfilled."""
     found: dict[str, str | dict[str, str]] = {}
-    for key, entry in wording.catalogue().items():
+    for key, entry in catalogue.catalogue().items():
         if key.startswith(SAID) or key in SAID_TOO:
             forms = (
-                wording.template(key)
+                catalogue.template(key)
                 if isinstance(entry, str)
-                else {form: wording.template(key, plural=n) for form, n in (("one", 1), ("other", 2))}
+                else {form: catalogue.template(key, plural=n) for form, n in (("one", 1), ("other", 2))}
             )
             found[key.removeprefix(SAID)] = forms
+    for name, code in REASONS.items():
+        text = catalogue.template(f"reason.{code}").replace("{least", "{n")
+        found[f"reason.{name}"] = re.sub(r"\{(\w+):[^}]*\}", r"{\1}", text)  # the script formats its numbers itself
     return found
 
 

@@ -1,11 +1,11 @@
-"""The seeded simulator behind `vsd demo` and most tests: a made-up shop, its engine output, and what is planted in it.
+"""The seeded simulator behind `vsd demo` and most tests: a made-up shop, its engine output and its truth.
 
 Importing this package loads numpy and pyarrow; the command line imports it inside the commands that need it.
 """
 
-from vsd_analytics.simulate.messages import frame_message, write_messages
-from vsd_analytics.simulate.people import Day, simulate_day
-from vsd_analytics.simulate.project import simulate_week, write_demo_project
+from vsd_analytics.simulate.demo_project import simulate_week, write_demo_project
+from vsd_analytics.simulate.frame_messages import frame_message, write_messages
+from vsd_analytics.simulate.people import SimulatedDay, simulate_day
 from vsd_analytics.simulate.small import (
     TinyWeek,
     make_empty,
@@ -18,8 +18,8 @@ from vsd_analytics.simulate.small import (
 from vsd_analytics.simulate.truth import DemoTruth, violations
 
 __all__ = [
-    "Day",
     "DemoTruth",
+    "SimulatedDay",
     "TinyWeek",
     "frame_message",
     "make_empty",

@@ -1,4 +1,4 @@
-"""The demo's way into the store: through the same adapter as real data, with secrets that follow from the seed."""
+"""Ingests the demo through the same adapter as real data, with day keys derived from the seed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import IngestResult, ingest
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store.secrets import KEY_BYTES, DayKeys
 
 
@@ -21,7 +21,7 @@ def ingest_demo(
     Args:
         site: The demo's site.
         files: Its engine files, named `<camera>_<date>.jsonl.zst`.
-        seed: Seed of the demo; the day secrets of its pseudonyms follow from it.
+        seed: Seed of the demo; the day keys of its pseudonyms are derived from it.
         on_bytes: Progress, see `ingest`.
     """
     keys = DayKeys(site.root / "secrets")

@@ -1,7 +1,7 @@
-"""The history of a made-up shop over eight weeks or more: what only shows over weeks has something to find there.
+"""The history of the made-up shop over eight weeks or more, for figures that need many weeks.
 
-There are more people from week to week. Four weeks before the last one the display is moved; one week before it
-something is changed that does nothing; an early week is mostly lost, and on one day the shop is closed.
+The number of people grows from week to week. The display moves four weeks before the last week. One week before it, a
+change is logged that has no effect. An early week is mostly lost, and the shop is closed on one day.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from zoneinfo import ZoneInfo
 from vsd_analytics.simulate.truth import PlantedGap
 
 MIN_WEEKS: Final = 8
-"""Shorter demos have no history: their display is moved before the last week, and nothing else happens."""
+"""Shorter demos have no history: the display moves before the last week, and nothing else happens."""
 GROWTH: Final = 0.009
 """How many more people there are from week to week; violations grow about twice as fast."""
 IDLE_AREA, IDLE_TEXT = "aisle-2-end", "New floor stickers at the end of aisle 2"
 
 
 @dataclass(frozen=True, slots=True)
-class LogEntry:
+class PlantedChange:
     """A line of the change log.
 
     Attributes:
@@ -37,24 +37,24 @@ class LogEntry:
 
 
 @dataclass(frozen=True, slots=True)
-class History:
-    """What happened in the weeks.
+class ShopHistory:
+    """What happens in the weeks.
 
     Attributes:
         last_monday: First day of the last week.
         moved_at: When the display was moved, before the shop opened.
-        idle: The change that does nothing.
+        idle: The change that has no effect.
         gaps: Times from which no message arrived, before the last week.
         closed: Local dates on which the shop stayed closed.
-        log: What was logged, the move apart.
+        log: Log entries except that of the move.
     """
 
     last_monday: date
     moved_at: datetime
-    idle: LogEntry
+    idle: PlantedChange
     gaps: tuple[PlantedGap, ...]
     closed: tuple[date, ...]
-    log: tuple[LogEntry, ...]
+    log: tuple[PlantedChange, ...]
 
     def busy(self, day: date) -> float:
         """Return the factor on the number of people on a day: 1 in the last week, `GROWTH` less each week before."""
@@ -62,7 +62,7 @@ class History:
         return 1.0 - GROWTH * max(0, weeks_before)
 
 
-def history_of(mondays: Sequence[date], *, cameras: tuple[str, ...], timezone: str) -> History | None:
+def shop_history(mondays: Sequence[date], *, cameras: tuple[str, ...], timezone: str) -> ShopHistory | None:
     """Return what happens in these weeks; None for fewer than eight.
 
     Args:
@@ -81,10 +81,10 @@ def history_of(mondays: Sequence[date], *, cameras: tuple[str, ...], timezone: s
     early = min(first - 1, 8)  # within the ten weeks that an index shows
     lost = PlantedGap(cameras, at(early, 1, 11), at(early, 6, 18, 15))
     closed = at(min(6, first - 2), 2, 0)
-    idle = LogEntry(at(1, 0, 7), IDLE_TEXT, IDLE_AREA)
+    idle = PlantedChange(at(1, 0, 7), IDLE_TEXT, IDLE_AREA)
     log = (
-        LogEntry(lost.start, "The computer of the cameras broke down; replaced on Sunday evening.", None),
-        LogEntry(closed, "Closed: local holiday.", None),
+        PlantedChange(lost.start, "The computer of the cameras broke down; replaced on Sunday evening.", None),
+        PlantedChange(closed, "Closed: local holiday.", None),
         idle,
     )
-    return History(mondays[-1], at(4, 0, 6, 30), idle, (lost,), (closed.date(),), log)
+    return ShopHistory(mondays[-1], at(4, 0, 6, 30), idle, (lost,), (closed.date(),), log)

@@ -1,4 +1,4 @@
-"""The people of one simulated day: who comes when, with whom, where they stop, and where they are at every frame.
+"""The people of one simulated day: arrivals, groups, stops, and positions at every frame.
 
 Arrivals are Poisson by hour of the week times a factor of the day. Singles and groups enter by the door, some stop at
 the display, all stop at shelves, some at the pharmacy; all queue at the tills and leave.
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vsd_analytics.simulate.positions import IntArray, rows_of
+from vsd_analytics.simulate.positions import IntArray, person_frames
 from vsd_analytics.simulate.shop import (
     CHECKOUT,
     DOOR_IN,
@@ -27,11 +27,11 @@ from vsd_analytics.simulate.shop import (
     STOPS,
     FloatArray,
     Rect,
+    ShelfStop,
     Shop,
-    Stop,
 )
 from vsd_analytics.simulate.walking import Routes, Walker, serve
-from vsd_analytics.site import Point
+from vsd_analytics.site.model import Point
 
 MARGIN_S = 900
 """The engine starts this long before opening and stops this long after closing."""
@@ -46,11 +46,11 @@ _GROUP_SIZES, _GROUP_SHARES = (1, 2, 3, 4), (0.84, 0.13, 0.02, 0.01)
 _PHARMACY_SHARE = 0.08
 _SERVICE_S, _PHARMACY_S = 74.0, 110.0
 _LAST_ENTRY_S = 480.0
-_ELBOW_ROOM_M = 2.3
+_ELBOW_ROOM_M = 2.3  # shoppers look for a place at a shelf this far from the next person
 
 
 @dataclass(frozen=True, slots=True)
-class Day:
+class SimulatedDay:
     """Where everybody is at every frame of one day; rows are ordered by person, then frame.
 
     Attributes:
@@ -60,7 +60,7 @@ class Day:
         first_frame_ms: UTC milliseconds of frame 0.
         interval_ms: Milliseconds from frame to frame.
         n_frames: Frames of the day.
-        shop: The shop as it stood.
+        shop: The shop on that day.
         person: Person of each row, from 0 (int64).
         party: Single or group of each row, from 0 (int64).
         frame: Frame of each row (int64).
@@ -102,7 +102,7 @@ def parties_per_hour(day: date, hour: int) -> float:
 
 def simulate_day(
     opens: datetime, *, closes: datetime, seed: int, interval_s: float, display_moved: bool, busy: float = 1.0
-) -> Day:
+) -> SimulatedDay:
     """Simulate one day of the shop.
 
     The same seed and date give the same people whatever the frame interval.
@@ -112,7 +112,7 @@ def simulate_day(
         closes: Closing instant of the same local day.
         seed: Seed of the world.
         interval_s: Seconds from frame to frame.
-        display_moved: True when the display already stands in its new place.
+        display_moved: True when the display is already in its new place.
         busy: Factor on the number of people.
 
     Returns:
@@ -128,11 +128,11 @@ def simulate_day(
     interval_ms = round(interval_s * 1000)
     n_frames = int((open_s + 2 * MARGIN_S) * 1000 // interval_ms)
     first_ms = round(opens.timestamp() * 1000) - MARGIN_S * 1000
-    rows = rows_of(
+    rows = person_frames(
         shop, walkers, first_frame_s=-MARGIN_S, interval_s=interval_ms / 1000, n_frames=n_frames, noise=noise
     )
     entered = np.array([w.t_s[0] for w in walkers for _ in range(w.size)], dtype=np.float64)
-    return Day(
+    return SimulatedDay(
         day=day,
         opens=opens,
         closes=closes,
@@ -203,7 +203,7 @@ def _entries(draw: Random, *, opens: datetime, open_s: float, factor: float) -> 
     return entries
 
 
-def _shopping_list(draw: Random, hurry: float) -> list[Stop]:
+def _shopping_list(draw: Random, hurry: float) -> list[ShelfStop]:
     """Return the stops of one visit, in the order of a round through the shop from the right to the left or back."""
     n_stops = max(1, round(draw.gammavariate(3.0, 1.5 * hurry)))
     stops = draw.choices(STOPS, [s.weight for s in STOPS], k=n_stops)
@@ -222,8 +222,8 @@ class _Spot(NamedTuple):
     until_s: float
 
 
-def _browse(walker: Walker, stop: Stop, draw: Random, *, mean_s: float, taken: dict[str, deque[_Spot]]) -> None:
-    """Stand a while at a shelf, of eight places at the first that nobody else is close to, or at the last."""
+def _browse(walker: Walker, stop: ShelfStop, draw: Random, *, mean_s: float, taken: dict[str, deque[_Spot]]) -> None:
+    """Walk to a shelf and stand at the first of eight random places that nobody else is near, or at the eighth."""
     others = taken.setdefault(stop.zone, deque(maxlen=24))
     x, y = _within(stop.rect, draw)
     for _ in range(7):
@@ -244,6 +244,6 @@ def _within(rect: Rect, draw: Random) -> Point:
     return draw.uniform(rect[0], rect[2]), draw.uniform(rect[1], rect[3])
 
 
-def people_inside(day: Day) -> IntArray:
+def people_inside(day: SimulatedDay) -> IntArray:
     """Return how many people are in the shop at every frame."""
     return np.bincount(day.frame, minlength=day.n_frames)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vsd_analytics.config.reader import suggest_id
 from vsd_analytics.simulate.shop import DEPTH_M, DOOR, WIDTH_M, Shop, polygon
-from vsd_analytics.site import Fixture, FixtureKind
+from vsd_analytics.site.model import Fixture, FixtureKind
 
 M_PER_PX = 0.025
 
@@ -19,10 +19,10 @@ _KINDS: dict[str, FixtureKind] = {
 
 
 def fixtures(shop: Shop) -> tuple[Fixture, ...]:
-    """Return what stands in the shop, as `vsd.toml` names it.
+    """Return the fixtures of the shop as `vsd.toml` describes them.
 
     Args:
-        shop: The shop as it stands now.
+        shop: The shop as it is now.
     """
     return tuple(
         Fixture(suggest_id(f.label), f.label, "ground", polygon(f.rect), _KINDS[f.kind], f.is_movable, f.height_m)

@@ -1,4 +1,4 @@
-"""From ways to rows: where every person of a day is at every frame, groups included, for the whole day at once."""
+"""Positions of all people of a day at every frame, computed for the whole day at once with NumPy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SIDE_M, _AHEAD_M = np.array([0.0, 0.85, -0.85, 0.3]), np.array([0.0, -0.1, -0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class PersonFrames:
     """Persons and frames; rows are ordered by person, then frame.
 
     Attributes:
@@ -40,7 +40,7 @@ class Rows:
     y_m: FloatArray
 
 
-def rows_of(
+def person_frames(
     shop: Shop,
     walkers: Sequence[Walker],
     *,
@@ -48,11 +48,11 @@ def rows_of(
     interval_s: float,
     n_frames: int,
     noise: np.random.Generator,
-) -> Rows:
-    """Return where everybody is at every frame.
+) -> PersonFrames:
+    """Return the position of every person at every frame.
 
-    Leaders are on their ways; the others of a group walk beside or behind them, where there is room; everybody sways a
-    little; people closer than half a metre step apart; nobody stands in a fixture.
+    Leaders follow their ways. The others of a group walk beside or behind them, where there is room. Everybody sways a
+    little, people closer than half a metre step apart, and nobody is inside a fixture.
 
     Args:
         shop: The shop.
@@ -64,7 +64,7 @@ def rows_of(
     """
     if not walkers:
         none = np.zeros(0, dtype=np.int64)
-        return Rows(none, none, none, np.zeros(0), np.zeros(0))
+        return PersonFrames(none, none, none, np.zeros(0), np.zeros(0))
     ways = _Ways(walkers)
     sizes = np.array([w.size for w in walkers])
     party_of = np.repeat(np.arange(len(walkers)), sizes)
@@ -81,11 +81,14 @@ def rows_of(
     x += _SWAY_M * np.sin(2 * np.pi * at_s / period[0, person] + phase[0, person])
     y += _SWAY_M * np.sin(2 * np.pi * at_s / period[1, person] + phase[1, person])
     x, y = shop.nearest_free(*_apart(frame, x, y))
-    return Rows(person, party_of[person], frame, x, y)
+    return PersonFrames(person, party_of[person], frame, x, y)
 
 
 class _Ways:
-    """The knots of all ways on one time axis, each way far after the one before, so that one interpolation does all."""
+    """The knots of all ways on one time axis, each way `_FAR_S` after the one before.
+
+    So one call of `np.interp` interpolates all ways, without a loop over the walkers.
+    """
 
     def __init__(self, walkers: Sequence[Walker]) -> None:
         self.begin_s = np.array([w.t_s[0] for w in walkers])
@@ -107,7 +110,7 @@ class _Ways:
         return np.interp(t, self._t, self._x), np.interp(t, self._t, self._y)
 
     def heading(self, party: IntArray, at_s: FloatArray) -> Places:
-        """Return the unit vectors along which leaders walk, the mean of 2 s; those who stand face where they went."""
+        """Return the unit vectors along which leaders walk (mean of 2 s), or last walked if they stand still."""
         ux, uy = np.zeros(len(at_s)), np.zeros(len(at_s))
         for ahead_s in (-1.0, 0.0, 1.0):
             t = np.clip(at_s + ahead_s, self.begin_s[party] + 1e-3, self.end_s[party] - 1e-3) + self._shift[party]
@@ -129,6 +132,7 @@ def _in_formation(
     noise: np.random.Generator,
 ) -> Places:
     """Return the places of leaders, and of the others of their groups: side by side, or in file where it is narrow."""
+    # one draw per person, whatever the frame interval, so that the same seed gives the same groups
     jitter = noise.normal(0, 0.08, (2, len(rank_of))) * (rank_of > 0)
     flip = np.where(noise.random(len(rank_of)) < 0.5, -1.0, 1.0)[np.cumsum(rank_of == 0) - 1]
     side_m, ahead_m = (_SIDE_M[rank_of] + jitter[0]) * flip, _AHEAD_M[rank_of] + jitter[1]
@@ -150,9 +154,10 @@ def _in_formation(
 
 
 def _apart(frame: IntArray, x: FloatArray, y: FloatArray) -> Places:
-    """Return places with people of one frame who are closer than half a metre stepping apart to half a metre."""
+    """Return places where people of one frame closer than half a metre have stepped apart to half a metre."""
     order = np.lexsort((x, frame))
     f, xs, ys = frame[order], x[order].copy(), y[order].copy()
+    # sorted by frame and x, people who are close are near in this order: four neighbours cover all but a dense crowd
     for lag in range(1, 5):
         dx, dy = xs[lag:] - xs[:-lag], ys[lag:] - ys[:-lag]
         distance = np.hypot(dx, dy)

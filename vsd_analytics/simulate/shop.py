@@ -1,8 +1,8 @@
 """The made-up shop: walls, fixtures, areas and free floor, before and after the display was moved.
 
 Floor metres, x to the right, y up, origin at the lower left corner of the shop. Everything is an axis-aligned
-rectangle `(x0, y0, x1, y1)`, so that the free floor can be described by overlapping rectangles: whoever walks straight
-inside one of them hits nothing.
+rectangle `(x0, y0, x1, y1)`, so that overlapping rectangles can describe the free floor: a straight walk inside one of
+them hits nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.site import Area, Point
+from vsd_analytics.site.model import Area, Point
 
 Rect = tuple[float, float, float, float]
 FloatArray = NDArray[np.float64]
@@ -29,15 +29,15 @@ _GRID_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Fixture:
-    """A thing nobody walks through.
+class ShopFixture:
+    """An obstacle on the floor of the shop.
 
     Attributes:
         kind: "room", "shelf", "till", "counter", "display" or "trolleys".
         rect: Its footprint in floor metres.
         height_m: Its height, for camera pictures.
         label: What the site calls it.
-        is_movable: True when staff could move it.
+        is_movable: True if staff could move it.
     """
 
     kind: str
@@ -48,12 +48,12 @@ class Fixture:
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
-    """A stretch of shelf people stop at.
+class ShelfStop:
+    """A part of a shelf where people stop.
 
     Attributes:
         zone: Free rectangle it lies in.
-        rect: Where they stand.
+        rect: Where people stand.
         weight: Relative share of stops.
     """
 
@@ -63,7 +63,7 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class WaitingLine:
     """A waiting line with one or more places of service.
 
     Attributes:
@@ -92,20 +92,23 @@ _SHELF_WIDTH_M = 0.9
 _TILL_X = (4.4, 7.3, 10.2, 13.1)
 _TILL_WIDTH_M = 0.7
 
-_FIXED: tuple[Fixture, ...] = (
-    Fixture("room", (19.0, 11.0, WIDTH_M, DEPTH_M), 2.8, "Storeroom"),
-    Fixture("room", (0.0, 0.0, 2.8, 3.4), 2.8, "Office"),
-    Fixture("room", (0.0, 9.8, 1.4, 14.2), 2.2, "Pharmacy"),
-    Fixture("counter", (1.4, 10.2, 2.0, 13.8), 1.1, "Counter"),
+_FIXED: tuple[ShopFixture, ...] = (
+    ShopFixture("room", (19.0, 11.0, WIDTH_M, DEPTH_M), 2.8, "Storeroom"),
+    ShopFixture("room", (0.0, 0.0, 2.8, 3.4), 2.8, "Office"),
+    ShopFixture("room", (0.0, 9.8, 1.4, 14.2), 2.2, "Pharmacy"),
+    ShopFixture("counter", (1.4, 10.2, 2.0, 13.8), 1.1, "Counter"),
     *(
-        Fixture("shelf", (x, _SHELF_Y[0], x + _SHELF_WIDTH_M, _SHELF_Y[1]), 1.6, f"Shelf {k}")
+        ShopFixture("shelf", (x, _SHELF_Y[0], x + _SHELF_WIDTH_M, _SHELF_Y[1]), 1.6, f"Shelf {k}")
         for k, x in enumerate(_SHELF_X, start=1)
     ),
-    Fixture("shelf", (3.0, 15.4, 18.8, DEPTH_M), 2.0, "Bakery and dairy"),
-    Fixture("shelf", (23.4, 3.6, WIDTH_M, 10.4), 2.0, "Drinks"),
-    Fixture("shelf", (19.2, 8.2, 21.6, 9.6), 0.9, "Fruit", is_movable=True),
-    *(Fixture("till", (x, 1.3, x + _TILL_WIDTH_M, 3.2), 0.9, f"Till {4 - i}") for i, x in enumerate(reversed(_TILL_X))),
-    Fixture("trolleys", (22.5, 0.3, 23.8, 1.7), 1.0, "Trolleys", is_movable=True),
+    ShopFixture("shelf", (3.0, 15.4, 18.8, DEPTH_M), 2.0, "Bakery and dairy"),
+    ShopFixture("shelf", (23.4, 3.6, WIDTH_M, 10.4), 2.0, "Drinks"),
+    ShopFixture("shelf", (19.2, 8.2, 21.6, 9.6), 0.9, "Fruit", is_movable=True),
+    *(
+        ShopFixture("till", (x, 1.3, x + _TILL_WIDTH_M, 3.2), 0.9, f"Till {4 - i}")
+        for i, x in enumerate(reversed(_TILL_X))
+    ),
+    ShopFixture("trolleys", (22.5, 0.3, 23.8, 1.7), 1.0, "Trolleys", is_movable=True),
 )
 
 
@@ -122,9 +125,9 @@ class Shop:
     """
 
     display: Rect
-    fixtures: tuple[Fixture, ...]
+    fixtures: tuple[ShopFixture, ...]
     zones: Mapping[str, Rect]
-    display_stops: tuple[Stop, ...]
+    display_stops: tuple[ShelfStop, ...]
     display_share: float
 
     def nearest_free(self, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -143,7 +146,7 @@ class Shop:
         return np.where(off, near_x[j, i], x_m), np.where(off, near_y[j, i], y_m)
 
     def is_clear(self, x_m: FloatArray, y_m: FloatArray, to_x_m: FloatArray, to_y_m: FloatArray) -> NDArray[np.bool_]:
-        """Tell from which first positions one can step straight to the second ones, at most about 1.5 m away."""
+        """Return where the straight step to the second positions (at most about 1.5 m) crosses no fixture."""
         blocked = _raster(self.fixtures)[0]
         clear = np.ones(len(x_m), dtype=np.bool_)
         for share in (0.25, 0.5, 0.75, 1.0):
@@ -153,7 +156,7 @@ class Shop:
         return clear
 
     def is_free(self, x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
-        """Tell which positions are inside the walls and on no fixture (exact, not on the raster)."""
+        """Return which positions are inside the walls and on no fixture (exact, not on the raster)."""
         free = (x_m >= 0) & (x_m <= WIDTH_M) & (y_m >= 0) & (y_m <= DEPTH_M)
         for fixture in self.fixtures:
             x0, y0, x1, y1 = fixture.rect
@@ -168,7 +171,7 @@ def _cells(x_m: FloatArray, y_m: FloatArray) -> tuple[NDArray[np.intp], NDArray[
 
 
 @cache
-def _raster(fixtures: tuple[Fixture, ...]) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
+def _raster(fixtures: tuple[ShopFixture, ...]) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
     """Return, per 5 cm cell (row y, column x): blocked or not, and the centre of the nearest free cell."""
     from scipy.ndimage import distance_transform_edt
 
@@ -210,8 +213,8 @@ _HALL_BEFORE: dict[str, Rect] = {
 _HALL_AFTER: dict[str, Rect] = {"hall": (14.9, 0.3, 22.2, 7.3)}
 
 
-def _shop(display: Rect, hall: dict[str, Rect], stops: tuple[Stop, ...], share: float) -> Shop:
-    fixtures = (*_FIXED, Fixture("display", display, 1.5, "Display", is_movable=True))
+def _shop(display: Rect, hall: dict[str, Rect], stops: tuple[ShelfStop, ...], share: float) -> Shop:
+    fixtures = (*_FIXED, ShopFixture("display", display, 1.5, "Display", is_movable=True))
     return Shop(display, fixtures, {**_ZONES, **hall}, stops, share)
 
 
@@ -219,41 +222,41 @@ SHOP_BEFORE = _shop(
     DISPLAY_BEFORE,
     _HALL_BEFORE,
     (
-        Stop("hall", (18.7, 2.7, 20.3, 3.3), 4.0),
-        Stop("hall-west", (17.9, 3.4, 18.4, 5.0), 3.0),
-        Stop("hall-east", (20.4, 3.4, 20.9, 5.0), 2.0),
-        Stop("hall-north", (18.7, 5.1, 20.1, 5.6), 2.0),
+        ShelfStop("hall", (18.7, 2.7, 20.3, 3.3), 4.0),
+        ShelfStop("hall-west", (17.9, 3.4, 18.4, 5.0), 3.0),
+        ShelfStop("hall-east", (20.4, 3.4, 20.9, 5.0), 2.0),
+        ShelfStop("hall-north", (18.7, 5.1, 20.1, 5.6), 2.0),
     ),
     0.55,
 )
-SHOP_AFTER = _shop(DISPLAY_AFTER, _HALL_AFTER, (Stop("left", (2.1, 5.0, 2.8, 7.2), 1.0),), 0.12)
+SHOP_AFTER = _shop(DISPLAY_AFTER, _HALL_AFTER, (ShelfStop("left", (2.1, 5.0, 2.8, 7.2), 1.0),), 0.12)
 
 
-def _shelf_stops() -> tuple[Stop, ...]:
+def _shelf_stops() -> tuple[ShelfStop, ...]:
     stops = []
     for k in range(3):
         left, right = _SHELF_X[k] + _SHELF_WIDTH_M, _SHELF_X[k + 1]
         weight = (1.3, 1.2, 1.5)[k]
         stops += [
-            Stop(f"aisle-{k + 1}", (left + 0.4, 8.0, left + 0.75, 12.8), weight),
-            Stop(f"aisle-{k + 1}", (right - 0.75, 8.0, right - 0.4, 12.8), weight),
+            ShelfStop(f"aisle-{k + 1}", (left + 0.4, 8.0, left + 0.75, 12.8), weight),
+            ShelfStop(f"aisle-{k + 1}", (right - 0.75, 8.0, right - 0.4, 12.8), weight),
         ]
     return tuple(stops)
 
 
-STOPS: tuple[Stop, ...] = (
+STOPS: tuple[ShelfStop, ...] = (
     *_shelf_stops(),
-    Stop("pharmacy", (4.2, 8.2, 4.6, 12.8), 0.6),
-    Stop("right", (16.8, 8.0, 17.2, 12.8), 0.9),
-    Stop("back", (3.4, 14.5, 18.4, 14.9), 1.4),
-    Stop("back", (9.4, 14.1, 12.2, 14.9), 0.9),
-    Stop("fruit-front", (19.2, 7.4, 21.6, 7.8), 1.0),
-    Stop("right", (18.2, 8.2, 18.6, 9.6), 0.5),
-    Stop("fruit-side", (22.0, 6.0, 22.3, 9.6), 0.5),
-    Stop("fruit-side", (22.7, 6.0, 23.0, 10.2), 0.8),
+    ShelfStop("pharmacy", (4.2, 8.2, 4.6, 12.8), 0.6),
+    ShelfStop("right", (16.8, 8.0, 17.2, 12.8), 0.9),
+    ShelfStop("back", (3.4, 14.5, 18.4, 14.9), 1.4),
+    ShelfStop("back", (9.4, 14.1, 12.2, 14.9), 0.9),
+    ShelfStop("fruit-front", (19.2, 7.4, 21.6, 7.8), 1.0),
+    ShelfStop("right", (18.2, 8.2, 18.6, 9.6), 0.5),
+    ShelfStop("fruit-side", (22.0, 6.0, 22.3, 9.6), 0.5),
+    ShelfStop("fruit-side", (22.7, 6.0, 23.0, 10.2), 0.8),
 )
 
-CHECKOUT = Line(
+CHECKOUT = WaitingLine(
     ("front", (5.5, 5.9, 13.5, 7.0)),
     "queue",
     (4.7, 5.0),
@@ -261,7 +264,7 @@ CHECKOUT = Line(
     tuple((f"till-{i + 1}", (x + _TILL_WIDTH_M + 0.8, 2.3)) for i, x in enumerate(_TILL_X)),
     12,
 )
-PHARMACY = Line(
+PHARMACY = WaitingLine(
     ("pharmacy", (3.2, 8.1, 4.4, 9.3)), "pharmacy", (3.0, 10.8), (0.05, -1.15), (("pharmacy", (2.6, 12.0)),), 5
 )
 

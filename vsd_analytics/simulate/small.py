@@ -1,4 +1,4 @@
-"""Tiny worlds for tests: a few people on an empty floor, with counts that are known without counting."""
+"""Small scenes for tests: a few people on an empty floor, with known numbers of violations."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from zoneinfo import ZoneInfo
 import msgspec
 
 from vsd_analytics.simulate.cameras import CAMERAS
-from vsd_analytics.simulate.messages import day_text, frame_message
+from vsd_analytics.simulate.frame_messages import day_text, frame_message
 from vsd_analytics.simulate.people import simulate_day
-from vsd_analytics.site import Point
+from vsd_analytics.site.model import Point
 
 Message = dict[str, Any]
 
@@ -140,8 +140,8 @@ def make_week(
             local = datetime(monday.year, monday.month, monday.day, hour, tzinfo=zone) + timedelta(days=d)
             start_ms = round(local.timestamp() * 1000)
             for camera in cameras:
-                kept, n = _hour(camera, start_ms, interval_s, per_place, outage)
-                messages += kept
+                arrived, n = _hour(camera, start_ms, interval_s, per_place, outage)
+                messages += arrived
                 counts[camera, local] = n
     messages.sort(key=lambda m: (m["ts"], m["camera"]))
     return TinyWeek(messages, counts)

@@ -1,4 +1,4 @@
-"""What is planted in a made-up world, and how it is counted from true positions (not from what cameras report)."""
+"""The truth of a made-up world: what is planted, and violations counted from true positions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.simulate.cameras import CAMERAS
-from vsd_analytics.simulate.people import Day, people_inside
+from vsd_analytics.simulate.people import SimulatedDay, people_inside
 from vsd_analytics.simulate.positions import IntArray
 from vsd_analytics.simulate.shop import FloatArray, Rect
 
@@ -38,7 +38,7 @@ class PlantedHotspot:
 
 @dataclass(frozen=True, slots=True)
 class PlantedGap:
-    """A time from which no message of some cameras arrives.
+    """A time during which no message of some cameras arrives.
 
     Attributes:
         cameras: Cameras it concerns.
@@ -103,7 +103,7 @@ class AreaTruth:
 
 @dataclass(frozen=True, slots=True)
 class DemoTruth:
-    """Everything that is known of a made-up world.
+    """The truth of a made-up world.
 
     Attributes:
         seed: Its seed.
@@ -119,7 +119,7 @@ class DemoTruth:
         n_messages: Messages written.
         n_person_records: Persons in all of them.
         idle: A logged change that does nothing, so that its `effect` is chance; None without a history.
-        lost: Times before the last week from which nothing of some cameras arrives.
+        lost: Times before the last week during which nothing of some cameras arrives.
         closed: Local dates on which the shop was closed all day.
     """
 
@@ -170,13 +170,13 @@ class Violations:
     y_m: FloatArray
 
     def inside(self, rect: Rect) -> NDArray[np.bool_]:
-        """Tell which lie inside a rectangle of the floor."""
+        """Return which violations are inside a rectangle of the floor."""
         x0, y0, x1, y1 = rect
         return (self.x_m >= x0) & (self.x_m < x1) & (self.y_m >= y0) & (self.y_m < y1)
 
 
-def in_view(day: Day) -> Day:
-    """Return what cameras can tell of a day: rows on floor in view, and a new person wherever no camera sees on.
+def in_view(day: SimulatedDay) -> SimulatedDay:
+    """Return the part of a day that cameras can see: rows on floor in view; out of view, a person becomes a new one.
 
     Whoever crosses floor that no camera sees comes back as somebody else, and so does whoever no single camera sees in
     two frames in a row. This is one camera that sees all floor in view and never errs.
@@ -197,7 +197,7 @@ def in_view(day: Day) -> Day:
     )
 
 
-def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, IntArray]:
+def close_pairs(day: SimulatedDay, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, IntArray]:
     """Return rows of `day` that are in one frame and strictly closer than `distance_m`, each pair once.
 
     Rows are ordered by frame and x and compared with their next neighbours until none is within reach in x.
@@ -219,7 +219,7 @@ def close_pairs(day: Day, *, distance_m: float = DISTANCE_M) -> tuple[IntArray, 
     return np.concatenate(firsts), np.concatenate(seconds)
 
 
-def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
+def violations(day: SimulatedDay, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
     """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more.
 
     The same rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see:
@@ -256,7 +256,7 @@ def violations(day: Day, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S
     )
 
 
-def _share_close(day: Day, first: IntArray, second: IntArray, *, step: int, distance_m: float) -> FloatArray:
+def _share_close(day: SimulatedDay, first: IntArray, second: IntArray, *, step: int, distance_m: float) -> FloatArray:
     """Return for which share of the way to the next frame (`step` 1) or the one before (-1) a close pair stays close.
 
     Args:
@@ -267,10 +267,10 @@ def _share_close(day: Day, first: IntArray, second: IntArray, *, step: int, dist
         distance_m: When a pair parts.
 
     Returns:
-        When one person, seen from the other, crosses the distance on the way from r to r' in that frame, straight to
-        its middle and on: (r + r') / 2 + (v - v') / 8, where v is half the way from the frame behind r to r' and v'
-        half that from r to the frame beyond r', or r' - r where one of the two is not there. 1/2 where one of the two
-        is not there at r', or they are close there as well.
+        The share at which one person, seen from the other, crosses the distance on the way from r to r' in that frame,
+        straight to its middle and on: (r + r') / 2 + (v - v') / 8, where v is half the way from the frame behind r to
+        r' and v' half that from r to the frame beyond r', or r' - r where one of the two is not there. 1/2 where one of
+        the two is not there at r', or they are close there as well.
     """
     here, _ = _seen(day, first, second, step=0)
     there, is_there = _seen(day, first, second, step=step)
@@ -278,6 +278,8 @@ def _share_close(day: Day, first: IntArray, second: IntArray, *, step: int, dist
     behind, knows_behind = _seen(day, first, second, step=-step)
     v_here = np.where(knows_behind, (there - behind) / 2, there - here)
     v_there = np.where(knows_beyond, (beyond - here) / 2, there - here)
+    # the middle of the cubic (Catmull-Rom) through the four frames: people turn between two frames, so straight
+    # interpolation would place the crossing too late or too early; the mart `episodes` does the same
     middle = (here + there) / 2 + (v_here - v_there) / 8
     is_late = np.hypot(*middle) < distance_m
     is_there &= np.hypot(*there) >= distance_m
@@ -289,8 +291,8 @@ def _share_close(day: Day, first: IntArray, second: IntArray, *, step: int, dist
     return share
 
 
-def _seen(day: Day, first: IntArray, second: IntArray, *, step: int) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return where the first of a pair stands, seen from the second, `step` frames on, and whether both are there."""
+def _seen(day: SimulatedDay, first: IntArray, second: IntArray, *, step: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the position of the first of a pair relative to the second, `step` frames on, and if both are there."""
     there = []
     is_there = np.ones(len(first), dtype=np.bool_)
     for rows in (first, second):
@@ -300,7 +302,7 @@ def _seen(day: Day, first: IntArray, second: IntArray, *, step: int) -> tuple[Fl
     return there[0] - there[1], is_there
 
 
-def hours_of(day: Day) -> tuple[HourTruth, ...]:
+def hours_of(day: SimulatedDay) -> tuple[HourTruth, ...]:
     """Return the people of each open hour of a day."""
     inside, at_ms = people_inside(day), day.frame_ms
     hours, start = [], day.opens

@@ -1,4 +1,4 @@
-"""Walking through the free rectangles of a shop: routes, one visitor's way, and waiting lines."""
+"""Ways through the free rectangles of a shop: routes, walkers and waiting lines."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from math import hypot
 from random import Random
 from typing import NamedTuple
 
-from vsd_analytics.simulate.shop import Line, Rect, Shop
-from vsd_analytics.site import Point
+from vsd_analytics.simulate.shop import Rect, Shop, WaitingLine
+from vsd_analytics.site.model import Point
 
 
-class Step(NamedTuple):
+class Passage(NamedTuple):
     """A passage from one free rectangle into the next: their overlap."""
 
     zone: str
@@ -29,15 +29,15 @@ class Routes:
 
     def __init__(self, shop: Shop) -> None:
         self._zones = shop.zones
-        self._neighbours: dict[str, list[Step]] = {name: [] for name in shop.zones}
+        self._neighbours: dict[str, list[Passage]] = {name: [] for name in shop.zones}
         for a, rect_a in shop.zones.items():
             for b, rect_b in shop.zones.items():
                 overlap = _overlap(rect_a, rect_b)
                 if a != b and overlap is not None:
-                    self._neighbours[a].append(Step(b, overlap))
-        self._ways: dict[tuple[str, str], tuple[Step, ...]] = {}
+                    self._neighbours[a].append(Passage(b, overlap))
+        self._ways: dict[tuple[str, str], tuple[Passage, ...]] = {}
 
-    def between(self, start: str, goal: str) -> tuple[Step, ...]:
+    def between(self, start: str, goal: str) -> tuple[Passage, ...]:
         """Return the passages from zone `start` to zone `goal`; empty when they are the same.
 
         The way is the shortest over the centres of the passages (Dijkstra).
@@ -47,8 +47,10 @@ class Routes:
             self._ways[key] = self._search(start, goal)
         return self._ways[key]
 
-    def _search(self, start: str, goal: str) -> tuple[Step, ...]:
-        heap: list[tuple[float, int, str, Point, tuple[Step, ...]]] = [(0.0, 0, start, _centre(self._zones[start]), ())]
+    def _search(self, start: str, goal: str) -> tuple[Passage, ...]:
+        heap: list[tuple[float, int, str, Point, tuple[Passage, ...]]] = [
+            (0.0, 0, start, _centre(self._zones[start]), ())
+        ]
         done: set[str] = set()
         pushed = 0
         while heap:
@@ -122,18 +124,18 @@ class Walker:
         self.zone = zone
 
     def stand(self, seconds: float) -> None:
-        """Stay where one is."""
+        """Stay in place."""
         self.t_s.append(self.t_s[-1] + max(seconds, 0.01))
         self.x_m.append(self.x_m[-1])
         self.y_m.append(self.y_m[-1])
 
     def stand_until(self, at_s: float) -> None:
-        """Stay where one is until a time; nothing happens when it has passed."""
+        """Stay in place until a time; do nothing if it has passed."""
         if at_s > self.now_s:
             self.stand(at_s - self.now_s)
 
     def shuffle(self, place: Point, at_s: float) -> None:
-        """Move up in a line, from `at_s` or as soon as one stands still."""
+        """Move up in a line, at `at_s` or as soon as the walker stands still."""
         self.stand_until(at_s)
         self._knot(place[0], place[1], 0.8)
 
@@ -152,12 +154,12 @@ def _pass(here: float, there: float, low: float, high: float, chance: float) -> 
 
 
 def serve(
-    walkers: Sequence[Walker], line: Line, *, draw: Random, service_s: float, open_stations: Sequence[int]
+    walkers: Sequence[Walker], line: WaitingLine, *, draw: Random, service_s: float, open_stations: Sequence[int]
 ) -> None:
     """Let walkers join a line in the order in which they come, wait, and be served (first come, first served).
 
-    Whoever comes stands behind the last of the line; each time the first goes, the others move up one after another.
-    For every three who wait one more station opens.
+    A newcomer joins the end of the line. When the first leaves it, the others move up one after another. For every
+    three who wait, one more station opens.
 
     Args:
         walkers: Everybody who comes, anywhere in the shop; on return they stand at their station, served.
@@ -194,7 +196,7 @@ def _n_after(times_s: Sequence[float], at_s: float) -> int:
     return len(times_s) - bisect_right(times_s, at_s)
 
 
-def _place(line: Line, index: float, draw: Random) -> Point:
+def _place(line: WaitingLine, index: float, draw: Random) -> Point:
     k = min(index, line.capacity)
     return (
         line.head[0] + k * line.step[0] + draw.uniform(-0.08, 0.08),

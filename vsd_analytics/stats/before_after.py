@@ -22,7 +22,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.stats.estimates import State, Verdict, verdict_of
+from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.stats.estimates import verdict_of
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile
 from vsd_analytics.stats.shrinkage import between_places
 
@@ -33,10 +34,16 @@ MIN_DAYS: Final = 7
 MIN_EVENTS: Final = 30
 MIN_PLACEBO_AREAS: Final = 4
 MIN_TREND_WEEKS: Final = 3
+MIN_SHRUNKEN_EVENTS: Final = 5
+"""Areas with fewer violations have no log rate precise enough for the mean of all areas."""
+MAX_UNPAIRED: Final = 0.25
+"""Days are paired by weekday unless that would drop more than this share of the longer period."""
+TWICE: Final = 2
+"""Weekday means are taken out only where each weekday was recorded at least twice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Period:
+class PeriodDays:
     """One period, day by day.
 
     Attributes:
@@ -57,7 +64,7 @@ class Period:
 
 
 @dataclass(frozen=True, slots=True)
-class Trend:
+class PriorTrend:
     """How the ratio of the changed area to the comparison areas moved per week before the change.
 
     Attributes:
@@ -131,18 +138,18 @@ class BeforeAfter:
     placebo: tuple[float, ...]
     placebo_lo: float | None
     placebo_hi: float | None
-    trend: Trend | None
+    trend: PriorTrend | None
     shrunken: Shrunken | None
     verdict: Verdict
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def before_after(
-    before: Period,
-    after: Period,
+    before: PeriodDays,
+    after: PeriodDays,
     *,
-    history: Period | None = None,
+    history: PeriodDays | None = None,
     confidence: float = 0.95,
     min_days: int = MIN_DAYS,
     min_events: int = MIN_EVENTS,
@@ -206,7 +213,7 @@ def before_after(
     )
 
 
-def _checked(period: Period) -> Period:
+def _checked(period: PeriodDays) -> PeriodDays:
     n, x_h = (np.asarray(v, dtype=np.float64) for v in (period.n, period.x_h))
     comparison_n, comparison_x_h = (
         np.atleast_2d(np.asarray(v, dtype=np.float64)) for v in (period.comparison_n, period.comparison_x_h)
@@ -221,16 +228,16 @@ def _checked(period: Period) -> Period:
     for values in (n, x_h, comparison_n, comparison_x_h):
         if not np.isfinite(values).all() or (values < 0).any():
             raise ValueError("counts and person-hours must be finite and not negative")
-    return Period(n, x_h, comparison_n, comparison_x_h, weekday, week)
+    return PeriodDays(n, x_h, comparison_n, comparison_x_h, weekday, week)
 
 
-def _areas(period: Period, keep: npt.NDArray[np.bool_]) -> Period:
+def _areas(period: PeriodDays, keep: npt.NDArray[np.bool_]) -> PeriodDays:
     rows = period.comparison_n[keep], period.comparison_x_h[keep]
-    return Period(period.n, period.x_h, *rows, period.weekday, period.week)
+    return PeriodDays(period.n, period.x_h, *rows, period.weekday, period.week)
 
 
-def _days(period: Period, keep: npt.NDArray[np.bool_] | Ints) -> Period:
-    return Period(
+def _days(period: PeriodDays, keep: npt.NDArray[np.bool_] | Ints) -> PeriodDays:
+    return PeriodDays(
         period.n[keep],
         period.x_h[keep],
         period.comparison_n[:, keep],
@@ -240,26 +247,24 @@ def _days(period: Period, keep: npt.NDArray[np.bool_] | Ints) -> Period:
     )
 
 
-def _recorded(period: Period) -> Period:
+def _recorded(period: PeriodDays) -> PeriodDays:
     """Return the days on which the changed area and any comparison area have exposure."""
     return _days(period, (period.x_h > 0) & (period.comparison_x_h.sum(axis=0) > 0))
 
 
-def _refusal(b: Period, a: Period, *, min_days: int, min_events: int, min_exposure_h: float) -> str | None:
+def _refusal(b: PeriodDays, a: PeriodDays, *, min_days: int, min_events: int, min_exposure_h: float) -> Reason | None:
     if not b.comparison_n.shape[0]:
-        return "there is no comparison area that was recorded before and after"
+        return Reason("redesign.no_comparison")
     for name, period in (("before", b), ("after", a)):
         if len(period.n) < min_days:
-            return f"needs at least {min_days} recorded days {name}, has {len(period.n)}"
+            return Reason(f"redesign.days_{name}", least=min_days, has=len(period.n))
         if period.x_h.sum() < min_exposure_h:
-            return f"needs at least {min_exposure_h:g} person-hours in the area {name}, has {period.x_h.sum():.1f}"
+            return Reason(f"redesign.person_hours_{name}", least=min_exposure_h, has=float(period.x_h.sum()))
         if period.n.sum() < min_events:
-            return f"needs at least {min_events} violations in the area {name}, has {period.n.sum():g}"
+            return Reason(f"redesign.events_{name}", least=min_events, has=float(period.n.sum()))
         if period.comparison_n.sum() < min_events:
-            return (
-                f"needs at least {min_events} violations in the comparison areas {name}, "
-                f"has {period.comparison_n.sum():g}"
-            )
+            n = float(period.comparison_n.sum())
+            return Reason(f"redesign.comparison_events_{name}", least=min_events, has=n)
     return None
 
 
@@ -272,12 +277,12 @@ def _pairs(b: Ints, a: Ints) -> tuple[Ints, Ints] | None:
         count = min(len(of_b), len(of_a))
         left += of_b[:count].tolist()
         right += of_a[:count].tolist()
-    if len(left) < 0.75 * max(len(b), len(a)):
+    if len(left) < (1 - MAX_UNPAIRED) * max(len(b), len(a)):
         return None
     return np.array(left, dtype=np.int64), np.array(right, dtype=np.int64)
 
 
-def _ratio(period: Period) -> float:
+def _ratio(period: PeriodDays) -> float:
     """Return ln r_t - ln r_c of a period."""
     return math.log(period.n.sum() / period.x_h.sum()) - math.log(
         period.comparison_n.sum() / period.comparison_x_h.sum()
@@ -289,13 +294,13 @@ def _influence(n: Floats, x_h: Floats) -> Floats:
     return np.asarray((n - total / x_h.sum() * x_h) / total, dtype=np.float64)
 
 
-def _by_day(period: Period) -> Floats:
+def _by_day(period: PeriodDays) -> Floats:
     """Return the influence of each day on the log ratio of a period."""
     comparison = _influence(period.comparison_n.sum(axis=0), period.comparison_x_h.sum(axis=0))
     return np.asarray(_influence(period.n, period.x_h) - comparison, dtype=np.float64)
 
 
-def _effect(b: Period, a: Period, *, is_paired: bool) -> tuple[float, float, float]:
+def _effect(b: PeriodDays, a: PeriodDays, *, is_paired: bool) -> tuple[float, float, float]:
     """Return ln theta, its standard error and degrees of freedom."""
     log_theta = _ratio(a) - _ratio(b)
     if is_paired:
@@ -313,7 +318,7 @@ def _variance(by_day: Floats, weekday: Ints) -> tuple[float, float]:
     """Return the variance of a sum of days' influences, weekdays taken out where each is there twice, and its df."""
     days, of_day, counts = np.unique(weekday, return_inverse=True, return_counts=True)
     n_days = len(by_day)
-    if counts.min() < 2:
+    if counts.min() < TWICE:
         return n_days / (n_days - 1) * float(by_day @ by_day), n_days - 1
     mean = np.bincount(of_day, weights=by_day) / counts
     rest = by_day - mean[of_day]
@@ -321,13 +326,13 @@ def _variance(by_day: Floats, weekday: Ints) -> tuple[float, float]:
     return float((factor * rest) @ rest), n_days - len(days)
 
 
-def _placebo(b: Period, a: Period, *, confidence: float) -> tuple[tuple[float, ...], float | None]:
+def _placebo(b: PeriodDays, a: PeriodDays, *, confidence: float) -> tuple[tuple[float, ...], float | None]:
     """Return theta of each comparison area beside the others, and the half width of ln theta from their spread."""
     thetas: list[float] = []
     for area in range(b.comparison_n.shape[0]):
         others = np.arange(b.comparison_n.shape[0]) != area
         fake = [
-            Period(p.comparison_n[area], p.comparison_x_h[area], p.comparison_n[others], p.comparison_x_h[others],
+            PeriodDays(p.comparison_n[area], p.comparison_x_h[area], p.comparison_n[others], p.comparison_x_h[others],
                    p.weekday, p.week)
             for p in (b, a)
         ]  # fmt: skip
@@ -340,7 +345,7 @@ def _placebo(b: Period, a: Period, *, confidence: float) -> tuple[tuple[float, .
     return told, t_quantile(n - 2, confidence=confidence) * float(np.std(thetas, ddof=1)) * math.sqrt(1 + 1 / n)
 
 
-def _trend(b: Period, *, confidence: float) -> Trend | None:
+def _trend(b: PeriodDays, *, confidence: float) -> PriorTrend | None:
     """Return the slope of the weekly log ratio before the change, by least squares."""
     weeks = np.unique(b.week)
     if len(weeks) < MIN_TREND_WEEKS:
@@ -355,16 +360,16 @@ def _trend(b: Period, *, confidence: float) -> Trend | None:
     df = len(weeks) - 2
     half = t_quantile(df, confidence=confidence) * math.sqrt(float(rest @ rest) / df / float(at @ at))
     lo, hi = slope - half, slope + half
-    return Trend(math.expm1(slope), math.expm1(lo), math.expm1(hi), len(weeks), is_flat=lo <= 0 <= hi)
+    return PriorTrend(math.expm1(slope), math.expm1(lo), math.expm1(hi), len(weeks), is_flat=lo <= 0 <= hi)
 
 
-def _shrunken(b: Period, a: Period, *, confidence: float) -> Shrunken | None:
+def _shrunken(b: PeriodDays, a: PeriodDays, *, confidence: float) -> Shrunken | None:
     """Return the effect with the area's before-rate pulled towards the mean of all areas (empirical Bayes).
 
     With day-clustered variances of the areas' log rates, as in `vsd_analytics.stats.shrinkage`.
     """
     n, x_h = np.vstack([b.n, b.comparison_n]), np.vstack([b.x_h, b.comparison_x_h])
-    usable = n.sum(axis=1) >= 5
+    usable = n.sum(axis=1) >= MIN_SHRUNKEN_EVENTS
     if usable.sum() <= MIN_PLACEBO_AREAS:
         return None
     n, x_h = n[usable], x_h[usable]
@@ -382,10 +387,10 @@ def _shrunken(b: Period, a: Period, *, confidence: float) -> Shrunken | None:
 
 
 def _result(
-    b: Period,
-    a: Period,
+    b: PeriodDays,
+    a: PeriodDays,
     *,
-    reason: str | None,
+    reason: Reason | None,
     theta: float | None = None,
     lo: float | None = None,
     hi: float | None = None,
@@ -395,9 +400,9 @@ def _result(
     placebo: tuple[float, ...] = (),
     placebo_lo: float | None = None,
     placebo_hi: float | None = None,
-    trend: Trend | None = None,
+    trend: PriorTrend | None = None,
     shrunken: Shrunken | None = None,
-    verdict: Verdict = "too little data",
+    verdict: Verdict = "too_little_data",
     state: State = "not_enough_data",
 ) -> BeforeAfter:
     return BeforeAfter(

@@ -15,9 +15,10 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from vsd_analytics.result import Reason, State, Verdict
 from vsd_analytics.settings import Settings
-from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, State, Verdict, verdict_of
-from vsd_analytics.stats.influence import Counts, Floats, as_counts, equal_weights, influence, small_sample
+from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, verdict_of
+from vsd_analytics.stats.influence import DayCounts, Floats, as_counts, equal_weights, influence, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile
 from vsd_analytics.stats.rates import MIN_EVENTS, SMALL_COUNT, level
 from vsd_analytics.stats.steadiness import pooled, usual_variance
@@ -57,7 +58,7 @@ def compare_how_often(
         The ratio B / A with interval and verdict. With fewer than 5 violations on one side and 5 or more on the
         other, the interval is made of exact Poisson limits of the small side and the day-clustered limits of the
         other, each at (1 + confidence)/2: conservative, and used only where it is clear. Fewer than 5 on both sides,
-        or fewer than `min_days` pairs: "too little data".
+        or fewer than `min_days` pairs: "too_little_data".
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
@@ -67,7 +68,7 @@ def compare_how_often(
         >>> after = [[22, 25, 20, 26, 35, 41, 17]]
         >>> change = compare_how_often(before, hours, after, hours)
         >>> print(f"{change.change:+.0%} ({change.change_lo:+.0%} to {change.change_hi:+.0%}): {change.verdict}")
-        -46% (-49% to -43%): clear fall
+        -46% (-49% to -43%): clear_fall
     """
     return _compare(
         n_a, x_a_h, n_b, x_b_h,
@@ -109,8 +110,8 @@ def compare_how_risky(
     if exposure_a_h is None or exposure_b_h is None:
         return ChangeEstimate(
             theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0,
-            exposure_b_h=0.0, n_days=0, df=None, log_se=None, verdict="too little data", state="not_measurable",
-            reason="the engine sends no positions", is_conservative=False,
+            exposure_b_h=0.0, n_days=0, df=None, log_se=None, verdict="too_little_data", state="not_measurable",
+            reason=Reason("engine.no_positions"), is_conservative=False,
         )  # fmt: skip
     history = _history(history_n, history_exposure_h)
     return _compare(
@@ -173,7 +174,7 @@ def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: Change
     rest = share = None
     if often.theta and people.theta and risky.theta:
         rest = often.theta / (people.theta * risky.theta)
-        if often.verdict in {"clear fall", "clear rise"}:
+        if often.verdict in {"clear_fall", "clear_rise"}:
             share = math.log(people.theta) / math.log(often.theta)
     return ChangeSplit(often=often, people=people, risky=risky, rest=rest, people_share=share)
 
@@ -198,15 +199,15 @@ def _compare(
     events_a, events_b = float(a.n.sum()), float(b.n.sum())
     least_h = min(float(a.x.sum()), float(b.x.sum()))
     if a.n_days < min_days:
-        return _too_little(a, b, f"a change needs at least {min_days} pairs of days recorded in both, has {a.n_days}")
+        return _too_little(a, b, Reason("change.pairs", least=min_days, has=a.n_days))
     if least_h < min_exposure_h:
-        reason = f"a change needs at least {min_exposure_h:g} person-hours in each period, has {least_h:.1f}"
+        reason = Reason("change.person_hours", least=min_exposure_h, has=least_h)
         return _too_little(a, b, reason)
     if kind == "person-hours":
         if min(events_a, events_b) == 0:
-            return _too_little(a, b, "nobody was seen in one of the periods")
+            return _too_little(a, b, Reason("change.nobody"))
     elif max(events_a, events_b) < MIN_EVENTS:
-        reason = f"a change needs at least {MIN_EVENTS} violations, has {events_a:g} and {events_b:g}"
+        reason = Reason("change.events", least=MIN_EVENTS, before=events_a, after=events_b)
         return _too_little(a, b, reason)
     elif min(events_a, events_b) < MIN_EVENTS:
         return _one_small_side(a, b, confidence=confidence, min_days=min_days)
@@ -215,7 +216,7 @@ def _compare(
     noise = before.noise + after.noise
     factor, df = small_sample(equal_weights(a), shares=(before.shares + after.shares) / 2, noise=noise)
     if not math.isfinite(factor):
-        return _too_little(a, b, "a change needs a camera with violations that recorded two days in both periods")
+        return _too_little(a, b, Reason("change.camera"))
     by_day = after.by_day - before.by_day
     variance = factor * float(by_day @ by_day)
     usual = None if history is None or not (a.x > 0).all() else usual_variance(*history, of=a)
@@ -238,7 +239,7 @@ def _history(n: npt.ArrayLike | None, x_h: npt.ArrayLike | None) -> tuple[Floats
     return (counts, hours) if len(counts) else None
 
 
-def _one_small_side(a: Counts, b: Counts, *, confidence: float, min_days: int) -> ChangeEstimate:
+def _one_small_side(a: DayCounts, b: DayCounts, *, confidence: float, min_days: int) -> ChangeEstimate:
     """Return a change of which one side has fewer than `MIN_EVENTS` violations (Bonferroni over the two limits)."""
     (lo_a, hi_a), (lo_b, hi_b) = (
         _limits(counts, confidence=(1 + confidence) / 2, min_days=min_days) for counts in (a, b)
@@ -246,36 +247,36 @@ def _one_small_side(a: Counts, b: Counts, *, confidence: float, min_days: int) -
     lo, hi = (lo_b / hi_a), (hi_b / lo_a if lo_a > 0 else None)
     verdict = verdict_of(lo, hi)
     small = int(min(a.n.sum(), b.n.sum()))
-    if verdict == "no clear change":
-        return _too_little(a, b, f"only {small} violations in one of the periods")
-    reason = f"only {small} violations in one of the periods: interval from exact Poisson limits"
+    if verdict == "no_clear_change":
+        return _too_little(a, b, Reason("change.small", n=small))
+    reason = Reason("change.poisson", n=small)
     return _change(a, b, lo=lo, hi=hi, verdict=verdict, state="ok", reason=reason, is_conservative=True)
 
 
-def _limits(counts: Counts, *, confidence: float, min_days: int) -> tuple[float, float]:
+def _limits(counts: DayCounts, *, confidence: float, min_days: int) -> tuple[float, float]:
     n_events = float(counts.n.sum())
     hours = counts.x.sum(axis=1)
     if n_events >= MIN_EVENTS:
-        estimate = level(counts, unit="hours", confidence=confidence, min_days=min_days)
+        estimate = level(counts, kind="often", confidence=confidence, min_days=min_days)
         return estimate.lo or 0.0, math.inf if estimate.hi is None else estimate.hi
     rate_per_event = float((counts.n.sum(axis=1) / hours).sum()) / n_events if n_events else 1 / float(hours.min())
     lo, hi = poisson_limits(n_events, confidence=confidence)
     return lo * rate_per_event, hi * rate_per_event
 
 
-def _too_little(a: Counts, b: Counts, reason: str) -> ChangeEstimate:
-    return _change(a, b, lo=None, hi=None, verdict="too little data", state="not_enough_data", reason=reason)
+def _too_little(a: DayCounts, b: DayCounts, reason: Reason) -> ChangeEstimate:
+    return _change(a, b, lo=None, hi=None, verdict="too_little_data", state="not_enough_data", reason=reason)
 
 
 def _change(
-    a: Counts,
-    b: Counts,
+    a: DayCounts,
+    b: DayCounts,
     *,
     lo: float | None,
     hi: float | None,
     verdict: Verdict,
     state: State,
-    reason: str | None = None,
+    reason: Reason | None = None,
     df: float | None = None,
     log_se: float | None = None,
     is_conservative: bool = False,

@@ -25,8 +25,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.changes import compare_exposure
-from vsd_analytics.stats.estimates import ChangeEstimate, State
+from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.quantiles import t_quantile
 
 Floats = npt.NDArray[np.float64]
@@ -35,6 +36,8 @@ MIN_PERSON_H: Final = 20.0
 MIN_DAYS: Final = 5
 NODES: Final = 24
 """Gauss-Legendre nodes on each half of a cell's side, for `closeness`."""
+MAP_AXES: Final = 2
+"""Maps are rows by columns, pair-hours cameras by days."""
 MIN_MOVE: Final = 1.05
 """Shares of a change smaller than 5 % mean nothing."""
 
@@ -63,7 +66,7 @@ class Mixing:
     hi: float | None
     n_days: int
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,7 @@ class MixingChange:
     layout_share: float | None
     behaviour_share: float | None
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @lru_cache(maxsize=8)
@@ -155,7 +158,7 @@ def concentration(exposure: npt.ArrayLike, *, cell_m: float, distance_m: float) 
         ValueError: Nobody was anywhere, or a number is negative or not finite.
     """
     p = np.asarray(exposure, dtype=np.float64)
-    if p.ndim != 2 or not np.isfinite(p).all() or (p < 0).any() or p.sum() <= 0:
+    if p.ndim != MAP_AXES or not np.isfinite(p).all() or (p < 0).any() or p.sum() <= 0:
         raise ValueError("exposure must be a map of finite numbers, none negative, some positive")
     p = p / p.sum()
     kernel = closeness(cell_m=cell_m, distance_m=distance_m)
@@ -188,8 +191,8 @@ def mixing(
     Raises:
         ValueError: Shapes do not fit, or a number is negative or not finite.
     """
-    kept = _Kept(cell_m, distance_m, confidence, min_days, min_person_h)
-    return _mixing(_Days.checked(close_h, copresent_h, exposure), kept)[0]
+    limits = _Limits(cell_m, distance_m, confidence, min_days, min_person_h)
+    return _mixing(_PairHours.checked(close_h, copresent_h, exposure), limits)[0]
 
 
 def compare_mixing(
@@ -208,9 +211,9 @@ def compare_mixing(
     Arguments are those of `mixing`, one for each period; column j of both periods is the same weekday, and both hold
     the same camera-hours.
     """
-    kept = _Kept(cell_m, distance_m, confidence, min_days, min_person_h)
-    days = [_Days.checked(v, p, maps) for v, p, maps in zip(close_h, copresent_h, exposure, strict=True)]
-    (a, expected_a), (b, expected_b) = (_mixing(d, kept) for d in days)
+    limits = _Limits(cell_m, distance_m, confidence, min_days, min_person_h)
+    days = [_PairHours.checked(v, p, maps) for v, p, maps in zip(close_h, copresent_h, exposure, strict=True)]
+    (a, expected_a), (b, expected_b) = (_mixing(d, limits) for d in days)
     if not (a.layout and a.behaviour and b.layout and b.behaviour):
         reason = next((m.reason for m in (a, b) if m.reason is not None), None)
         return MixingChange(a, b, None, None, None, None, None, None, None, "not_enough_data", reason)
@@ -230,7 +233,7 @@ def compare_mixing(
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
+class _Limits:
     cell_m: float
     distance_m: float
     confidence: float
@@ -239,7 +242,7 @@ class _Kept:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Days:
+class _PairHours:
     """Pair-hours by camera and day, and each camera's map."""
 
     close: Floats
@@ -247,40 +250,42 @@ class _Days:
     maps: Sequence[Floats]
 
     @staticmethod
-    def checked(close_h: npt.ArrayLike, copresent_h: npt.ArrayLike, exposure: Sequence[npt.ArrayLike]) -> _Days:
+    def checked(close_h: npt.ArrayLike, copresent_h: npt.ArrayLike, exposure: Sequence[npt.ArrayLike]) -> _PairHours:
         close, together = (np.asarray(v, dtype=np.float64) for v in (close_h, copresent_h))
-        if close.ndim != 2 or close.shape != together.shape or len(exposure) != len(close):
+        if close.ndim != MAP_AXES or close.shape != together.shape or len(exposure) != len(close):
             raise ValueError("pair-hours need one shape (cameras, days), and a map for each camera")
         if not np.isfinite([close, together]).all() or (close < 0).any() or (together < 0).any():
             raise ValueError("pair-hours must be finite and not negative")
-        return _Days(close, together, [np.asarray(m, dtype=np.float64) for m in exposure])
+        return _PairHours(close, together, [np.asarray(m, dtype=np.float64) for m in exposure])
 
 
-def _mixing(days: _Days, kept: _Kept) -> tuple[Mixing, Floats]:
+def _mixing(days: _PairHours, limits: _Limits) -> tuple[Mixing, Floats]:
     """Return the decomposition, and P L by day: the pair-hours that would be close by chance."""
     v, p, person_h = float(days.close.sum()), float(days.together.sum()), sum(float(m.sum()) for m in days.maps)
-    if person_h < kept.min_person_h or p == 0:
-        need = f"needs at least {kept.min_person_h:g} person-hours, has {person_h:.1f}"
-        why = need if person_h < kept.min_person_h else "no two people were ever present at once"
+    if person_h < limits.min_person_h or p == 0:
+        need = Reason("level.person_hours", least=limits.min_person_h, has=person_h)
+        why = need if person_h < limits.min_person_h else Reason("mixing.alone")
         return Mixing(v, p, None, None, None, None, None, 0, "not_enough_data", why), days.together.sum(axis=0)
     layouts, uniform = (
-        np.array([_layout(m, kept) for m in maps]) for maps in (days.maps, [(m > 0).astype(float) for m in days.maps])
+        np.array([_layout(m, limits) for m in maps]) for maps in (days.maps, [(m > 0).astype(float) for m in days.maps])
     )
     expected = np.asarray(layouts @ days.together, dtype=np.float64)
     total, n_days = float(expected.sum()), int((expected > 0).sum())
     made = (v, p, total / p, float((uniform @ days.together).sum()) / p, v / total if total else None)
-    if v == 0 or total == 0 or n_days < kept.min_days:
-        why = f"an interval needs at least {kept.min_days} days, has {n_days}"
-        why = "no two people were ever close" if v == 0 else why
+    if v == 0 or total == 0 or n_days < limits.min_days:
+        too_few = Reason("mixing.days", least=limits.min_days, has=n_days)
+        why = Reason("mixing.never_close") if v == 0 else too_few
         return Mixing(*made, None, None, n_days, "not_enough_data", why), expected
     ratio = v / total
     apart = (days.close.sum(axis=0) - ratio * expected) / v
-    half = t_quantile(n_days - 1, confidence=kept.confidence) * math.sqrt(n_days / (n_days - 1) * float(apart @ apart))
+    half = t_quantile(n_days - 1, confidence=limits.confidence) * math.sqrt(
+        n_days / (n_days - 1) * float(apart @ apart)
+    )
     return Mixing(*made, ratio * math.exp(-half), ratio * math.exp(half), n_days, "ok", None), expected
 
 
-def _layout(exposure: Floats, kept: _Kept) -> float:
-    return concentration(exposure, cell_m=kept.cell_m, distance_m=kept.distance_m) if exposure.sum() > 0 else 0.0
+def _layout(exposure: Floats, limits: _Limits) -> float:
+    return concentration(exposure, cell_m=limits.cell_m, distance_m=limits.distance_m) if exposure.sum() > 0 else 0.0
 
 
 def _below(x: Floats) -> Floats:

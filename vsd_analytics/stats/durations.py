@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import Settings
-from vsd_analytics.stats.estimates import State
 from vsd_analytics.stats.groups import ShareEstimate, share_by_days
 from vsd_analytics.stats.quantiles import t_quantile
 
@@ -75,7 +75,7 @@ class Durations:
     cut_share: float | None
     is_at_least: bool
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class Distances:
     shares: tuple[DistanceShare, ...]
     person_s: float
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class CloseContacts:
     n_pairs: int
     long_lived_share: float | None
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def durations(
@@ -161,7 +161,7 @@ def durations(
     cut_share = None if is_cut is None or not n else float(np.asarray(is_cut, dtype=np.bool_).mean())
     at_least = cut_share is not None and cut_share > CUT_SHARE
     if n < MIN_VIOLATIONS:
-        reason = f"needs at least {MIN_VIOLATIONS} violations, has {n}"
+        reason = Reason("violations.few", least=MIN_VIOLATIONS, has=n)
         unknown = ShareEstimate(None, None, None, 0, n, with_any, "not_enough_data", reason)
         return Durations(
             *_without_interval(None, None), unknown, n, with_any, cut_share, at_least, "not_enough_data", reason
@@ -173,7 +173,7 @@ def durations(
     ranked, code = seconds[order], code[order]
     found = [_quantile(ranked, q) for q in (0.5, 0.9)]
     if with_any < min_days:
-        reason = f"an interval needs at least {min_days} days with violations, has {with_any}"
+        reason = Reason("violations.days", least=min_days, has=with_any)
         return Durations(*_without_interval(*found), share, n, with_any, cut_share, at_least, "not_enough_data", reason)
     total = max(with_any, n_days or 0)
     drawn = np.random.default_rng(seed).integers(0, total, size=(n_boot, total))
@@ -204,11 +204,11 @@ def distance_shares(
     edges = [*(e for e in (0, 500, 1000, 1500) if e < limit_mm), limit_mm]
     total_s = float(seconds[mm < limit_mm].sum())
     state: State = "ok"
-    reason = None
+    reason: Reason | None = None
     if n_violations is not None and n_violations < MIN_VIOLATIONS:
-        state, reason = "not_enough_data", f"needs at least {MIN_VIOLATIONS} violations, has {n_violations}"
+        state, reason = "not_enough_data", Reason("violations.few", least=MIN_VIOLATIONS, has=n_violations)
     elif total_s <= 0:
-        state, reason = "not_enough_data", "nobody was in violation"
+        state, reason = "not_enough_data", Reason("nobody.in_violation")
     shares = []
     for low, high in pairwise(edges):
         own_s = float(seconds[(mm >= low) & (mm < high)].sum())
@@ -233,15 +233,12 @@ def close_contacts(
     of, start, last = (np.asarray(v, dtype=np.float64) for v in (pair, started_s, duration_s))
     lives = np.asarray(is_long_lived, dtype=np.bool_)
     if not len(of):
-        return CloseContacts(None, 0, None, "not_enough_data", "there was no violation record")
+        return CloseContacts(None, 0, None, "not_enough_data", Reason("violations.no_record"))
     order = np.lexsort((start, of))
     of, start, last, lives = of[order], start[order] - start.min(), last[order], lives[order]
     n_pairs, share = len(np.unique(of)), float(last[lives].sum() / last.sum())
     if share < LONG_LIVED_SHARE:
-        reason = (
-            f"track ids do not live long enough: {share:.0%} of violation time is in ids that can be followed for "
-            f"{CONTACT_S / 60:g} min, needs {LONG_LIVED_SHARE:.0%}"
-        )
+        reason = Reason("contacts.short_ids", share=share, minutes=CONTACT_S / 60, least=LONG_LIVED_SHARE)
         return CloseContacts(None, n_pairs, share, "not_measurable", reason)
     reach = float(start.max() + last.max() + 2 * CONTACT_WINDOW_S)
     key = np.unique(of, return_inverse=True)[1] * reach
@@ -249,7 +246,7 @@ def close_contacts(
     summed = np.concatenate(([0.0], np.cumsum(last)))
     within = summed[1:] - summed[np.minimum(begin, np.arange(len(of)))]
     n = len(np.unique(of[within >= CONTACT_S]))
-    return CloseContacts(n, n_pairs, share, "ok", "at least: people whose track id changes are missed")
+    return CloseContacts(n, n_pairs, share, "ok", Reason("contacts.at_least"))
 
 
 def _without_interval(median_s: float | None, p90_s: float | None) -> tuple[QuantileEstimate, QuantileEstimate]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
-State = Literal["ok", "not_enough_data", "not_measurable"]
-Verdict = Literal["clear fall", "clear rise", "no clear change", "too little data"]
+from vsd_analytics.result import Reason, State, Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +23,7 @@ class RateEstimate:
         df: Degrees of freedom of Student's t; None without an interval or where t was not used.
         log_se: Standard error of ln rate; likewise.
         state: "ok" when the figure with its interval stands.
-        reason: Words for a person: why not, or what is special.
+        reason: Why not, or what is special.
         is_conservative: The interval is wider than it need be: differences between weekdays are in it, because
             there are not yet four weeks of history, or it reaches to the usual rate with the weekdays a camera missed.
         left_out: Indices of cameras without one recorded hour.
@@ -40,7 +38,7 @@ class RateEstimate:
     df: float | None
     log_se: float | None
     state: State
-    reason: str | None
+    reason: Reason | None
     is_conservative: bool
     left_out: tuple[int, ...] = ()
 
@@ -64,7 +62,7 @@ class ChangeEstimate:
         log_se: Standard error of ln theta; likewise.
         verdict: One of the four verdicts.
         state: "ok" when the verdict is one of the first three.
-        reason: Words for a person: why not, or what is special.
+        reason: Why not, or what is special.
         is_conservative: The interval is wider than it need be (very few events on one side).
         left_out: Indices of cameras without one hour recorded in both periods.
     """
@@ -83,7 +81,7 @@ class ChangeEstimate:
     log_se: float | None
     verdict: Verdict
     state: State
-    reason: str | None
+    reason: Reason | None
     is_conservative: bool
     left_out: tuple[int, ...] = ()
 
@@ -131,12 +129,12 @@ def verdict_of(lo: float | None, hi: float | None) -> Verdict:
 
     Args:
         lo: Lower limit; None = none known, read as 0.
-        hi: Upper limit; None = none known, read as infinity. Without either: "too little data".
+        hi: Upper limit; None = none known, read as infinity. Without either: "too_little_data".
     """
     if lo is None and hi is None:
-        return "too little data"
+        return "too_little_data"
     if (math.inf if hi is None else hi) < 1:
-        return "clear fall"
+        return "clear_fall"
     if (0.0 if lo is None else lo) > 1:
-        return "clear rise"
-    return "no clear change"
+        return "clear_rise"
+    return "no_clear_change"

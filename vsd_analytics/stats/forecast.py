@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaincinv
 
-from vsd_analytics.stats.estimates import State
+from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.hour_of_week import (
     SLOTS,
     Bools,
@@ -53,7 +53,7 @@ class WeekForecast:
         share: Share of hours the range is to hold.
         n_recorded_weeks: Weeks with a recorded hour.
         state: "ok" when at least one hour is forecast.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     mean: Floats
@@ -67,7 +67,7 @@ class WeekForecast:
     share: float
     n_recorded_weeks: int
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +80,7 @@ class Chances:
         n_weeks: Recorded weeks behind each hour, same shape.
         n_recorded_weeks: Weeks with a recorded hour.
         state: "ok" when at least one hour is forecast.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     rate: Floats
@@ -88,7 +88,7 @@ class Chances:
     n_weeks: Ints
     n_recorded_weeks: int
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class ForecastScore:
         wape_naive, mase_naive: The same of the seasonal naive forecast.
         n_hours: Hours scored.
         state: "ok", or why there is no score.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     wape: float | None
@@ -114,7 +114,7 @@ class ForecastScore:
     mase_naive: float | None
     n_hours: int
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def forecast_week(
@@ -238,7 +238,7 @@ def score_forecast(forecast: WeekForecast, n: npt.ArrayLike, x_h: npt.ArrayLike)
     happened = week.rate[0]
     scored = ~np.isnan(happened) & ~np.isnan(forecast.mean)
     if not scored.any():
-        return _no_score(forecast, "no hour that was forecast was recorded")
+        return _no_score(forecast, Reason("forecast.unrecorded"))
     y, total = happened[scored], float(happened[scored].sum())
     wrong, wrong_naive = (np.abs(y - f[scored]) for f in (forecast.mean, forecast.naive))
     has_scale = forecast.scale > 0
@@ -255,15 +255,15 @@ def score_forecast(forecast: WeekForecast, n: npt.ArrayLike, x_h: npt.ArrayLike)
     )
 
 
-def _no_score(forecast: WeekForecast, reason: str | None) -> ForecastScore:
+def _no_score(forecast: WeekForecast, reason: Reason | None) -> ForecastScore:
     return ForecastScore(None, None, None, forecast.share, None, None, 0, "not_enough_data", reason)
 
 
-def _why_not(weeks: Weeks, is_told: Bools, *, min_weeks: int) -> str | None:
+def _why_not(weeks: Weeks, is_told: Bools, *, min_weeks: int) -> Reason | None:
     if weeks.n_recorded < min_weeks:
-        return f"a forecast needs {min_weeks} recorded weeks, has {weeks.n_recorded}"
+        return Reason("forecast.weeks", least=min_weeks, has=weeks.n_recorded)
     if not is_told.any():
-        return f"no open hour of the week to come was recorded in {min_weeks} weeks"
+        return Reason("forecast.hours", least=min_weeks)
     return None
 
 

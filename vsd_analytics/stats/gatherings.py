@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.stats.estimates import State
+from vsd_analytics.result import Reason, State
 
 SIZES: Final = ((2, 2), (3, 3), (4, 4), (5, 7), (8, None))
 """Classes of cluster sizes, both ends inclusive."""
@@ -51,7 +51,7 @@ class SizeDistribution:
     person_s: float
     cluster_s: float
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def size_distribution(
@@ -73,7 +73,7 @@ def size_distribution(
     reason = None
     if cluster_s < min_cluster_s:
         state = "not_enough_data"
-        reason = f"needs clusters for at least {min_cluster_s / 60:g} min, has {cluster_s / 60:.1f}"
+        reason = Reason("clusters.short", least=min_cluster_s / 60, has=cluster_s / 60)
     shares = []
     for least, most in SIZES:
         inside = (n >= least) & (n <= (most if most is not None else n))

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import Settings
-from vsd_analytics.stats.estimates import State
 from vsd_analytics.stats.quantiles import t_quantile, zero_events_limit
 
 DEFAULTS: Final = Settings()
@@ -70,7 +70,7 @@ class TrackLives:
         cut_share: Share of ids that end where another one begins right then, above what chance gives: ids that were
             cut; None where no end is known.
         state: "ok" where ids last: long_share is at least a half, or they live short because visits are short.
-        reason: Why not, in words with the numbers.
+        reason: Why not.
     """
 
     n_tracks: int
@@ -78,7 +78,7 @@ class TrackLives:
     long_share: float | None
     cut_share: float | None
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class ShareEstimate:
         of: Counted things.
         n_days: Days with any.
         state: "ok" when the share with its interval stands.
-        reason: Words for a person: why not, or what is special.
+        reason: Why not, or what is special.
     """
 
     value: float | None
@@ -102,7 +102,7 @@ class ShareEstimate:
     of: int
     n_days: int
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def track_lives(
@@ -136,25 +136,19 @@ def track_lives(
     """
     lives, exposure = np.asarray(life_s, dtype=np.float64), np.asarray(exposure_s, dtype=np.float64)
     if len(lives) == 0 or exposure.sum() <= 0:
-        return TrackLives(0, None, None, None, "not_enough_data", "nobody was seen")
+        return TrackLives(0, None, None, None, "not_enough_data", Reason("nobody.seen"))
     median, long_share = float(np.median(lives)), float(exposure[lives >= min_life_s].sum() / exposure.sum())
     cut_share = min(1.0, max(0.0, (n_goes_on - n_came_before) / n_ends)) if n_ends else None
     state: State = "ok"
     reason = None
     if long_share < LONG_SHARE:
-        short = (
-            f"track ids live a median of {median:.1f} s, and {long_share:.0%} of person-time is in ids of "
-            f"{min_life_s:g} s or more"
-        )
+        short = Reason("ids.short", median=median, share=long_share, least=min_life_s)
         if cut_share is not None and n_ends >= MIN_TRACKS and cut_share > max_cut_share:
             state = "not_measurable"
-            reason = (
-                f"group filter not applicable: {short}; where {cut_share:.0%} of them end another one begins "
-                f"right there, so ids are cut"
-            )
+            reason = Reason("ids.cut", short=short, share=cut_share)
         elif cut_share is None or n_ends < MIN_TRACKS:
             state = "not_enough_data"
-            reason = f"{short}, and {n_ends} ends of tracks do not tell whether ids are cut (needs {MIN_TRACKS})"
+            reason = Reason("ids.few_ends", short=short, n=n_ends, least=MIN_TRACKS)
     return TrackLives(len(lives), median, long_share, cut_share, state, reason)
 
 
@@ -188,22 +182,22 @@ def share_by_days(
     n_part, n_whole, n_days = round(float(part.sum())), round(float(whole.sum())), len(whole)
 
     def estimate(
-        value: float | None, lo: float | None, hi: float | None, state: State, reason: str | None
+        value: float | None, lo: float | None, hi: float | None, state: State, reason: Reason | None
     ) -> ShareEstimate:
         return ShareEstimate(value, lo, hi, n_part, n_whole, n_days, state, reason)
 
     if n_whole == 0:
-        return estimate(None, None, None, "not_enough_data", "there was no violation")
+        return estimate(None, None, None, "not_enough_data", Reason("violations.none"))
     share = n_part / n_whole
     if n_days < min_days:
-        reason = f"an interval needs at least {min_days} days with violations, has {n_days}"
+        reason = Reason("violations.days", least=min_days, has=n_days)
         return estimate(share, None, None, "not_enough_data", reason)
     if n_whole < MIN_EVENTS:
-        reason = f"an interval needs at least {MIN_EVENTS} violations, has {n_whole}"
+        reason = Reason("level.events", least=MIN_EVENTS, has=n_whole)
         return estimate(share, None, None, "not_enough_data", reason)
     if n_part in (0, n_whole):
         limit = min(1.0, zero_events_limit(confidence=confidence) / n_whole)
-        reason = f"{'none' if n_part == 0 else 'all'} of {n_whole} violations: limit by the rule of three"
+        reason = Reason("violations.none_of" if n_part == 0 else "violations.all_of", n=n_whole)
         lo, hi = (0.0, limit) if n_part == 0 else (1 - limit, 1.0)
         return estimate(share, lo, hi, "ok", reason)
     off = part - share * whole

@@ -24,8 +24,8 @@ import numpy.typing as npt
 from scipy import ndimage
 from scipy.special import stdtr
 
-from vsd_analytics.stats.basins import hills
 from vsd_analytics.stats.quantiles import t_quantile
+from vsd_analytics.stats.watershed import watershed
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -33,6 +33,8 @@ Bools = npt.NDArray[np.bool_]
 
 PRIOR_DF: Final = 10.0
 """Weight of the variance function, in days (d0)."""
+CUBE_AXES: Final = 3
+"""Counts are days by rows by columns."""
 TRUNCATE: Final = 3.0
 """The Gaussian is cut off at this many standard deviations."""
 SADDLE_SHARE: Final = 0.5
@@ -127,7 +129,7 @@ class Hotspots:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Days:
+class _CellDays:
     """Checked input: what was not recorded is 0 in both, and False in `recorded`."""
 
     counts: Floats
@@ -192,7 +194,7 @@ def hotspots(
     q[is_tested] = benjamini_hochberg(stdtr(PRIOR_DF + n_days[is_tested] - 1, -t[is_tested]))
     ratio = 1 + _divide(total, expected)
     is_hot = is_tested & (np.nan_to_num(q, nan=1.0) <= q_max) & (ratio >= min_ratio)
-    label = hills(total, is_hot, saddle_share=SADDLE_SHARE)
+    label = watershed(total, is_hot, saddle_share=SADDLE_SHARE)
     observed, expected, ratio, t = (
         np.where(is_tested, values, np.nan) for values in (total + expected, expected, ratio, t)
     )
@@ -244,9 +246,9 @@ def benjamini_hochberg(p: npt.ArrayLike) -> Floats:
     return q
 
 
-def _checked(n: npt.ArrayLike, x_h: npt.ArrayLike, is_recorded: npt.ArrayLike | None) -> _Days:
+def _checked(n: npt.ArrayLike, x_h: npt.ArrayLike, is_recorded: npt.ArrayLike | None) -> _CellDays:
     counts, exposure = np.asarray(n, dtype=np.float64), np.asarray(x_h, dtype=np.float64)
-    if counts.ndim != 3 or counts.shape != exposure.shape:
+    if counts.ndim != CUBE_AXES or counts.shape != exposure.shape:
         raise ValueError("violations and person-hours must have one shape: days, rows, columns")
     if not (
         np.isfinite(counts).all() and np.isfinite(exposure).all() and (counts >= 0).all() and (exposure >= 0).all()
@@ -259,7 +261,7 @@ def _checked(n: npt.ArrayLike, x_h: npt.ArrayLike, is_recorded: npt.ArrayLike | 
     by_day = exposure.sum(axis=(1, 2))
     recorded = recorded & (by_day > 0)[:, None, None]
     counts = np.where(recorded, counts, 0.0)
-    return _Days(counts, exposure, recorded, _divide(counts.sum(axis=(1, 2)), by_day))
+    return _CellDays(counts, exposure, recorded, _divide(counts.sum(axis=(1, 2)), by_day))
 
 
 def _smooth(values: Floats, sigma: float) -> Floats:
@@ -289,7 +291,7 @@ def _variance_function(spread: Floats, expected: Floats) -> tuple[float, float]:
     return (linear if linear > 0 else 0.1 * float(y.mean())), square
 
 
-def _spot(label: int, cells: Cells, days: _Days, confidence: float) -> Spot:
+def _spot(label: int, cells: Cells, days: _CellDays, confidence: float) -> Spot:
     inside = cells.label == label
     rows, columns = np.nonzero(inside)
     weights = (cells.observed - cells.expected)[inside]
@@ -309,7 +311,7 @@ def _spot(label: int, cells: Cells, days: _Days, confidence: float) -> Spot:
     )
 
 
-def _place_rate(days: _Days, inside: Bools, confidence: float) -> PlaceRate | None:
+def _place_rate(days: _CellDays, inside: Bools, confidence: float) -> PlaceRate | None:
     used = days.recorded[:, inside].any(axis=1)
     n_d = days.counts[:, inside].sum(axis=1)[used]
     m_d = days.expected[:, inside].sum(axis=1)[used]

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaincinv
 
+from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import Settings
-from vsd_analytics.stats.estimates import State
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -23,6 +23,7 @@ Bools = npt.NDArray[np.bool_]
 
 DEFAULTS: Final = Settings()
 SLOTS: Final = 168
+WEEK_AXES: Final = 2  # counts are weeks by slots
 MIN_PROFILE_WEEKS: Final = 3  # of the last four (analytics M13, M14)
 SPARSE: Final = 5.0  # below it the median of a count is too coarse, and the mean is used
 N_PEAKS: Final = 3
@@ -84,7 +85,7 @@ class SlotRates:
         x: Exposure the counts are divided by, same shape.
         n_weeks: Weeks that recorded it, same shape.
         state: "ok" when at least one hour has a rate.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     rate: Floats
@@ -95,7 +96,7 @@ class SlotRates:
     x: Floats
     n_weeks: Ints
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,13 +128,13 @@ class Peaks:
         top: At most three hours, highest first.
         tied: Slots, `top` among them, whose interval reaches the first one's, without the first itself.
         state: "ok" when there is a first.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     top: tuple[Peak, ...]
     tied: tuple[int, ...]
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def as_weeks(n: npt.ArrayLike, x_h: npt.ArrayLike) -> Weeks:
@@ -147,7 +148,7 @@ def as_weeks(n: npt.ArrayLike, x_h: npt.ArrayLike) -> Weeks:
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     counts, hours = np.asarray(n, dtype=np.float64), np.asarray(x_h, dtype=np.float64)
-    if counts.ndim != 2 or counts.shape[1] != SLOTS or counts.shape != hours.shape:
+    if counts.ndim != WEEK_AXES or counts.shape[1] != SLOTS or counts.shape != hours.shape:
         raise ValueError(f"n and x_h must both be weeks x {SLOTS}, are {counts.shape} and {hours.shape}")
     hours = np.where(np.isnan(hours) | np.isnan(counts), 0.0, hours)
     counts = np.where(hours > 0, counts, 0.0)
@@ -274,12 +275,12 @@ def slot_rates(
     raw = np.divide(counted, exposure, out=np.full(SLOTS, np.nan), where=exposure > 0)
     empty = np.full(SLOTS, np.nan)
     if not is_told.any():
-        reason = f"no hour of the week was recorded in {min_weeks} weeks"
+        reason = Reason("hours.weeks", least=min_weeks)
         return SlotRates(empty, empty, empty, raw, counted, exposure, n_weeks, "not_enough_data", reason)
     told_n, told_x = counted[is_told], exposure[is_told]
     m = float(told_n.sum() / told_x.sum())
     if m == 0:
-        reason = "nothing was counted in the recorded hours"
+        reason = Reason("hours.nothing")
         return SlotRates(empty, empty, empty, raw, counted, exposure, n_weeks, "not_enough_data", reason)
     shared = _exposure_spread(weeks, is_told) * (weeks.x_h**2).sum(axis=0)[is_told] / told_x
     expected = np.full(told_x.shape, m)
@@ -309,7 +310,7 @@ def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARS
         return Peaks((), (), rates.state, rates.reason)
     told = np.flatnonzero(~np.isnan(rates.rate))
     if (total := float(rates.n[told].sum())) < min_events:
-        reason = f"needs at least {min_events:g} violations, has {total:g}"
+        reason = Reason("violations.few", least=min_events, has=total)
         return Peaks((), (), "not_enough_data", reason)
     order = told[np.lexsort((told, -rates.rate[told]))]
     top = tuple(

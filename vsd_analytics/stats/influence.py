@@ -19,7 +19,7 @@ Methodology 28, 2002) for clustered regression.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -27,9 +27,14 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
+PANEL_AXES: Final = 2
+"""Counts are cameras by days."""
+NO_SPREAD: Final = 1e-12
+"""A trace up to this is rounding: no camera recorded two days, so days do not differ."""
+
 
 @dataclass(frozen=True, slots=True)
-class Counts:
+class DayCounts:
     """Counts and exposure of the cameras that recorded anything.
 
     Attributes:
@@ -89,7 +94,7 @@ class Profile:
     gap: Floats
 
 
-def as_counts(n: npt.ArrayLike, x_h: npt.ArrayLike, *, mask: npt.ArrayLike | None = None) -> Counts:
+def as_counts(n: npt.ArrayLike, x_h: npt.ArrayLike, *, mask: npt.ArrayLike | None = None) -> DayCounts:
     """Check counts and exposure, blank what was not recorded, and drop cameras without exposure.
 
     Args:
@@ -105,10 +110,10 @@ def as_counts(n: npt.ArrayLike, x_h: npt.ArrayLike, *, mask: npt.ArrayLike | Non
     """
     n_used, x_used = _blanked(n, x_h, mask=mask)
     has_any: Bools = np.any(x_used > 0, axis=1)
-    return Counts(n_used[has_any], x_used[has_any], _indices(has_any), _indices(~has_any))
+    return DayCounts(n_used[has_any], x_used[has_any], _indices(has_any), _indices(~has_any))
 
 
-def as_history(n: npt.ArrayLike, x_h: npt.ArrayLike, *, of: Counts) -> Counts:
+def as_history(n: npt.ArrayLike, x_h: npt.ArrayLike, *, of: DayCounts) -> DayCounts:
     """Check the counts of earlier weeks like `as_counts` and keep the cameras of `of`, whether they recorded or not.
 
     Args:
@@ -123,13 +128,13 @@ def as_history(n: npt.ArrayLike, x_h: npt.ArrayLike, *, of: Counts) -> Counts:
     if len(n_used) != len(of.kept) + len(of.left_out):
         raise ValueError("the history must have the cameras of the period, in the same order")
     rows = list(of.kept)
-    return Counts(n_used[rows], x_used[rows], of.kept, of.left_out)
+    return DayCounts(n_used[rows], x_used[rows], of.kept, of.left_out)
 
 
 def _blanked(n: npt.ArrayLike, x_h: npt.ArrayLike, *, mask: npt.ArrayLike | None) -> tuple[Floats, Floats]:
     counts = np.atleast_2d(np.asarray(n, dtype=np.float64))
     hours = np.atleast_2d(np.asarray(x_h, dtype=np.float64))
-    if counts.shape != hours.shape or counts.ndim != 2:
+    if counts.shape != hours.shape or counts.ndim != PANEL_AXES:
         raise ValueError(f"counts {counts.shape} and exposure {hours.shape} must have one shape, cameras by days")
     if np.isinf(hours).any() or (hours < 0).any():
         raise ValueError("exposure must be finite and not negative")
@@ -145,7 +150,7 @@ def _indices(flags: npt.NDArray[Any]) -> tuple[int, ...]:
     return tuple(int(i) for i in np.flatnonzero(flags))
 
 
-def influence(counts: Counts, *, expected: Floats | None = None, scale: Floats | None = None) -> Influence:
+def influence(counts: DayCounts, *, expected: Floats | None = None, scale: Floats | None = None) -> Influence:
     """Return the rate and each day's relative influence on it (formula at the top of this module).
 
     Args:
@@ -163,7 +168,7 @@ def influence(counts: Counts, *, expected: Floats | None = None, scale: Floats |
     return Influence(rate, residual.sum(axis=0), rates / rate, totals)
 
 
-def equal_weights(counts: Counts) -> Floats:
+def equal_weights(counts: DayCounts) -> Floats:
     """Return 1/D_c on each of the D_c days camera c recorded, shape (n_cameras, n_days)."""
     is_recorded = counts.x > 0
     return np.asarray(is_recorded / is_recorded.sum(axis=1, keepdims=True), dtype=np.float64)
@@ -192,15 +197,15 @@ def small_sample(weights: Floats, *, shares: Floats, noise: Floats) -> tuple[flo
     gram = spread.T @ spread
     trace = float(np.trace(gram))
     seen = float((noise * (1 - (weights**2).sum(axis=1))).sum())
-    if trace <= 1e-12 or seen <= 0:
+    if trace <= NO_SPREAD or seen <= 0:
         return np.inf, 1.0
     factor = max(float(lean @ lean) / trace, float(noise.sum()) / seen)
     return factor, round(trace**2 / float((gram * gram).sum()), 9)  # rounded: 6, not 6.000000000000002
 
 
 def weekday_profile(
-    counts: Counts,
-    history: Counts,
+    counts: DayCounts,
+    history: DayCounts,
     *,
     weekday: npt.NDArray[np.int64],
     history_weekday: npt.NDArray[np.int64],

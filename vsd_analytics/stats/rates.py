@@ -8,15 +8,16 @@ simulation: docs/statistics.md. Changes between periods: `vsd_analytics.stats.ch
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import Settings
-from vsd_analytics.stats.estimates import RateEstimate, State
+from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.influence import (
-    Counts,
+    DayCounts,
     Profile,
     as_counts,
     as_history,
@@ -31,6 +32,9 @@ DEFAULTS: Final = Settings()
 MIN_EVENTS: Final = 5  # fewer violations get no interval from days
 MIN_HISTORY_WEEKS: Final = 4  # weekday profiles need that many weeks before the period
 SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never narrower than a Poisson count's
+
+
+RateKind = Literal["often", "risky"]
 
 
 def how_often(
@@ -80,9 +84,9 @@ def how_often(
     """
     counts = as_counts(n, x_h)
     if not counts.kept:
-        return _without_interval(counts, reason="no open hour was recorded", rate=None)
+        return _without_interval(counts, reason=Reason("level.unrecorded"), rate=None)
     profile = _profile(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
-    return level(counts, profile=profile, confidence=confidence, min_days=min_days, unit="open hours")
+    return level(counts, profile=profile, confidence=confidence, min_days=min_days, kind="often")
 
 
 def how_risky(
@@ -125,21 +129,21 @@ def how_risky(
     if exposure_h is None:
         return RateEstimate(
             rate=None, lo=None, hi=None, n_events=None, exposure_h=0.0, n_days=0, df=None, log_se=None,
-            state="not_measurable", reason="the engine sends no positions", is_conservative=False,
+            state="not_measurable", reason=Reason("engine.no_positions"), is_conservative=False,
         )  # fmt: skip
     counts = as_counts(n, exposure_h)
     total_h = float(counts.x.sum())
     if not counts.kept or total_h < min_exposure_h:
-        reason = f"needs at least {min_exposure_h:g} person-hours, has {total_h:.1f}"
+        reason = Reason("level.person_hours", least=min_exposure_h, has=total_h)
         return _without_interval(counts, reason=reason, rate=None)
     profile = _profile(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
-    return level(counts, profile=profile, confidence=confidence, min_days=min_days, unit="person-hours")
+    return level(counts, profile=profile, confidence=confidence, min_days=min_days, kind="risky")
 
 
 def level(
-    counts: Counts,
+    counts: DayCounts,
     *,
-    unit: str,
+    kind: RateKind,
     confidence: float,
     min_days: int,
     profile: Profile | None = None,
@@ -148,7 +152,7 @@ def level(
 
     Args:
         counts: Cameras with exposure, at least one.
-        unit: What exposure is measured in, in words; stands in reasons.
+        kind: What exposure is measured in: open hours (often) or person-hours (risky). Reasons name it.
         confidence: Confidence level.
         min_days: Days with exposure an interval needs.
         profile: What earlier weeks expect of each day; None = no history.
@@ -156,15 +160,15 @@ def level(
     n_events, n_days = float(counts.n.sum()), counts.n_days
     rate = float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum())
     if n_days < min_days:
-        reason = f"an interval needs at least {min_days} recorded days, has {n_days}"
+        reason = Reason("level.days", least=min_days, has=n_days)
         return _without_interval(counts, reason=reason, rate=rate)
     if n_events == 0:
         least_h = float(counts.x.sum(axis=1).min())
         hi = zero_events_limit(confidence=confidence) / least_h
-        reason = f"no violation in {least_h:.1f} {unit}: upper limit by the rule of three"
+        reason = Reason("level.none_often" if kind == "often" else "level.none_risky", hours=least_h)
         return _estimate(counts, rate=0.0, lo=0.0, hi=hi, state="ok", reason=reason)
     if n_events < MIN_EVENTS:
-        reason = f"an interval needs at least {MIN_EVENTS} violations, has {n_events:g}"
+        reason = Reason("level.events", least=MIN_EVENTS, has=n_events)
         return _without_interval(counts, reason=reason, rate=rate)
 
     weights, missed = equal_weights(counts), 0.0
@@ -176,8 +180,7 @@ def level(
         missed = math.log1p(float(days.shares @ (profile.gap - 1)))
     factor, df = small_sample(weights, shares=days.shares, noise=days.noise)
     if not math.isfinite(factor):
-        reason = "an interval needs a camera with violations that recorded two days"
-        return _without_interval(counts, reason=reason, rate=rate)
+        return _without_interval(counts, reason=Reason("level.camera"), rate=rate)
     log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
     half = t_quantile(df, confidence=confidence) * log_se
     if n_events < SMALL_COUNT:
@@ -190,7 +193,7 @@ def level(
 
 
 def _profile(
-    counts: Counts,
+    counts: DayCounts,
     weekday: npt.ArrayLike | None,
     history_n: npt.ArrayLike | None,
     history_x_h: npt.ArrayLike | None,
@@ -208,18 +211,18 @@ def _profile(
     return weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
 
 
-def _without_interval(counts: Counts, *, reason: str, rate: float | None) -> RateEstimate:
+def _without_interval(counts: DayCounts, *, reason: Reason, rate: float | None) -> RateEstimate:
     return _estimate(counts, rate=rate, lo=None, hi=None, state="not_enough_data", reason=reason)
 
 
 def _estimate(
-    counts: Counts,
+    counts: DayCounts,
     *,
     rate: float | None,
     lo: float | None,
     hi: float | None,
     state: State,
-    reason: str | None,
+    reason: Reason | None,
     df: float | None = None,
     log_se: float | None = None,
     is_conservative: bool = False,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vsd_analytics.stats.estimates import State
+from vsd_analytics.result import Reason, State
 
 FULL_REACH_SD = 3.0
 """Distances farther than so many sd beyond the threshold do not cross it in one record of a thousand."""
@@ -24,7 +24,7 @@ class ThresholdPoint:
         violation_h: Person-hours with a neighbour nearer than it; None when unknown.
         share: violation_h / person-hours in view (M6), 0 to 1; None when either is unknown.
         state: "ok" when the share stands.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     distance_m: float
@@ -32,7 +32,7 @@ class ThresholdPoint:
     violation_h: float | None
     share: float | None
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)

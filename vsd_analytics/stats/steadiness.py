@@ -24,14 +24,16 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import fdtri
 
-from vsd_analytics.stats.influence import Counts, as_history, influence
+from vsd_analytics.stats.influence import DayCounts, as_history, influence
 
 MIN_WEEKS: Final = 4  # complete weeks before it says anything
 SHARE_OF_PAST: Final = 1.0  # the past counts at most this many times the degrees of freedom of the weeks compared
 UNSTEADY: Final = 0.90  # quantile of F above which the weeks compared are judged by themselves
 
 
-def usual_variance(history_n: npt.ArrayLike, history_x_h: npt.ArrayLike, *, of: Counts) -> tuple[float, float] | None:
+def usual_variance(
+    history_n: npt.ArrayLike, history_x_h: npt.ArrayLike, *, of: DayCounts
+) -> tuple[float, float] | None:
     """Return the usual variance of ln theta between two weeks, and its degrees of freedom.
 
     Args:

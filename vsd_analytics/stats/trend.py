@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import Settings
-from vsd_analytics.stats.estimates import RateEstimate, State
+from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
 
 DEFAULTS: Final = Settings()
@@ -26,14 +27,14 @@ class WeekLevel:
         risky: How risky, M7; None in a gap or where exposure is unknown.
         coverage: Recorded share of the open camera-hours; None when the site was closed all week.
         state: "ok", or why it is a gap.
-        reason: Words for a person: why it is a gap.
+        reason: Why it is a gap.
     """
 
     often: RateEstimate | None
     risky: RateEstimate | None
     coverage: float | None
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +44,12 @@ class WeeklyTrend:
     Attributes:
         weeks: One for each week, gaps included.
         state: "ok" when at least three weeks are no gaps.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
     weeks: tuple[WeekLevel, ...]
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def weekly_trend(
@@ -127,14 +128,14 @@ def weekly_trend(
         weeks.append(WeekLevel(often, risky, share, "ok", None))
     n_told = sum(week.state == "ok" for week in weeks)
     if n_told < MIN_TREND_WEEKS:
-        reason = f"a trend needs {MIN_TREND_WEEKS} recorded weeks, has {n_told}"
+        reason = Reason("trend.weeks", least=MIN_TREND_WEEKS, has=n_told)
         return WeeklyTrend(tuple(weeks), "not_enough_data", reason)
     return WeeklyTrend(tuple(weeks), "ok", None)
 
 
-def _gap(coverage: float | None, min_coverage: float) -> str:
+def _gap(coverage: float | None, min_coverage: float) -> Reason:
     if coverage is None:
-        return "closed all week"
+        return Reason("trend.closed")
     if coverage == 0:
-        return "nothing was recorded"
-    return f"{coverage:.0%} of the open hours were recorded, a rate needs {min_coverage:.0%}"
+        return Reason("recorded.nothing")
+    return Reason("trend.coverage", share=coverage, least=min_coverage)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.stats.estimates import State
+from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.forecast import MAX_WEEKS, MIN_WEEKS, RANGE
 from vsd_analytics.stats.hotspots import benjamini_hochberg
 from vsd_analytics.stats.hour_of_week import as_weeks, spread, usual
@@ -21,7 +21,7 @@ MAX_SHOWN: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
-class UnusualHour:
+class UnusualSlot:
     """An hour unlike the same hour of the weeks before.
 
     Attributes:
@@ -47,7 +47,7 @@ class UnusualHour:
 
 
 @dataclass(frozen=True, slots=True)
-class UnusualHours:
+class UnusualSlots:
     """The unusual hours of a week.
 
     Attributes:
@@ -56,15 +56,15 @@ class UnusualHours:
         n_tested: Hours that were recorded and have a usual count.
         n_recorded_weeks: Weeks before with a recorded hour.
         state: "ok" when at least one hour could be judged.
-        reason: Words for a person: why not.
+        reason: Why not.
     """
 
-    rows: tuple[UnusualHour, ...]
+    rows: tuple[UnusualSlot, ...]
     n_unusual: int
     n_tested: int
     n_recorded_weeks: int
     state: State
-    reason: str | None
+    reason: Reason | None
 
 
 def unusual_hours(
@@ -79,7 +79,7 @@ def unusual_hours(
     min_change: float = MIN_CHANGE,
     min_difference: float = MIN_DIFFERENCE,
     max_shown: int = MAX_SHOWN,
-) -> UnusualHours:
+) -> UnusualSlots:
     """Return the hours of a week whose count is hard to believe beside the same hour of the weeks before.
 
     Usual = median of the last `max_weeks` recorded weeks; p two-sided from a negative binomial with that mean and
@@ -108,14 +108,13 @@ def unusual_hours(
     k = (late.x_h > 0).sum(axis=0)
     counted, hours = week.n[0], week.x_h[0]
     tested = (k >= min_weeks) & (hours > 0)
+    reason = None
     if before.n_recorded < min_weeks:
-        reason = f"what is usual needs {min_weeks} recorded weeks before, has {before.n_recorded}"
+        reason = Reason("unusual.weeks", least=min_weeks, has=before.n_recorded)
     elif not tested.any():
-        reason = f"no recorded hour of the week was recorded in {min_weeks} weeks before"
-    else:
-        reason = None
+        reason = Reason("unusual.hours", least=min_weeks)
     if reason is not None:
-        return UnusualHours((), 0, 0, before.n_recorded, "not_enough_data", reason)
+        return UnusualSlots((), 0, 0, before.n_recorded, "not_enough_data", reason)
     expected = np.where(tested, usual(late, is_count=True) * hours, np.nan)
     more = 1 + np.pi / 2 / np.maximum(k, 1)
     varies = spread(late, is_count=True, min_weeks=min_weeks)
@@ -132,10 +131,10 @@ def unusual_hours(
     order = found[np.lexsort((found, p[found]))][:max_shown]
     lo, hi = (quantile(t, mean=mean, dispersion=dispersion) for t in ((1 - RANGE) / 2, (1 + RANGE) / 2))
     rows = tuple(
-        UnusualHour(
+        UnusualSlot(
             int(s), float(counted[s]), float(hours[s]), float(expected[s]), float(lo[s]), float(hi[s]), float(p[s]),
             float(q[s]), int(k[s]),
         )
         for s in order
     )  # fmt: skip
-    return UnusualHours(rows, len(found), int(tested.sum()), before.n_recorded, "ok", None)
+    return UnusualSlots(rows, len(found), int(tested.sum()), before.n_recorded, "ok", None)

@@ -1,5 +1,5 @@
 """Append-only Parquet: spool, fold, layout, secrets."""
 
-from vsd_analytics.store.store import Counts, FoldResult, Store
+from vsd_analytics.store.store import FoldResult, Store, TableCounts
 
-__all__ = ["Counts", "FoldResult", "Store"]
+__all__ = ["FoldResult", "Store", "TableCounts"]

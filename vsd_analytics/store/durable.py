@@ -1,22 +1,29 @@
-"""Writing that survives a power cut: temporary name, fsync, rename, fsync of the folder."""
+"""Writing that survives a power cut: temporary name, fsync, rename, fsync of the folder.
+
+A temporary file has a random name, and its writer holds a lock on it until it is renamed. So a temporary file without
+a lock belongs to a dead process. A process id in the name would not show this: two containers can have the same ids.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import glob
 import hashlib
 import os
 import re
+import stat
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from vsd_analytics.errors import disk_error
 
-_TEMPORARY = re.compile(r"^\..+\.(?P<pid>\d{1,10})\.tmp$")
+_TEMPORARY = re.compile(r"^\..+\.([0-9a-f]{16}|\d{1,10})\.tmp$")  # digits alone: version 0.1 wrote its process id
 
 
 def digest(data: bytes | memoryview) -> str:
-    """Return the 16 hexadecimal digits of the BLAKE2b hash that stand in a part's name."""
+    """Return the 16 hexadecimal digits of the BLAKE2b hash that a part has in its name."""
     return hashlib.blake2b(data, digest_size=8).hexdigest()
 
 
@@ -47,7 +54,7 @@ def make_dirs(folder: Path) -> None:
             fsync_dir(folder.parent)
         except OSError:
             with contextlib.suppress(OSError):
-                folder.rmdir()  # so that the next try makes and syncs it anew
+                folder.rmdir()  # so that the next try makes it again and syncs it
             raise
 
 
@@ -57,37 +64,66 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
     A failed sync is never tried again on the same file: the system may have dropped what it could not write.
 
     Args:
-        path: Where the file shall stand; its folder is made.
+        path: Path of the file; its folder is made.
         data: Its bytes.
         is_synced: Wait for the disk; False for what can be made again.
         is_private: Only the owner may read it (mode 0600).
 
     Raises:
-        DiskError: E304 to E306, the disk is full, read-only or broken (any other refusal is a plain OSError). Nothing
-            new stands at `path` then, and no temporary file is left by a live process.
+        DiskError: E304 to E306, the disk is full, read-only or broken (any other refusal is a plain OSError). Then
+            nothing new is at `path`, and this process leaves no temporary file.
     """
-    temporary = path.parent / f".{path.name}.{os.getpid()}.tmp"
-    withdrawn = temporary
+    is_new = False
     try:
         make_dirs(path.parent)
-        with temporary.open("wb") as f:
-            if is_private:
-                os.fchmod(f.fileno(), 0o600)
+        with temporary(path, mode=0o600 if is_private else 0o666) as (name, f):
             f.write(data)
             f.flush()
             if is_synced:
                 os.fsync(f.fileno())
-        is_new = not path.exists()
-        temporary.rename(path)
+            was_there = path.exists()
+            name.rename(path)
         if is_synced:
-            withdrawn = path if is_new else temporary
+            is_new = not was_there
             fsync_dir(path.parent)
     except BaseException as error:
-        with contextlib.suppress(OSError):
-            withdrawn.unlink()
+        if is_new:  # renamed but not durable: the caller hears of a failure, so no reader may find the file
+            with contextlib.suppress(OSError):
+                path.unlink()
         if isinstance(error, OSError):
             raise disk_error(error, path=path) or error from None
         raise
+
+
+@contextlib.contextmanager
+def temporary(path: Path, *, mode: int = 0o666) -> Iterator[tuple[Path, BinaryIO]]:
+    """Yield a new file beside `path` to write and then rename; it is removed at the end unless it was renamed.
+
+    Args:
+        path: Path the file will be renamed to; its folder exists.
+        mode: Permissions, less the umask.
+
+    Raises:
+        OSError: The file cannot be made.
+    """
+    name, f = _locked_file(path, mode)
+    try:
+        with f:
+            yield name, f
+    finally:
+        with contextlib.suppress(OSError):
+            name.unlink()
+
+
+def _locked_file(path: Path, mode: int) -> tuple[Path, BinaryIO]:
+    while True:
+        name = path.with_name(f".{path.name}.{os.urandom(8).hex()}.tmp")
+        f = os.fdopen(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb")
+        with contextlib.suppress(OSError):  # a file system without locks: nobody sweeps there either
+            fcntl.flock(f, fcntl.LOCK_EX)
+        if name.exists():
+            return name, f
+        f.close()  # another process swept it between opening and locking: try a new name
 
 
 def remove(path: Path) -> None:
@@ -109,29 +145,52 @@ def exclusive(lock: Path) -> Iterator[None]:
         yield
 
 
-def sweep_temporaries(folder: Path) -> int:
-    """Remove temporary files that dead processes left below `folder`; return how many."""
+def sweep_temporaries(folder: Path, *, of: str | None = None) -> int:
+    """Remove temporary files that dead processes left; return how many.
+
+    Args:
+        folder: Where to look.
+        of: Only temporary files of this file name, directly in `folder`; None = all below `folder`.
+    """
     n_swept = 0
-    for path in folder.rglob(".*.tmp"):
-        pid = writer_of(path)
-        if pid is not None and not is_alive(pid):
-            remove(path)
-            n_swept += 1
+    for path in folder.rglob(".*.tmp") if of is None else folder.glob(f".{glob.escape(of)}.*.tmp"):
+        with _held_if_abandoned(path) as is_dead:
+            if is_dead:
+                remove(path)
+                n_swept += 1
     return n_swept
 
 
-def writer_of(path: Path) -> int | None:
-    """Return the id of the process a temporary file is of, or None for any other file."""
-    match = _TEMPORARY.match(path.name)
-    return int(match["pid"]) if match else None
+def is_temporary(path: Path) -> bool:
+    """Return whether a path has the name of a temporary file of this program."""
+    return _TEMPORARY.match(path.name) is not None
 
 
-def is_alive(pid: int) -> bool:
-    """Tell whether a process exists."""
+def is_abandoned(path: Path) -> bool:
+    """Return whether a path is a temporary file whose writer is dead."""
+    with _held_if_abandoned(path) as is_dead:
+        return is_dead
+
+
+@contextlib.contextmanager
+def _held_if_abandoned(path: Path) -> Iterator[bool]:
+    """Yield whether a temporary file is abandoned, and hold its lock meanwhile.
+
+    A writer that has made its file and not locked it yet waits for this lock; then it sees that its file is gone.
+    """
     try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        return True
-    return True
+        fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK) if is_temporary(path) else None
+    except OSError:  # renamed meanwhile, a link, or the file of another user
+        fd = None
+    if fd is None:
+        yield False
+        return
+    try:
+        try:
+            fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            is_free = True
+        except OSError:
+            is_free = False
+        yield is_free and stat.S_ISREG(os.fstat(fd).st_mode)
+    finally:
+        os.close(fd)

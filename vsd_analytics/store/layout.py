@@ -1,4 +1,4 @@
-"""Where things stand in a store, and how their names are read.
+"""Paths of the files of a store, and how to read their names.
 
 ```
 store/.lock
@@ -30,7 +30,7 @@ class Part:
     Attributes:
         hour: Hours since 1970-01-01T00:00Z.
         digest: Hash of the file's bytes, from its name.
-        path: Where it stands.
+        path: Its path.
     """
 
     hour: int
@@ -76,17 +76,24 @@ def list_parts(
     return sorted(_parts(root / table / f"site={site_id}", first_hour, last_hour))
 
 
-def _parts(folder: Path, first_hour: int | None, last_hour: int | None) -> Iterator[Part]:
-    if not folder.is_dir():
-        return
-    for day in folder.iterdir():
+def list_days(root: Path, table: str, site_id: str) -> list[int]:
+    """Return the UTC day numbers (days since 1970) of which a table has files, in order; see `list_parts`."""
+    return sorted(midnight // 24 for day, midnight in _days(root / table / f"site={site_id}") if any(day.iterdir()))
+
+
+def _days(folder: Path) -> Iterator[tuple[Path, int]]:
+    """Yield the folders of days with the number of their first UTC hour."""
+    for day in folder.iterdir() if folder.is_dir() else ():
         match = _DATE.match(day.name)
-        if match is None:
-            continue
         try:
-            midnight = int(datetime.fromisoformat(match[1]).replace(tzinfo=UTC).timestamp()) // 3600
+            if match is not None:
+                yield day, int(datetime.fromisoformat(match[1]).replace(tzinfo=UTC).timestamp()) // 3600
         except ValueError:
             continue
+
+
+def _parts(folder: Path, first_hour: int | None, last_hour: int | None) -> Iterator[Part]:
+    for day, midnight in _days(folder):
         if (first_hour is not None and midnight + 23 < first_hour) or (last_hour is not None and midnight > last_hour):
             continue
         for path in day.iterdir():

@@ -1,9 +1,12 @@
-"""Taking records out of a store in which nothing is ever replaced: by intent, so that a crash is rolled forward.
+"""Removing records from the store, with a write-ahead intent so that a crash is rolled forward.
 
-What shall go is written down durably first (`store/purge/<digest>.json`); then it is done; then the audit line is
-written and the intent removed. Whoever comes next, writer or reader, finishes an intent that a crash left behind. Each
-step can be done twice. Readers hold `store/.purge.lock` shared and the removal holds it alone, so that no build or
-report sees half of it. Locks are always taken in this order: `.purge.lock`, then `.lock`.
+1. The intent says what to remove. It is written durably first: `store/purge/<digest>.json`.
+2. Its steps are done. Each of them can be done twice.
+3. The audit line is written, and the intent removed.
+
+The next writer or reader finishes an intent that a crash left behind. Readers hold `store/.purge.lock` shared and a
+removal holds it alone, so no build or report sees half a removal. Locks are always taken in this order, or two
+processes could wait for each other: `.purge.lock`, `.lock`, the lock of the quarantine.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import pyarrow as pa
@@ -24,27 +27,36 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError, Where
-from vsd_analytics.schema import SCHEMAS, TableName
-from vsd_analytics.store import durable
+from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.store import durable, quarantine
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_part
 from vsd_analytics.store.seals import FOLDER, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
-from vsd_analytics.store.store import engines_of, part_bytes
 
 LOCK = ".purge.lock"
 AUDIT = "purge.jsonl"
 WAIT_S = 600.0
 
+_UNIT = r"/site=[a-z0-9][a-z0-9_-]{0,62}/date=\d{4}-\d{2}-\d{2}/([01]\d|2[0-3])-[0-9a-f]{16}\.parquet\Z"
+# an intent may come with somebody else's project: it may name only files that a purge removes, and nothing else
+PartName = Annotated[str, msgspec.Meta(pattern=rf"^store/({'|'.join(TABLES)}){_UNIT}")]
+FileName = Annotated[str, msgspec.Meta(pattern=rf"^(store|facts|facts/days)/[a-z][a-z0-9_]*{_UNIT}")]
+SiteName = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}\Z")]
+Instant = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
+Digest = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{16}\Z")]
+Hour = Annotated[int, msgspec.Meta(ge=0, le=70_389_503, description="Up to the end of the year 9999.")]
+
 
 @dataclass(frozen=True, slots=True)
-class Which:
-    """Records of one camera, or of all, in [first_ms, after_ms)."""
+class RecordScope:
+    """Records of one camera (None = all) in [first_ms, after_ms), UTC milliseconds."""
 
     camera_id: str | None
-    first_ms: int
-    after_ms: int
+    first_ms: Instant
+    after_ms: Instant
 
     def mask(self, rows: pa.Table) -> pa.ChunkedArray:
-        """Return which rows of a stored table are meant."""
+        """Return which rows of a stored table are in scope."""
         ts = rows["ts"].cast(pa.int64())
         inside = pc.and_(pc.greater_equal(ts, self.first_ms), pc.less(ts, self.after_ms))
         return inside if self.camera_id is None else pc.and_(inside, pc.equal(rows["camera_id"], self.camera_id))
@@ -52,34 +64,36 @@ class Which:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intent:
-    """What shall go.
+    """What a purge removes. The names of the fields are those of the file: see docs/storage.md.
 
     Attributes:
         site_id: The site.
         entry: The audit line.
-        unlink: Files that go whole; paths below the project folder.
-        which: Records that go out of the parts `rewrite`.
+        unlink: Files to remove whole; paths below the project folder.
+        which: Records to remove from the parts `rewrite`.
         rewrite: Parts by table; paths below the project folder.
-        unseal: Sealed UTC hours out of whose facts the camera of `which` (or everybody) goes.
-        forget: Site days (ISO) whose keys are destroyed.
+        unseal: Sealed UTC hours from whose facts the camera of `which` (None = every camera) is removed.
+        forget: Site days whose keys are destroyed.
+        quarantined: Hashes of the lines to remove from the quarantine, whatever file they are in by then.
     """
 
-    site_id: str
+    site_id: SiteName
     entry: Mapping[str, Any]
-    unlink: tuple[str, ...] = ()
-    which: Which | None = None
-    rewrite: Mapping[TableName, tuple[str, ...]] = field(default_factory=dict)
-    unseal: tuple[int, ...] = ()
-    forget: tuple[str, ...] = ()
+    unlink: tuple[FileName, ...] = ()
+    which: RecordScope | None = None
+    rewrite: Mapping[TableName, tuple[PartName, ...]] = field(default_factory=dict)
+    unseal: tuple[Hour, ...] = ()
+    forget: tuple[date, ...] = ()
+    quarantined: tuple[Digest, ...] = ()
 
 
 @contextlib.contextmanager
 def reading(store: Path, *, wait_s: float = WAIT_S) -> Iterator[None]:
-    """Keep removals away while a build or report reads; an unfinished removal is finished first.
+    """Hold off removals while a build or report reads; finish an unfinished removal first.
 
     Args:
-        store: The store folder. Without one, or on a disk that can only be read, there is nothing to keep away.
-        wait_s: How long to wait for a removal at work.
+        store: The store folder. Without one, or on a read-only disk, no removal is possible.
+        wait_s: How long to wait for a running removal, in seconds.
 
     Raises:
         StoreError: E311, a removal did not end in time.
@@ -94,13 +108,20 @@ def reading(store: Path, *, wait_s: float = WAIT_S) -> Iterator[None]:
 
 @contextlib.contextmanager
 def removing(store: Path, *, wait_s: float = WAIT_S, on_wait: Callable[[], None] | None = None) -> Iterator[None]:
-    """Hold both locks of a store alone: no reader, no other writer; an unfinished removal is finished first.
+    """Hold the locks of a store and of its quarantine alone: no reader, no fold, no replay.
+
+    Finishes an unfinished removal first.
 
     Raises:
-        StoreError: E311, somebody read on and on.
+        StoreError: E311, a reader did not end in time.
     """
     durable.make_dirs(store)
-    with _held(store / LOCK, fcntl.LOCK_EX, wait_s=wait_s, on_wait=on_wait), durable.exclusive(store / ".lock"):
+    folder = store.parent / quarantine.FOLDER
+    with (
+        _held(store / LOCK, fcntl.LOCK_EX, wait_s=wait_s, on_wait=on_wait),
+        durable.exclusive(store / ".lock"),
+        quarantine.locked(folder) if folder.is_dir() else contextlib.nullcontext(),
+    ):
         _finish(store)
         yield
 
@@ -112,7 +133,7 @@ def pending(store: Path) -> list[Path]:
 
 
 def complete(store: Path, *, wait_s: float = WAIT_S) -> None:
-    """Finish what a crash left behind, if anything."""
+    """Finish the removal that a crash interrupted, if there is one."""
     if pending(store):
         with removing(store, wait_s=wait_s):
             pass
@@ -121,9 +142,10 @@ def complete(store: Path, *, wait_s: float = WAIT_S) -> None:
 def remove_records(store: Path, intent: Intent) -> None:
     """Do what an intent says, durably, and write the audit line; call it inside `removing`.
 
-    After this was called for the first time a crash at any moment, followed by any writer or reader, ends the same.
+    A crash at any moment, followed by any writer or reader, ends the same as no crash.
     """
     data = msgspec.json.encode(intent, order="deterministic")
+    # from here on the removal will happen: a crash before this line removes nothing, one after it is rolled forward
     durable.publish(store / "purge" / f"{durable.digest(data)}.json", data)
     _finish(store)
 
@@ -131,22 +153,44 @@ def remove_records(store: Path, intent: Intent) -> None:
 def _finish(store: Path) -> None:
     durable.sweep_temporaries(store / "purge")
     for path in pending(store):
-        try:
-            intent = msgspec.json.decode(path.read_bytes(), type=Intent)
-        except (msgspec.DecodeError, UnicodeDecodeError):
-            intent = None
-        if intent is None or durable.file_digest(path) != path.stem:
-            raise StoreError(
-                "a note of records that shall be removed is damaged",
-                code="E302",
-                where=Where(str(path)),
-                why="its bytes are not those whose hash stands in its name: the disk or a program changed them",
-                mend="move it away, then run the same vsd purge again",
-            )
+        intent = _intent(path, project=store.parent)
+        # The intent goes last. Until then every start repeats all steps, so each of them must change nothing when its
+        # work is done already: files may be gone, lines written, keys destroyed.
         _carry_out(store, intent)
         _audit(store.parent / AUDIT, {"id": path.stem, **intent.entry})
         durable.remove(path)
         durable.fsync_dir(path.parent)
+
+
+def _intent(path: Path, *, project: Path) -> Intent:
+    """Return an intent that is undamaged and names only what a purge of this project may remove; else E302."""
+    why = HASH_DIFFERS
+    try:
+        data = path.read_bytes()
+        if durable.digest(data) == path.stem:
+            intent = msgspec.json.decode(data, type=Intent)
+            names = [*intent.unlink, *(n for found in intent.rewrite.values() for n in found)]
+            away = next((n for n in names if not _is_inside(project, n)), None)
+            if away is None:
+                return intent
+            why = f"it names a file outside the project: a folder on the way to {away} is a link"
+    except msgspec.ValidationError as error:
+        why = f"vsd purge does not write this, at {str(error).rpartition(' - at ')[2][:200]}"
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        why = "it is not readable JSON"
+    raise StoreError(
+        "the intent of a purge is damaged, or was not written by vsd purge",
+        code="E302",
+        where=Where(str(path)),
+        why=why,
+        mend="move it away, then run the same vsd purge again",
+    )
+
+
+def _is_inside(project: Path, name: str) -> bool:
+    """Return whether a path stays below the store or facts folder; only these folders may be links themselves."""
+    top = (project / Path(name).parts[0]).resolve()
+    return (project / name).parent.resolve().is_relative_to(top)
 
 
 def _carry_out(store: Path, intent: Intent) -> None:
@@ -154,11 +198,13 @@ def _carry_out(store: Path, intent: Intent) -> None:
     touched: set[Path] = set()
     if intent.which is not None:
         for table, names in intent.rewrite.items():
-            for name in names:
-                touched.add(_without(project / name, table, intent.which))
+            touched |= {_rewrite_without(project / name, table, intent.which) for name in names}
         _unseal(Seals(project / FOLDER, site_id=intent.site_id), intent)
     if intent.forget:
-        DayKeys(project / "secrets").forget(date.fromisoformat(d) for d in intent.forget)
+        DayKeys(project / "secrets").forget(intent.forget)
+    if intent.quarantined:
+        gone = frozenset(intent.quarantined)
+        quarantine.drop(project / quarantine.FOLDER, lambda line, _: durable.digest(line) in gone)
     for name in intent.unlink:
         durable.remove(project / name)
         touched.add((project / name).parent)
@@ -170,41 +216,32 @@ def _carry_out(store: Path, intent: Intent) -> None:
                 durable.fsync_dir(folder.parent)
 
 
-def _without(path: Path, table: TableName, which: Which) -> Path:
-    """Put what remains of a part in its place, then under its own name; return its folder.
+def _rewrite_without(path: Path, table: TableName, scope: RecordScope) -> Path:
+    """Replace a part by its remaining rows, then rename it to its own hash; return its folder.
 
-    Each step is one rename, so that not even a plain glob sees a record twice or misses one that stays.
+    Each step is one rename, so that even a plain glob never sees a record twice and never misses one that stays.
+    Published under its own name first, the new part would be there beside the old one for a moment.
     """
     if path.exists():
         rows = read_part(path, table)
-        rest = rows.filter(pc.invert(which.mask(rows)))
+        rest = rows.filter(pc.invert(scope.mask(rows)))
         if rest.num_rows:
             data = part_bytes(table, rest, engines_of(path))
-            durable.publish(path, data)
+            durable.publish(path, data)  # a crash after this leaves a name with another hash; the next run renames it
             path.rename(path.parent / f"{path.name[:2]}-{durable.digest(data)}.parquet")
         else:
             durable.remove(path)
     return path.parent
 
 
-def read_part(path: Path, table: TableName) -> pa.Table:
-    """Return the rows of a part in the schema of today; columns it was written before are null."""
-    with pq.ParquetFile(path, page_checksum_verification=True) as file:
-        rows = file.read()
-    for column in SCHEMAS[table]:
-        if column.name not in rows.column_names:
-            rows = rows.append_column(column, pa.nulls(rows.num_rows, column.type))
-    return rows.select(SCHEMAS[table].names).cast(SCHEMAS[table])
-
-
-def rows_meant(path: Path, which: Which) -> int:
-    """Return how many records of a part are meant."""
+def rows_in_scope(path: Path, scope: RecordScope) -> int:
+    """Return how many records of a part are in scope."""
     with pq.ParquetFile(path) as file:
-        return int(pc.sum(which.mask(file.read(columns=["camera_id", "ts"]))).as_py() or 0)
+        return int(pc.sum(scope.mask(file.read(columns=["camera_id", "ts"]))).as_py() or 0)
 
 
 def _unseal(seals: Seals, intent: Intent) -> None:
-    """Take a camera, or all, out of sealed facts and seal what remains."""
+    """Remove a camera, or all cameras, from sealed facts and seal what remains."""
     assert intent.which is not None
     camera_id = intent.which.camera_id
     days = sorted({h // 24 for h in intent.unseal})
@@ -220,31 +257,30 @@ def _unseal(seals: Seals, intent: Intent) -> None:
         if whole_day is not None and (camera_id is None or camera_id not in left):
             whole_day = _reduced(seals, day * 24, whole_day, camera_id)
         seals.write(replace(seal, hours=hours, camera_days=whole_day))
-    seals.sweep(days)
+    seals.sweep(days)  # only now: the old fact files must stay until no seal names them
 
 
 def _reduced(seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None) -> UnitSeal:
+    """Return the seal of a unit's facts without the rows of a camera (None = without any row)."""
     facts = {}
     for relation, digest in unit.facts.items():
         data = seals.fact_path(relation, hour, digest).read_bytes()
         rows = pq.read_table(pa.BufferReader(data))
         rest = rows if camera_id is not None else rows.slice(0, 0)
-        for name in (n for n in rows.column_names if n.endswith("camera_id")):  # a row may tell of two cameras
+        for name in (n for n in rows.column_names if n.endswith("camera_id")):  # a row may be about two cameras
             rest = rest.filter(pc.not_equal(rest[name], camera_id)) if camera_id is not None else rest
         if rest.num_rows < rows.num_rows:
-            sink = pa.BufferOutputStream()
-            rest = rest.combine_chunks().replace_schema_metadata(None)  # their causes stand in the seal
-            pq.write_table(rest, sink, compression="zstd", write_page_checksum=True)
-            data = sink.getvalue().to_pybytes()
+            rest = rest.combine_chunks().replace_schema_metadata(None)  # the seal holds the inputs it was computed from
+            data = parquet_bytes(rest, compression="zstd", write_page_checksum=True).to_pybytes()
         facts[relation] = seals.put(relation, hour, data)
     last_ms = {c: ms for c, ms in unit.last_ms.items() if camera_id is not None and c != camera_id}
     return replace(unit, facts=facts, last_ms=last_ms)
 
 
 def _audit(path: Path, entry: Mapping[str, Any]) -> None:
-    """Append a line unless it is there; a line that a crash cut off goes first."""
-    told = path.read_bytes() if path.exists() else b""
-    whole = told[: told.rfind(b"\n") + 1]
+    """Append a line unless it is there; remove a line that a crash cut off first."""
+    written = path.read_bytes() if path.exists() else b""
+    whole = written[: written.rfind(b"\n") + 1]
     mark = f'"id":"{entry["id"]}"'.encode()
     line = b"" if any(mark in old for old in whole.splitlines()) else msgspec.json.encode(entry) + b"\n"
     with path.open("r+b" if path.exists() else "wb") as file:
@@ -271,7 +307,7 @@ def _held(lock: Path, kind: int, *, wait_s: float, on_wait: Callable[[], None] |
 
 
 def _lock_file(lock: Path, *, is_needed: bool) -> int | None:
-    """Open a lock; None where there is no store yet or the disk can only be read: nobody removes anything there."""
+    """Open a lock file; None where there is no store yet or the disk is read-only: nothing can be removed there."""
     try:
         return os.open(lock, os.O_RDONLY) if lock.exists() else os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError:
@@ -295,7 +331,7 @@ def _acquire(fd: int, lock: Path, kind: int, *, wait_s: float, on_wait: Callable
                     code="E311",
                     where=Where(str(lock)),
                     why=f"a report or query that reads it, or a removal, did not end within {wait_s:g} s",
-                    mend="close notebooks and reports at work, then run the same command again",
+                    mend="close open notebooks and running reports, then run the same command again",
                 ) from None
             time.sleep(pause_s)
             pause_s = min(0.5, pause_s * 2)

@@ -1,12 +1,12 @@
-"""Sealed facts: what is kept of hours whose raw records were removed, for good and apart from `facts/`.
+"""Sealed facts: the computed facts of hours whose raw records were purged, stored for good and apart from `facts/`.
 
 ```
 sealed/<fact>/site=<site>/date=<YYYY-MM-DD>/<HH>-<digest>.parquet     a fact file, named by the hash of its bytes
 sealed/seals/site=<site>/<YYYY-MM-DD>.json                            what is sealed of a UTC day
 ```
 
-A seal is what counts: fact files it does not name are litter. It is the one file here that is ever replaced, by a
-rename, and read in one piece.
+Only the seal says which fact files are valid; files it does not name are swept. A seal is the one file here that is
+ever replaced, by a rename, so a reader sees the old seal or the new one. Its fact files are written before it.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from vsd_analytics.store import durable
 from vsd_analytics.store.layout import list_parts, unit_folder
 
 FOLDER = "sealed"
+SEALED = "sealed-hour"
+"""Reason of records in quarantine whose hour is sealed."""
 DAY_FACT = "camera_days"
 _EPOCH = date(1970, 1, 1).toordinal()
 _SEAL = re.compile(r"^(\d{4}-\d{2}-\d{2})\.json$")
@@ -34,13 +36,13 @@ class UnitSeal:
     """The sealed facts of a UTC hour or day.
 
     Attributes:
-        fingerprint: What they were computed from, as it stood in their names.
-        causes: Hashes of the rules they were computed by: SQL, settings, cameras, calibrations.
+        fingerprint: Input fingerprint of the facts, as it was in their names.
+        causes: Hashes of their inputs other than records, by name: SQL, settings, cameras, calibrations.
         facts: Digest of each fact's file, by fact.
         records: Number of raw records that were removed, by table.
         engines: For each table, the engines noted in each of its parts, in order.
-        last_ms: Instant of each camera's last record in it (UTC milliseconds).
-        cameras: Cameras with records when it was sealed; their calibrations are among `causes`.
+        last_ms: Instant of each camera's last record in the unit (UTC milliseconds).
+        cameras: Cameras with records when it was sealed; the hashes of their calibrations are in `causes`.
     """
 
     fingerprint: str
@@ -58,7 +60,7 @@ class DaySeal:
 
     Attributes:
         day: UTC days since 1970.
-        is_whole: The whole day is sealed: no record of it is accepted any more. Else `hours` alone are.
+        is_whole: The whole day is sealed and accepts no record; otherwise only `hours` are sealed.
         sealed_on: UTC date of the purge, ISO.
         hours: Sealed hours by UTC hour number.
         camera_days: The fact of the whole day; None while the day is not whole.
@@ -71,7 +73,7 @@ class DaySeal:
     camera_days: UnitSeal | None = None
 
     def holds(self, hour: int) -> bool:
-        """Tell whether no record of a UTC hour of this day is accepted any more."""
+        """Return whether a UTC hour of this day is sealed, so that its records are refused."""
         return self.is_whole or hour in self.hours
 
 
@@ -110,14 +112,14 @@ class Seals:
         """
         path = self.path(day)
         try:
-            told = path.read_bytes()
+            data = path.read_bytes()
         except FileNotFoundError:
             return None
         try:
-            envelope = msgspec.json.decode(told, type=_Envelope)
+            envelope = msgspec.json.decode(data, type=_Envelope)
             body = bytes(envelope.seal)
             seal = msgspec.json.decode(body, type=DaySeal)
-        except (msgspec.DecodeError, UnicodeDecodeError):
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             raise _damaged(path) from None
         if durable.digest(body) != envelope.digest or seal.day != day:
             raise _damaged(path)
@@ -139,15 +141,16 @@ class Seals:
             if is_after and (last_hour is None or day <= last_hour // 24) and (seal := self.read(day)) is not None:
                 yield seal
 
-    def hours(self) -> tuple[int, int] | None:
-        """Return the first and last UTC hour number with sealed facts, or None."""
-        days = self.days()
+    def hours(self, *, first_day: int | None = None, last_day: int | None = None) -> tuple[int, int] | None:
+        """Return the first and last UTC hour number with sealed facts in these UTC days (None = open), or None."""
+        days = [d for d in self.days() if first_day is None or d >= first_day]
+        days = [d for d in days if last_day is None or d <= last_day]
         first, last = ((s for d in order if (s := self.read(d)) and s.hours) for order in (days, reversed(days)))
         start, end = next(first, None), next(last, None)
         return None if start is None or end is None else (min(start.hours), max(end.hours))
 
     def put(self, relation: str, hour: int, data: bytes) -> str:
-        """Store the bytes of a fact file durably; return their digest, which belongs into the seal."""
+        """Store the bytes of a fact file durably; return their digest, which goes into the seal."""
         name = durable.digest(data)
         path = self.fact_path(relation, hour, name)
         if not path.exists():
@@ -155,21 +158,23 @@ class Seals:
         return name
 
     def write(self, seal: DaySeal) -> None:
-        """Put a day's seal in force, durably and at once; its fact files were put before."""
+        """Replace a day's seal durably, in one step; its fact files were put before."""
         body = msgspec.json.encode(msgspec.to_builtins(seal, str_keys=True), order="deterministic")
-        told = msgspec.json.encode(_Envelope(durable.digest(body), msgspec.Raw(body)))
-        durable.publish(self.path(seal.day), told + b"\n")
+        # A seal is named by its day, so its hash is inside: a damaged seal could open a purged day to new records,
+        # and the sealed figures of that day would be computed again without the records that are gone.
+        data = msgspec.json.encode(_Envelope(durable.digest(body), msgspec.Raw(body)))
+        durable.publish(self.path(seal.day), data + b"\n")
 
     def path(self, day: int) -> Path:
-        """Return where the seal of a UTC day stands."""
+        """Return the path of the seal of a UTC day."""
         return self.folder / f"{date.fromordinal(day + _EPOCH).isoformat()}.json"
 
     def fact_path(self, relation: str, hour: int, digest: str) -> Path:
-        """Return where a sealed fact file stands."""
+        """Return the path of a sealed fact file."""
         return unit_folder(self.root, relation, self.site_id, hour) / f"{hour % 24:02d}-{digest}.parquet"
 
     def fact_paths(self, relation: str, first_hour: int | None, last_hour: int | None) -> list[Path]:
-        """Return the files of one fact of the sealed hours (of `camera_days`: the days) in a range, in order."""
+        """Return one fact's files of the sealed hours in a range, in order; `camera_days` has a file a day."""
         if relation == DAY_FACT:
             units = {s.day * 24: s.camera_days for s in self.seals(first_hour, last_hour)}
         else:
@@ -181,7 +186,7 @@ class Seals:
         ]
 
     def damaged(self) -> list[Path]:
-        """Return the seals and sealed fact files whose bytes are not those they should be, or that are gone."""
+        """Return the paths of seals and sealed fact files that are damaged or missing."""
         found: list[Path] = []
         for day in self.days():
             try:
@@ -190,18 +195,16 @@ class Seals:
                 found.append(self.path(day))
                 continue
             for hour, unit in _units(seal):
-                paths = (self.fact_path(r, hour, d) for r, d in unit.facts.items())
-                found += [p for p in paths if not p.is_file() or durable.file_digest(p) != p.stem[3:]]
+                found += filter(_is_damaged, (self.fact_path(r, hour, d) for r, d in unit.facts.items()))
         return found
 
     def refuse_damaged(self, paths: Iterable[Path]) -> None:
-        """Raise StoreError E313 when a sealed fact file is damaged or gone: for whoever failed to read one."""
-        for path in paths:
-            if not path.is_file() or durable.file_digest(path) != path.stem[3:]:
-                raise _damaged(path)
+        """Raise StoreError E313 when a sealed fact file is damaged or missing; call it after one could not be read."""
+        for path in filter(_is_damaged, paths):
+            raise _damaged(path)
 
     def sweep(self, days: Collection[int]) -> int:
-        """Remove fact files of these days that no seal names, and what dead processes left; return how many."""
+        """Remove fact files of these days that no seal names, and abandoned temporary files; return how many."""
         if not self.root.is_dir():
             return 0
         n_swept = durable.sweep_temporaries(self.root)
@@ -223,6 +226,11 @@ def _units(seal: DaySeal | None) -> Iterator[tuple[int, UnitSeal]]:
             yield seal.day * 24, seal.camera_days
 
 
+def _is_damaged(path: Path) -> bool:
+    """Return whether a sealed fact file is missing, or its bytes differ from the hash after the hour in its name."""
+    return not path.is_file() or durable.file_digest(path) != path.stem.partition("-")[2]
+
+
 def _day_number(text: str) -> int | None:
     try:
         return date.fromisoformat(text).toordinal() - _EPOCH
@@ -232,9 +240,9 @@ def _day_number(text: str) -> int | None:
 
 def _damaged(path: Path) -> StoreError:
     return StoreError(
-        "what is kept of a day whose records were purged is damaged",
+        "the sealed facts of a day whose records were purged are damaged",
         code="E313",
         where=Where(str(path)),
-        why="its bytes are not those that were sealed: the disk or a program changed them, or it is gone",
-        mend="restore the folder sealed from a backup; nothing else knows the figures of that day",
+        why="the file is missing, or its bytes changed after it was sealed: by the disk or by a program",
+        mend="restore the folder sealed from a backup; the figures of that day are stored nowhere else",
     )

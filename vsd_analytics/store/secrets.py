@@ -1,7 +1,7 @@
-"""The per-day secrets that make track ids pseudonyms; they stand outside the store.
+"""The secret key of each site day that turns track ids into pseudonyms; the keys are outside the store.
 
-One random key per site day in `<project>/secrets/<YYYY-MM-DD>.key`. While it exists a re-delivered record hashes to
-the same track id and is recognised; destroying it makes the link to the engine's ids irreversible.
+There is one random key per site day in `<project>/secrets/<YYYY-MM-DD>.key`. While it exists, a record that is
+delivered again gets the same track id and is recognised. Destroying it makes the pseudonyms irreversible.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from datetime import date
 from pathlib import Path
 
 from vsd_analytics.errors import StoreError, Where
-from vsd_analytics.store.durable import fsync_dir, make_dirs, publish, remove, sweep_temporaries
+from vsd_analytics.store.durable import fsync_dir, make_dirs, publish, remove, sweep_temporaries, temporary
 
 KEY_BYTES = 32
 _KEY = re.compile(r"^(\d{4}-\d{2}-\d{2})\.key$")
@@ -37,7 +37,7 @@ class DayKeys:
 
     @property
     def forgotten_path(self) -> Path:
-        """Return where the list of forgotten days stands: JSON Lines, `{"day": "2026-10-01"}`."""
+        """Return the path of the list of forgotten days: JSON Lines, `{"day": "2026-10-01"}`."""
         return self.folder / "forgotten.jsonl"
 
     def days(self) -> list[date]:
@@ -48,7 +48,7 @@ class DayKeys:
         return sorted(date.fromisoformat(m[1]) for m in matches if m)
 
     def forgotten(self) -> frozenset[date]:
-        """Return the site days whose keys were destroyed: they never get another one.
+        """Return the site days whose keys were destroyed; such a day never gets another key.
 
         Raises:
             StoreError: E303, the list is damaged.
@@ -58,18 +58,19 @@ class DayKeys:
             return frozenset(date.fromisoformat(json.loads(line)["day"]) for line in lines)
         except FileNotFoundError:
             return frozenset()
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise StoreError(
-                "the list of forgotten days is damaged",
+                "the list of days whose keys were destroyed is damaged",
                 code="E303",
                 where=Where(str(self.forgotten_path)),
-                why='each of its lines is like {"day": "2026-10-01"}',
+                why='each line must be like {"day": "2026-10-01"}',
                 mend="restore it from a backup; without it a day could get a second key and count twice",
             ) from None
 
     def forget(self, days: Iterable[date]) -> None:
-        """Destroy the keys of site days, for good; a day is on the list of forgotten ones before its key goes."""
+        """Destroy the keys of site days for good."""
         with self._alone():
+            # the list first: after a crash in between, a day without a key must not get a second one
             sweep_temporaries(self.folder)
             every = sorted(self.forgotten() | set(days))
             publish(self.forgotten_path, "".join(json.dumps({"day": d.isoformat()}) + "\n" for d in every).encode())
@@ -90,7 +91,7 @@ class DayKeys:
             os.close(fd)
 
     def key(self, day: date) -> bytes:
-        """Return the key of a site day, made (durably, once) when it does not exist yet.
+        """Return the key of a site day; make it, durably and once, when it does not exist yet.
 
         Raises:
             StoreError: E303, the key's file does not hold a key, or the day was forgotten.
@@ -100,7 +101,7 @@ class DayKeys:
             if not self._known:
                 sweep_temporaries(self.folder)
             if path.exists():
-                fsync_dir(self.folder)  # whoever made it may have been stopped before this
+                fsync_dir(self.folder)  # its maker may have been killed before it synced the folder
             else:
                 with self._alone():
                     if day in self.forgotten():
@@ -109,7 +110,7 @@ class DayKeys:
                             code="E303",
                             where=Where(str(self.forgotten_path)),
                             why="with another key, records of that day would not be recognised and would count twice",
-                            mend="ingest nothing of that day",
+                            mend="do not ingest records of that day",
                         )
                     self.put(day, secrets.token_bytes(KEY_BYTES))
             key = path.read_bytes()
@@ -125,19 +126,15 @@ class DayKeys:
         return self._known[day]
 
     def put(self, day: date, key: bytes) -> None:
-        """Store a key for a day unless it has one; two processes agree on whoever came first."""
+        """Store a key for a day unless it has one; of two processes the first one wins."""
         make_dirs(self.folder)
-        temporary = self.folder / f".{day.isoformat()}.{os.getpid()}.tmp"
-        try:
-            fd = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-            with os.fdopen(fd, "wb") as f:
-                f.write(key)
-                f.flush()
-                os.fsync(f.fileno())
+        path = self.folder / f"{day.isoformat()}.key"
+        with temporary(path, mode=0o600) as (name, f):
+            f.write(key)
+            f.flush()
+            os.fsync(f.fileno())
             with contextlib.suppress(FileExistsError):
-                os.link(temporary, self.folder / f"{day.isoformat()}.key")
-        finally:
-            remove(temporary)
+                os.link(name, path)  # unlike a rename, a link never replaces a key that is there
         fsync_dir(self.folder)
 
 

@@ -1,55 +1,65 @@
 """The store: append (durable when it returns) and fold (immutable hour parts, no record twice).
 
-At-least-once in, exactly-once in the table: a batch is written to the spool under the hash of its bytes, and folding
-puts every record whose key the table does not hold yet into a new part of its UTC hour. A crash anywhere and a re-run
-give the same table. Nothing is ever replaced, so any reader sees a part wholly or not at all.
+Records may come more than once; the tables hold each record exactly once. An append writes a batch to the spool under
+the hash of its bytes. A fold puts every record whose key the table lacks into a new part of its UTC hour. A crash
+anywhere, followed by another run, gives the same table. No part is ever replaced: a reader sees all of it or nothing.
+
+A purge by age may seal an hour after an ingest checked the seals and before it appends. An append takes no lock,
+because it must not wait for a fold. So the fold checks the seals again, under the lock that sealing also holds, and
+puts late records into quarantine.
 """
 
 from __future__ import annotations
 
-import json
+import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from vsd_analytics.duck import connect
-from vsd_analytics.errors import DiskError, StoreError, Where, disk_error
+from vsd_analytics.errors import DiskError, StoreError, VsdError, Where, disk_error
 from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
-from vsd_analytics.store import ballast, durable
-from vsd_analytics.store.layout import HOUR_MS, Part, hour_of, list_parts, segment_paths, unit_folder
+from vsd_analytics.store import ballast, durable, late_records, quarantine, removal
+from vsd_analytics.store.duck import connect
+from vsd_analytics.store.layout import HOUR_MS, Part, list_days, list_parts, segment_paths, unit_folder
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, segment_bytes
+from vsd_analytics.store.seals import FOLDER, Seals
 
 if TYPE_CHECKING:
     import duckdb
 
-ENGINES = b"vsd.engines"
-ENGINES_MAX = 32
-"""Engine names kept of one file: who sends a new name with every message shall not fill the metadata."""
 SPAN_ROWS = 500_000
 """Rows folded at once: whole days of quiet sites, single hours of busy ones."""
 
 
 @dataclass(frozen=True, slots=True)
-class Counts:
+class TableCounts:
     """What a fold did with one table's spool.
 
     Attributes:
         n_new: Records added to the table.
         n_known: Records the table (or the same spool) already held.
-        n_second: Records with the key of another one in the spool but other values: second sightings, left out.
+        n_second: Records left out because another one in the spool has their key and other values.
+        n_sealed: Records put into quarantine because their hour was sealed before they were folded.
     """
 
     n_new: int = 0
     n_known: int = 0
     n_second: int = 0
+    n_sealed: int = 0
 
-    def __add__(self, other: Counts) -> Counts:
-        return Counts(self.n_new + other.n_new, self.n_known + other.n_known, self.n_second + other.n_second)
+    def __add__(self, other: TableCounts) -> TableCounts:
+        return TableCounts(
+            self.n_new + other.n_new,
+            self.n_known + other.n_known,
+            self.n_second + other.n_second,
+            self.n_sealed + other.n_sealed,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +69,22 @@ class FoldResult:
     Attributes:
         tables: Counts by table.
         hours: UTC hour numbers that gained a part.
-        is_ballast_spent: The disk was full, and the ballast was given up so that the fold could be done (W304).
+        is_ballast_spent: The disk was full, and the fold released the ballast to get space (W304).
     """
 
-    tables: Mapping[TableName, Counts] = field(default_factory=dict)
+    tables: Mapping[TableName, TableCounts] = field(default_factory=dict)
     hours: frozenset[int] = frozenset()
     is_ballast_spent: bool = False
+
+    @property
+    def n_new(self) -> int:
+        """Return the number of records the tables gained."""
+        return sum(c.n_new for c in self.tables.values())
+
+    @property
+    def n_sealed(self) -> int:
+        """Return the number of records put into quarantine because their hour is sealed."""
+        return sum(c.n_sealed for c in self.tables.values())
 
 
 class Store:
@@ -72,8 +92,8 @@ class Store:
 
     Args:
         root: The store folder (`<project>/store`).
-        site_id: The site's id, the Hive folder its parts stand in.
-        ballast_mb: Ballast a fold takes when there is room, in megabytes; 0 = have none, None = leave it as it is.
+        site_id: The site's id, the Hive folder of its parts.
+        ballast_mb: Ballast that a fold reserves when there is space, in megabytes; 0 removes it, None leaves it.
     """
 
     def __init__(self, root: Path, *, site_id: str, ballast_mb: float | None = None) -> None:
@@ -85,9 +105,9 @@ class Store:
         """Put a batch into the spool; it is durable when this returns.
 
         Args:
-            table: Which table.
+            table: Table of the rows.
             rows: Rows in `SCHEMAS[table]`.
-            engines: Engine names and versions the rows came from, kept in the file's metadata.
+            engines: Engine names and versions the rows came from, noted in the file's metadata.
 
         Returns:
             Number of rows acknowledged.
@@ -97,8 +117,7 @@ class Store:
         """
         if rows.num_rows == 0:
             return 0
-        schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(sorted(set(engines))[:ENGINES_MAX]).encode()})
-        data = _parquet_bytes(rows.select(schema.names).cast(schema), compression="lz4")
+        data = segment_bytes(table, rows, sorted(set(engines)))
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
         return int(rows.num_rows)
 
@@ -113,13 +132,13 @@ class Store:
 
         Raises:
             StoreError: E302, a file of the spool or the store is damaged; nothing is removed from the spool then.
-            DiskError: E304 to E306, the disk refused; the spool keeps what was acknowledged.
+            DiskError: E304 to E306, the disk refused; what was acknowledged stays in the spool.
         """
         if not self.root.is_dir() or self._has_nothing_to_do():
             return FoldResult()
-        from vsd_analytics.store import removal
-
         while True:
+            # an unfinished removal needs `.purge.lock`, which comes before `.lock` in the order of locks: finish it
+            # outside, and look again inside, because another purge may have begun in between
             removal.complete(self.root)
             with durable.exclusive(self.root / ".lock"):
                 if not removal.pending(self.root):
@@ -127,17 +146,17 @@ class Store:
 
     def fold_held(self, *, on_rows: Callable[[int], None] | None = None) -> FoldResult:
         """Fold for a caller that holds the store's lock already; see `fold`."""
-        had_ballast = ballast.is_kept(self.root)
+        had_ballast = ballast.is_held(self.root)
         durable.sweep_temporaries(self.root)
-        tables: dict[TableName, Counts] = {}
+        tables: dict[TableName, TableCounts] = {}
         hours: set[int] = set()
         for table in TABLES:
             segments = segment_paths(self.root, table)
             if segments:
                 tables[table] = self._fold_table(table, segments, hours, on_rows)
-        is_spent = had_ballast and not ballast.is_kept(self.root)
+        is_spent = had_ballast and not ballast.is_held(self.root)
         if self.ballast_mb is not None and not is_spent:
-            ballast.keep(self.root, n_bytes=int(self.ballast_mb * 1_000_000))
+            ballast.hold(self.root, n_bytes=int(self.ballast_mb * 1_000_000))
         return FoldResult(tables, frozenset(hours), is_spent)
 
     def n_spooled(self) -> int:
@@ -147,7 +166,7 @@ class Store:
             try:
                 n_rows += pq.read_metadata(path).num_rows
             except FileNotFoundError:
-                continue  # folded meanwhile
+                continue  # a fold removed it meanwhile
             except (pa.ArrowException, ValueError, OSError) as error:
                 if getattr(error, "errno", None):
                     raise
@@ -163,27 +182,54 @@ class Store:
         found = [p.hour for t in TABLES for p in self.parts(t)]
         return (min(found), max(found)) if found else None
 
+    def days(self) -> set[int]:
+        """Return the UTC day numbers with a part, by their folders alone."""
+        return {day for t in TABLES for day in list_days(self.root, t, self.site_id)}
+
     def damaged(self) -> list[Path]:
-        """Return the parts whose bytes do not match the hash in their name."""
+        """Return the paths of parts whose bytes do not match the hash in their name."""
         return [p.path for t in TABLES for p in self.parts(t) if durable.file_digest(p.path) != p.digest]
 
     def refuse_damaged(self, parts: Iterable[Part] | None = None) -> None:
         """Raise StoreError E302 when a part is damaged: before its rows are used, or after it could not be read.
 
         Args:
-            parts: Parts to look at; None = all.
+            parts: Parts to check; None = all.
         """
         for part in parts if parts is not None else (p for t in TABLES for p in self.parts(t)):
             if durable.file_digest(part.path) != part.digest:
                 raise _damaged_part(part.path)
 
+    @contextlib.contextmanager
+    def reporting_damage(self) -> Iterator[None]:
+        """Turn errors of reading parts into one that names the damaged part, or says that the disk refused.
+
+        Raises:
+            StoreError: E302, a part is damaged.
+            DiskError: E304 to E306, the disk refused.
+        """
+        import duckdb
+
+        try:
+            yield
+        except VsdError:
+            raise
+        except (duckdb.Error, pa.ArrowException, ValueError, OSError) as error:
+            if refused := disk_error(error):
+                raise refused from None
+            self.refuse_damaged()
+            raise
+
     def _fold_table(
         self, table: TableName, segments: list[Path], hours: set[int], on_rows: Callable[[int], None] | None
-    ) -> Counts:
+    ) -> TableCounts:
         for path in segments:
             if durable.file_digest(path) != path.stem:
                 raise _damaged_segment(path)
-        done = Counts()
+        # publish all parts, sync their folders, and only then remove the segments: after a crash at any step the next
+        # fold reads the same segments again and finds the records it has already moved by their keys
+        segments, n_sealed = self._without_late(table, segments)
+        done = TableCounts(n_sealed=n_sealed)
         folders: set[Path] = set()
         with connect() as con:
             for span in _spans(segments):
@@ -194,24 +240,54 @@ class Store:
                     folder = unit_folder(self.root, table, self.site_id, hour)
                     self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
                     hours.add(hour)
-                done += Counts(rows.num_rows, n_read - rows.num_rows - n_second, n_second)
+                done += TableCounts(rows.num_rows, n_read - rows.num_rows - n_second, n_second)
                 parts = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
                 folders |= {part.path.parent for part in parts}
                 if on_rows is not None:
                     on_rows(n_read)
-        for folder in sorted(folders):  # what a fold that was killed renamed and did not sync is durable from here on
+        for folder in sorted(folders):  # an earlier fold may have been killed between the rename and the sync
             durable.fsync_dir(folder)
         for path in segments:
             durable.remove(path)
         durable.fsync_dir(self.root / "live" / table)
         return done
 
+    def _without_late(self, table: TableName, segments: list[Path]) -> tuple[list[Path], int]:
+        """Put records of sealed hours into quarantine; return the remaining segments and how many records were late.
+
+        A segment that holds both kinds is replaced by one with the rest. A crash in between does no harm: equal
+        entries are written once, and a record in two segments is folded once.
+        """
+        seals = Seals(self.root.parent / FOLDER, site_id=self.site_id)
+        days = frozenset(seals.days())
+        left: list[Path] = []
+        n_late = 0
+        for path in segments:
+            left.append(path)
+            if days.isdisjoint(h // 24 for h in _hours_in(path)):
+                continue
+            with pq.ParquetFile(path) as file:
+                rows = file.read()
+            mask = late_records.is_late(rows, seals)
+            if not pc.any(mask).as_py():
+                continue
+            late_records.to_quarantine(self.root.parent / quarantine.FOLDER, table, rows.filter(mask), segment=path)
+            rest = rows.filter(pc.invert(mask))
+            n_late += rows.num_rows - rest.num_rows
+            left.pop()
+            if rest.num_rows:
+                data = parquet_bytes(rest, compression="lz4")
+                left.append(path.parent / f"{durable.digest(data)}.parquet")
+                durable.publish(left[-1], data)
+            durable.remove(path)
+        return sorted(set(left)), n_late
+
     def _has_nothing_to_do(self) -> bool:
-        """Tell whether nothing is spooled and, the disk being one that can only be read, nothing can be swept."""
+        """Return whether the spool is empty and the disk read-only, so that nothing can be swept either."""
         return not os.access(self.root, os.W_OK) and not any(segment_paths(self.root, t) for t in TABLES)
 
     def _publish(self, path: Path, data: pa.Buffer) -> None:
-        """Publish a part; on a full disk once more after the ballast is given up."""
+        """Publish a part; on a full disk release the ballast and try once more."""
         try:
             durable.publish(path, data)
         except DiskError as error:
@@ -220,10 +296,9 @@ class Store:
             durable.publish(path, data)
 
     def _new_rows(self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span) -> tuple[pa.Table, int, int]:
-        """Return a span's rows that the table lacks, sorted by hour, how many were read, and how many second sightings.
+        """Return a span's rows that the table lacks, sorted by hour; the rows read; and the second sightings.
 
-        Of several rows with one key the least by its columns is taken, whatever the order of files. Rows are only
-        compared where a 64-bit hash of their keys says that they may be the same.
+        Of several rows with one key the least by its columns is taken, so the order of files changes nothing.
         """
         import duckdb
 
@@ -231,6 +306,8 @@ class Store:
         known = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
         self.refuse_damaged(known)  # a flipped bit in a key would let a record in twice
         try:
+            # Few keys come twice, so sorting all rows by key would be wasted work. Rows are grouped by a 64-bit hash of
+            # the key instead, and only rows that share a hash (`doubtful`) are sorted and compared.
             con.execute(
                 f"create or replace temp table spooled as select {columns}, hash({key}) as key_hash "
                 "from read_parquet($names) where ts >= to_timestamp($first_s) and ts < to_timestamp($end_s)",
@@ -256,10 +333,11 @@ class Store:
             if known:
                 aliases = [f"key_{i}" for i in range(len(KEYS[table]))]
                 aliased = ", ".join(f"{k} as {a}" for k, a in zip(KEYS[table], aliases, strict=True))
+                # track ids may be null, and null equals null in a key
                 is_same = " and ".join(f"f.{a} is not distinct from s.{a}" for a in aliases)
                 con.execute(
-                    f"create or replace temp table fresh as select {columns} from (select *, {aliased} from fresh) as f"
-                    f" "
+                    f"create or replace temp table fresh as select {columns} "
+                    f"from (select *, {aliased} from fresh) as f "
                     f"anti join (select {aliased} from read_parquet($names)) as s on {is_same}",
                     {"names": [str(part.path) for part in known]},
                 )
@@ -289,41 +367,14 @@ def _damaged(path: Path, what: str, *, mend: str) -> StoreError:
         f"a file with {what} is damaged",
         code="E302",
         where=Where(str(path)),
-        why="its bytes are not those whose hash stands in its name: the disk or a program changed them",
+        why=HASH_DIFFERS,
         mend=mend,
     )
 
 
-def engines_of(path: Path) -> list[str]:
-    """Return the engine names and versions noted in a part's or segment's metadata."""
-    noted = (pq.read_metadata(path).metadata or {}).get(ENGINES)
-    return [str(e) for e in json.loads(noted)] if noted else []
-
-
-def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Buffer:
-    """Return the bytes of a part: zstd, dictionary for ids and millimetres, delta coding for time, page checksums."""
-    schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(list(engines)[:ENGINES_MAX]).encode()})
-    dictionary = [f.name for f in schema if pa.types.is_string(f.type) or f.name.endswith(("_mm", "_px"))]
-    return _parquet_bytes(
-        rows.select(schema.names).cast(schema),
-        compression="zstd",
-        compression_level=3,
-        row_group_size=1_000_000,
-        write_page_checksum=True,
-        use_dictionary=dictionary,
-        column_encoding={"ts": "DELTA_BINARY_PACKED"},
-    )
-
-
-def _parquet_bytes(rows: pa.Table, **options: object) -> pa.Buffer:
-    sink = pa.BufferOutputStream()
-    pq.write_table(rows, sink, **options)
-    return sink.getvalue()
-
-
 @dataclass(frozen=True, slots=True)
 class _Span:
-    """Hours that are folded together, and the segments that may hold records of them."""
+    """UTC hours that are folded together, and the segments that hold records of them."""
 
     segments: Sequence[Path]
     first_hour: int
@@ -331,30 +382,29 @@ class _Span:
 
 
 def _spans(segments: Sequence[Path]) -> Iterator[_Span]:
-    """Yield the days of a spool, or the hours of days with more than SPAN_ROWS rows."""
-    ranges = []
-    for path in segments:
-        meta = pq.read_metadata(path)
-        column = meta.schema.names.index("ts")
-        statistics = [meta.row_group(i).column(column).statistics for i in range(meta.num_row_groups)]
-        first, last = min(s.min for s in statistics), max(s.max for s in statistics)
-        ranges.append((hour_of(_ms(first)), hour_of(_ms(last)), meta.num_rows, path))
-    for day in sorted({d for first, last, _, _ in ranges for d in range(first // 24, last // 24 + 1)}):
-        inside = [r for r in ranges if r[0] // 24 <= day <= r[1] // 24]
-        if sum(n_rows for _, _, n_rows, _ in inside) <= SPAN_ROWS:
-            yield _Span([path for *_, path in inside], day * 24, day * 24 + 23)
+    """Yield the days of a spool; of days with more than SPAN_ROWS rows the single hours, so that memory is bounded."""
+    found = [(path, _hours_in(path), pq.read_metadata(path).num_rows) for path in segments]
+    for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
+        hours_of_day = range(day * 24, day * 24 + 24)
+        inside = [(path, hours, n_rows) for path, hours, n_rows in found if not hours.isdisjoint(hours_of_day)]
+        if sum(n_rows for *_, n_rows in inside) <= SPAN_ROWS:
+            yield _Span([path for path, *_ in inside], day * 24, day * 24 + 23)
             continue
-        for hour in range(day * 24, day * 24 + 24):
-            if paths := [path for first, last, _, path in inside if first <= hour <= last]:
+        for hour in hours_of_day:
+            if paths := [path for path, hours, _ in inside if hour in hours]:
                 yield _Span(paths, hour, hour)
 
 
-def _ms(instant: datetime) -> int:
-    return round(instant.timestamp() * 1000)
+def _hours_in(segment: Path) -> frozenset[int]:
+    """Return the UTC hour numbers a segment has rows of; not a range, because instants may be years apart."""
+    import numpy as np
+
+    instants = pq.ParquetFile(segment).read(columns=["ts"])["ts"].cast(pa.int64())
+    return frozenset(np.unique(instants.to_numpy() // HOUR_MS).tolist())
 
 
 def _by_hour(rows: pa.Table) -> Iterator[tuple[int, pa.Table]]:
-    """Cut rows that are sorted by UTC hour into hours."""
+    """Yield each UTC hour number with its rows, from rows that are sorted by hour."""
     import numpy as np
 
     hours = rows["ts"].cast(pa.int64()).to_numpy() // HOUR_MS

@@ -1,4 +1,4 @@
-"""The rows of parts, audited by SQL: each in the hour of its file's name, sorted, and no key twice."""
+"""Audits of stored rows in SQL: each row in the UTC hour of its file's name, files sorted, and no key twice."""
 
 from __future__ import annotations
 
@@ -8,42 +8,42 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsd_analytics.duck import connect, literal_list
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
-from vsd_analytics.store.verify import Check, Finding, StoredPart
+from vsd_analytics.store.duck import connect, literal_list
+from vsd_analytics.store.verify_files import Check, StoredPart, StoreFault
 from vsd_analytics.warehouse.sqlfiles import relations
 
 if TYPE_CHECKING:
     import duckdb
 
 BATCH_ROWS = 1_000_000
-"""Rows audited at once: whole hours, so that a key twice in an hour is found."""
+"""Rows per batch. A batch holds whole hours, so that a key that occurs twice in an hour is found."""
 
-_APART = "move one of the files named away, and ingest the files of that hour again: what is stored is recognised"
+_FIX = "move one of the files named away, and ingest the files of that hour again: stored records are recognised"
 
 
 def audit_rows(parts: Sequence[StoredPart], *, on_rows: Callable[[int], None] | None = None) -> tuple[Check, ...]:
     """Return the checks of hours, order and keys.
 
     Args:
-        parts: Sound parts; those of one hour must all be among them.
+        parts: Undamaged parts; if one of an hour is given, all of that hour must be.
         on_rows: Called with the number of rows done, for a progress bar.
     """
     import duckdb
 
     n_rows = 0
-    found: dict[str, list[Finding]] = {"hours": [], "order": [], "keys": []}
+    found: dict[str, list[StoreFault]] = {"hours": [], "order": [], "keys": []}
     with connect() as con:
         _prepare(con)
         for batch in _batches(sorted(parts, key=lambda p: (p.part, p.table))):
             try:
                 _audit(con, batch, found)
             except duckdb.Error as error:
-                left = [p for p in batch if p.part.path.exists()]
-                if len(left) == len(batch):
+                present = [p for p in batch if p.part.path.exists()]
+                if len(present) == len(batch):
                     found["hours"] += [_unreadable(p, error) for p in batch]
-                else:  # somebody removed records meanwhile
-                    _audit(con, left, found)
+                else:  # a fold or purge removed files meanwhile
+                    _audit(con, present, found)
             n_rows += sum(p.n_rows for p in batch)
             if on_rows is not None:
                 on_rows(sum(p.n_rows for p in batch))
@@ -61,7 +61,7 @@ def _prepare(con: duckdb.DuckDBPyConnection) -> None:
         con.register(f"_empty_{table}", SCHEMAS[table].empty_table())
 
 
-def _audit(con: duckdb.DuckDBPyConnection, batch: Sequence[StoredPart], found: dict[str, list[Finding]]) -> None:
+def _audit(con: duckdb.DuckDBPyConnection, batch: Sequence[StoredPart], found: dict[str, list[StoreFault]]) -> None:
     con.execute("delete from parts")
     for number, stored in enumerate(batch):
         con.execute("insert into parts values (?, ?, ?)", (str(stored.part.path), number, stored.part.hour))
@@ -76,7 +76,7 @@ def _audit(con: duckdb.DuckDBPyConnection, batch: Sequence[StoredPart], found: d
 
 
 def _view(con: duckdb.DuckDBPyConnection, table: TableName, paths: Sequence[Path]) -> None:
-    """Make `part_<table>`: rows as stored, with number of the part, hour of its name, and place in the file."""
+    """Create the view `part_<table>`: stored rows with number and hour of the part, and number of the row."""
     rows = f"(select *, 0 as part, 0 as part_hour, 0 as part_row from _empty_{table})"
     if paths:
         files = f"read_parquet({literal_list(paths)}, union_by_name = true, filename = true, file_row_number = true)"
@@ -94,7 +94,7 @@ def _rows(con: duckdb.DuckDBPyConnection, audit: str) -> list[dict[str, Any]]:
 
 
 def _batches(parts: Sequence[StoredPart]) -> Iterator[Sequence[StoredPart]]:
-    """Yield runs of whole hours of at most about BATCH_ROWS rows."""
+    """Yield runs of whole hours of about BATCH_ROWS rows."""
     batch: list[StoredPart] = []
     n_rows = 0
     for _, hour in groupby(parts, key=lambda p: p.part.hour):
@@ -109,31 +109,33 @@ def _batches(parts: Sequence[StoredPart]) -> Iterator[Sequence[StoredPart]]:
         yield batch
 
 
-def _outside(stored: StoredPart, row: dict[str, Any]) -> Finding:
+def _outside(stored: StoredPart, row: dict[str, Any]) -> StoreFault:
     why = f"{row['n_rows']:,} rows from {_utc(row['first_ts'])} to {_utc(row['last_ts'])}"
-    return Finding("E302", stored.part.path, "a file holds records of another UTC hour than its name says", why, _APART)
+    return StoreFault(
+        "E302", stored.part.path, "a file holds records of another UTC hour than that of its name", why, _FIX
+    )
 
 
-def _unsorted(stored: StoredPart, row: dict[str, Any]) -> Finding:
-    why = f"{row['n_rows']:,} rows stand elsewhere than a fold would put them, first row {row['first_row']:,}"
-    return Finding("E302", stored.part.path, "a file was not written by a fold of this program", why, _APART)
+def _unsorted(stored: StoredPart, row: dict[str, Any]) -> StoreFault:
+    why = f"{row['n_rows']:,} rows are out of order, the first at row {row['first_row']:,}"
+    return StoreFault("E302", stored.part.path, "a file was not written by a fold of this program", why, _FIX)
 
 
-def _twice(table: TableName, batch: Sequence[StoredPart], rows: Sequence[dict[str, Any]]) -> Iterator[Finding]:
-    """Yield one finding for each two files that hold the same keys, and for each that holds one twice."""
+def _twice(table: TableName, batch: Sequence[StoredPart], rows: Sequence[dict[str, Any]]) -> Iterator[StoreFault]:
+    """Yield one finding for each two files that share keys, and for each file that holds a key twice."""
     for (first, last), keys in groupby(
         sorted(rows, key=lambda r: (r["first_part"], r["last_part"])), key=lambda r: (r["first_part"], r["last_part"])
     ):
         same = list(keys)
         other = "in it" if first == last else f"in it and in {batch[last].part.path.name}"
         where = f"camera {same[0]['camera_id']}, {_utc(same[0]['ts'])}"
-        why = f"{len(same):,} records of {table} stand more than once, {other}; the first: {where}"
-        yield Finding("E302", batch[first].part.path, "records are stored twice", why, _APART)
+        why = f"{len(same):,} records of {table} occur more than once, {other}; the first: {where}"
+        yield StoreFault("E302", batch[first].part.path, "records are stored twice", why, _FIX)
 
 
-def _unreadable(stored: StoredPart, error: Exception) -> Finding:
+def _unreadable(stored: StoredPart, error: Exception) -> StoreFault:
     why = " ".join(str(error).split())[:300]
-    return Finding("E302", stored.part.path, "the rows of these hours cannot be read", why, _APART)
+    return StoreFault("E302", stored.part.path, "the rows of these hours cannot be read", why, _FIX)
 
 
 def _utc(instant: datetime) -> str:

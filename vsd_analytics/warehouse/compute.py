@@ -1,4 +1,4 @@
-"""The work of a build: rows of facts, computed from stored parts in one DuckDB connection."""
+"""Rows of facts, computed from stored parts on one DuckDB connection."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
-from vsd_analytics.duck import connect, literal_list
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.store.layout import HOUR_MS, Part
-from vsd_analytics.warehouse.causes import made_of
 from vsd_analytics.warehouse.dimensions import params, register_quarters, register_site
+from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.graphs import components
+from vsd_analytics.warehouse.input_fingerprint import dependencies
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 if TYPE_CHECKING:
@@ -22,12 +23,35 @@ if TYPE_CHECKING:
 Parts = Mapping[TableName, Sequence[Part]]
 
 _UNUSED = ("quality", "distance_sd_mm")
-_INTERVAL_MAX_MS = 1_200_000  # of the fact camera_days
+"""Stored columns that no fact reads."""
+_INTERVAL_MAX_MS = 1_200_000
+"""Longest frame interval: `camera_days` cuts it at 20 minutes, so that an hour depends on its neighbours alone."""
 
 
-def day_facts(site: Site, parts: Parts) -> pa.Table:
-    """Return the rows of the fact `camera_days` of the UTC days whose stored parts are given."""
-    with connect() as con:
+def day_facts(site: Site, parts: Parts, *, first_day: int, last_day: int) -> pa.Table:
+    """Return the rows of the fact `camera_days` of UTC days.
+
+    Args:
+        site: The project.
+        parts: Stored parts of these days.
+        first_day: First UTC day number.
+        last_day: Last one, inclusive.
+
+    Raises:
+        SqlError: E604, DuckDB fails internally, also with careful settings.
+    """
+    try:
+        return _day_facts(site, parts, is_careful=False)
+    except INSIDE:
+        try:
+            return _day_facts(site, parts, is_careful=True)
+        except INSIDE as error:
+            hours = {"first_hour": first_day * 24, "last_hour": last_day * 24 + 23}
+            raise failed_inside(error, relation="camera_days", parts=parts, **hours) from error
+
+
+def _day_facts(site: Site, parts: Parts, *, is_careful: bool) -> pa.Table:
+    with connect(is_careful=is_careful) as con:
         register_site(con, site)
         for table in TABLES:
             rows = f"read_parquet({literal_list(p.path for p in parts[table])}, union_by_name = true)"
@@ -42,34 +66,52 @@ def hour_facts(
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
-    The rows of an hour depend on the parts of that hour and of those beside it alone, whatever is computed with it.
+    The rows of an hour depend only on the parts of that hour and of its two neighbours, not on the other hours that
+    are computed with it.
 
     Args:
         site: The project.
-        facts: Names of the facts wanted; what these are made of is computed too, and not handed out.
-        parts: Stored parts of those hours and of the hours beside them.
+        facts: Names of the facts to yield. Relations that these read are computed too, but not yielded.
+        parts: Stored parts of the hours and of their neighbours.
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
+
+    Raises:
+        SqlError: E604, DuckDB fails internally, also with careful settings.
     """
-    with connect() as con:
-        register_site(con, site)
-        register_quarters(con, first_hour=first_hour - 1, last_hour=last_hour + 1)
-        con.register("_camera_days", camera_days)
-        con.execute("create temp table camera_days as select * from _camera_days")
-        margin_ms = _margin_ms(site)
-        made, inputs = made_of(facts)
-        for table in (t for t in TABLES if f"stored_{t}" in inputs):
-            _load(con, table, parts[table], first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
-        for relation in (r for r in relations("staging", "facts").values() if r.name in made):
-            create(con, relation)
-            if relation.name in facts:
-                inside = f"select * from {relation.name} where hour between {first_hour:d} and {last_hour:d}"
-                yield relation, con.sql(inside).to_arrow_table()
+    computed, inputs = dependencies(facts)
+    margin_ms = _margin_ms(site)
+    spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
+    yielded = set[str]()  # before DuckDB failed: a second try computes them again but must not yield them twice
+    for is_careful in (False, True):
+        name = ""
+        try:
+            with connect(is_careful=is_careful) as con:
+                register_site(con, site)
+                register_quarters(con, first_hour=first_hour - 1, last_hour=last_hour + 1)
+                con.register("_camera_days", camera_days)
+                con.execute("create temp table camera_days as select * from _camera_days")
+                for table in (t for t in TABLES if f"stored_{t}" in inputs):
+                    name = f"stored_{table}"
+                    _load(con, table, parts[table], *spans)
+                for relation in (r for r in relations("staging", "facts").values() if r.name in computed):
+                    name = relation.name
+                    create(con, relation)
+                    if name in facts and name not in yielded:
+                        inside = f"select * from {name} where hour between {first_hour:d} and {last_hour:d}"
+                        yield relation, con.sql(inside).to_arrow_table()
+                        yielded.add(name)
+            return
+        except INSIDE as error:
+            if is_careful:
+                raise failed_inside(
+                    error, relation=name, parts=parts, first_hour=first_hour, last_hour=last_hour
+                ) from error
 
 
 def create(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
-    """Create a relation on a connection on which all that it reads stands: its rows, or the components of its edges."""
+    """Create a relation as a table; the connection must have all it reads. Of a graph, create the components."""
     if not relation.is_graph:
         con.execute(f"create temp table {relation.name} as {relation.sql}")
         return
@@ -79,7 +121,10 @@ def create(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
 
 
 def _margin_ms(site: Site) -> int:
-    """Return how far the facts of an hour look beyond it: to the next frame, and over the longest gap of an episode."""
+    """Return how far beyond an hour its facts read records: the next frame, or the longest gap within an episode.
+
+    5 / 2: gaps of up to 2.5 frame intervals are one episode (`staging/close_records`).
+    """
     s = params(site)
     return max(int(s["coverage_gap_ms"]), int(s["episode_gap_ms"]), _INTERVAL_MAX_MS * 5 // 2)
 
@@ -89,7 +134,7 @@ def _load(
 ) -> None:
     columns = ", ".join(c for c in SCHEMAS[table].names if c not in _UNUSED)
     rows = _empty(con, table)
-    if parts:  # parts written before a column existed lack it
+    if parts:  # older parts lack columns that were added later
         rows = f"(select * from {rows} union all by name select * from read_parquet($names, union_by_name = true))"
     con.execute(
         f"create temp table stored_{table} as select {columns} from {rows} "

@@ -1,4 +1,4 @@
-"""The small relations every query may join: params, cameras, calibrations, owner cells, quarters, calendar, areas."""
+"""The small tables every query can join: params, cameras, calibrations, owner cells, quarters, calendar, areas."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.settings import BY_NAME
-from vsd_analytics.site import Calibration, Camera, Floor, Site
+from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 
 if TYPE_CHECKING:
     import duckdb
 
-    from vsd_analytics.ownership import OwnerCell
+    from vsd_analytics.geometry.ownership import OwnerCell
 
 QUARTER_MS = 900_000
 FOREVER_MS = 2**53
+"""An instant after all others that float64 still holds exactly."""
 
 _CAMERAS = pa.schema(
     [
@@ -108,7 +109,7 @@ def bucket_quarters(site: Site) -> int:
 
 @cache
 def _has_whole_hours(timezone: str) -> bool:
-    """Tell whether local hours of the zone start on UTC hours, in every week from the first year records may be of."""
+    """Return whether local hours of the zone start on UTC hours, in all years from which records are accepted."""
     zone = ZoneInfo(timezone)
     first = datetime(int(BY_NAME["earliest_year"].default), 1, 1, tzinfo=UTC)
     offsets = {(first + timedelta(weeks=w)).astimezone(zone).utcoffset() for w in range(60 * 53)}
@@ -132,12 +133,12 @@ def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_h
 
 @dataclass(frozen=True, slots=True)
 class OwnerSpan:
-    """A time during which the owners of a floor's cells do not change.
+    """A span of time in which the owners of a floor's cells do not change.
 
     Attributes:
         floor_id: The floor.
-        from_ms: Start, UTC milliseconds; -FOREVER_MS = since ever.
-        to_ms: End, exclusive; FOREVER_MS = until a next calibration.
+        from_ms: Start, UTC milliseconds; -FOREVER_MS = no start.
+        to_ms: End, exclusive; FOREVER_MS = no end.
         cells: Which camera counts where the views of several overlap.
     """
 
@@ -148,9 +149,9 @@ class OwnerSpan:
 
 
 def owner_spans(site: Site) -> list[OwnerSpan]:
-    """Return the owner cells of each floor by time: a new span starts where a calibration of one of its cameras does.
+    """Return the owner cells of each floor by time: a new span starts when a calibration of one of its cameras does.
 
-    In each span every camera stands in the calibration that is in force then (`ownership.owner_cells`).
+    Within a span each camera has the one calibration in force (`ownership.owner_cells`).
     """
     spans = []
     for floor in site.floors:
@@ -165,13 +166,13 @@ def owner_spans(site: Site) -> list[OwnerSpan]:
 
 @lru_cache(maxsize=64)
 def _owner_cells(cameras: tuple[Camera, ...], cell_m: float, floor: Floor) -> tuple[OwnerCell, ...]:
-    from vsd_analytics import ownership
+    from vsd_analytics.geometry import ownership
 
     return tuple(ownership.owner_cells(cameras, cell_m=cell_m, floor=floor))
 
 
 def owner_cells(site: Site) -> pa.Table:
-    """Return which camera counts where the views of several overlap, and from when to when (`owner_spans`)."""
+    """Return the relation `owner_cells`: which camera counts where the views of several overlap, by span of time."""
     rows: list[tuple[Any, ...]] = [
         (span.floor_id, span.from_ms, span.to_ms, cell.camera_id, cell.cx, cell.cy)
         for span in owner_spans(site)
@@ -181,9 +182,10 @@ def owner_cells(site: Site) -> pa.Table:
 
 
 def calibration_spans(camera: Camera) -> list[tuple[int, int, Calibration]]:
-    """Return a camera's calibrations, each with its first and end instant (UTC milliseconds, end exclusive).
+    """Return a camera's calibrations, each with its start and end (UTC milliseconds, end exclusive).
 
-    The first holds since ever; one with the numbers of the one before it goes on with that.
+    The first has no start: it also holds for records before its date. A calibration equal to the one before it does not
+    start a new span, so that entering it twice makes no fact stale.
     """
     starts: list[tuple[int, Calibration]] = []
     for c in camera.calibrations:
@@ -196,12 +198,12 @@ def calibration_spans(camera: Camera) -> list[tuple[int, int, Calibration]]:
 
 
 def in_force(camera: Camera, ms: int) -> tuple[Calibration, ...]:
-    """Return the calibration of a camera in force at an instant (UTC milliseconds), or none."""
+    """Return the calibration of a camera in force at an instant (UTC milliseconds), as a tuple of one, or empty."""
     return tuple(c for from_ms, to_ms, c in calibration_spans(camera) if from_ms <= ms < to_ms)
 
 
 def area_cells(site: Site) -> pa.Table:
-    """Return the floor cells whose centre lies in each area; one in several belongs to the first of vsd.toml."""
+    """Return the floor cells whose centre lies in each area; the first area in vsd.toml gets shared cells."""
     import shapely
 
     cell_m = site.settings.cell_m
@@ -225,9 +227,17 @@ def area_cells(site: Site) -> pa.Table:
 def calendar(site: Site, first: date, last: date) -> pa.Table:
     """Return the site's calendar: one row per UTC quarter-hour of the local days from `first` to `last`.
 
-    Columns: quarter (UTC quarter-hours since 1970), local_date, local_hour (0 to 23), fold (1 in the second of two
-    equal hours), weekday (1 Monday to 7 Sunday), hour_start_ms (UTC instant the local hour starts), offset_min,
-    is_open. A day has 92, 96 or 100 rows; rows come from `zoneinfo`, so SQL needs no time-zone function.
+    A day has 92, 96 or 100 rows. They come from `zoneinfo`, so SQL needs no time-zone function.
+
+    Args:
+        site: The project.
+        first: First local day.
+        last: Last local day, inclusive.
+
+    Returns:
+        Columns quarter (UTC quarter-hours since 1970), local_date, local_hour (0 to 23), fold (1 in the second of two
+        equal hours), weekday (1 Monday to 7 Sunday), hour_start_ms (UTC instant the local hour starts), offset_min
+        (minutes east of UTC), is_open.
     """
     zone = site.zone
     start = _quarter_at(first, site)
@@ -261,7 +271,7 @@ def site_days(site: Site, first: date, last: date) -> pa.Table:
 
 
 def is_open(site: Site, day: date, minute: int) -> bool:
-    """Tell whether the site is open at `minute` minutes after local midnight of `day`."""
+    """Return whether the site is open at `minute` minutes after local midnight of `day`."""
     if day in site.closed:
         return False
     if site.opening is None:
@@ -288,12 +298,12 @@ def _calibration_table(site: Site) -> pa.Table:
 
 def calibration_rows(camera: Camera) -> Sequence[tuple[Any, ...]]:
     """Return the rows of the relation `calibrations` of one camera, in order of time."""
-    from vsd_analytics import geometry
+    from vsd_analytics.geometry import camera_views
 
     rows = []
     for from_ms, to_ms, c in calibration_spans(camera):
         h = c.homography
-        sign = geometry.ground_sign(h, picture_px=camera.picture_px)
+        sign = camera_views.ground_sign(h, picture_px=camera.picture_px)
         rows.append((camera.camera_id, from_ms, to_ms, c.calibration_id, *h[0], *h[1], *h[2], sign))
     return rows
 

@@ -1,7 +1,7 @@
-"""Fact files: Parquet that notes its causes and a digest of its own bytes, so that one flipped bit shows.
+"""Fact files: Parquet whose metadata holds the hashes of its inputs and a digest of the file's own bytes.
 
-The digest is BLAKE2b over the whole file with zeros in the digest's place. It therefore covers rows, statistics and
-footer alike: a changed statistic could make a reader skip rows that are all there.
+The digest is BLAKE2b over the whole file with zeros in the digest's place. So it covers rows, statistics and footer: a
+flipped bit in a statistic could make a reader skip rows that are in the file.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-CAUSES = b"vsd.causes"
+INPUTS = b"vsd.causes"
+"""Metadata key of the input hashes. Every file on disk has it, so it keeps its name from before they were "inputs"."""
 DIGEST = b"vsd.digest"
 _BYTES = 16
 _ZEROS = b"0" * 2 * _BYTES
 
 
-def fact_bytes(rows: pa.Table, *, causes: Mapping[str, str]) -> bytes:
+def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str]) -> bytes:
     """Return the bytes of a fact file.
 
     Args:
         rows: Its rows.
-        causes: Hashes of what they were computed from, by cause.
+        inputs: Hash of each kind of input they were computed from.
     """
-    noted = {CAUSES: json.dumps(dict(causes), sort_keys=True).encode(), DIGEST: _ZEROS}
+    noted = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
     sink = pa.BufferOutputStream()
     pq.write_table(
         rows.combine_chunks().replace_schema_metadata(noted), sink, compression="zstd", write_page_checksum=True
@@ -38,28 +39,32 @@ def fact_bytes(rows: pa.Table, *, causes: Mapping[str, str]) -> bytes:
 
 
 def is_undamaged(data: bytes) -> bool:
-    """Tell whether all bytes of a fact file are those that were written; without a digest they are not."""
+    """Return whether all bytes of a fact file match its digest; False for a file without one."""
     place = _place(data)
     noted = data[place : place + len(_ZEROS)]
     return _digest(data[:place] + _ZEROS + data[place + len(_ZEROS) :]) == noted
 
 
 def is_undamaged_file(path: Path) -> bool:
-    """Tell whether a fact file is there, can be read, and is undamaged."""
+    """Return whether a fact file exists, can be read, and matches its digest."""
     try:
         return is_undamaged(path.read_bytes())
     except OSError:
         return False
 
 
-def causes_of(data: bytes) -> dict[str, str]:
-    """Return the causes noted in the bytes of an undamaged fact file."""
-    noted = (pq.read_metadata(pa.BufferReader(data)).metadata or {}).get(CAUSES, b"{}")
+def noted_inputs(data: bytes) -> dict[str, str]:
+    """Return the input hashes in the metadata of an undamaged fact file."""
+    noted = (pq.read_metadata(pa.BufferReader(data)).metadata or {}).get(INPUTS, b"{}")
     return {str(k): str(v) for k, v in json.loads(noted).items()}
 
 
 def _place(data: bytes) -> int:
-    """Return where the digest stands: in the footer's list of texts, two bytes (kind and length) after its key."""
+    """Return the offset of the digest.
+
+    Parquet's footer stores metadata as Thrift strings: after the key come two bytes (field type and length), then the
+    value. `rfind`, because column data before the footer may hold the same bytes by chance.
+    """
     return data.rfind(DIGEST) + len(DIGEST) + 2
 
 

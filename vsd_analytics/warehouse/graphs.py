@@ -1,4 +1,4 @@
-"""Connected components, the one step of facts that SQL cannot do without walking a graph edge by edge."""
+"""Connected components: the one step of facts that SQL cannot do in a fixed number of joins."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import pyarrow as pa
 
 
 def components(edges: pa.Table) -> pa.Table:
-    """Return the nodes of a graph, each with the least node it is connected to.
+    """Return the nodes of many graphs, each with the least node it is connected to.
 
     Args:
-        edges: Two last columns `node_a` and `node_b`, whole numbers; an edge from a node to itself makes it one of the
-            graph. What stands in front of them tells graphs apart: nodes of different ones are never connected.
+        edges: One row per edge. The last two columns, `node_a` and `node_b`, are integers; an edge from a node to
+            itself adds a node without neighbours. The columns before them identify the graph: nodes of different graphs
+            are never connected.
 
     Returns:
-        The columns in front, `node`, `component`; one row per node, no node twice in one graph.
+        The graph's columns, `node` and `component`; one row per graph and node.
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -24,6 +25,8 @@ def components(edges: pa.Table) -> pa.Table:
     node, n_edges = np.concatenate(ends), edges.num_rows
     low = int(node.min()) if n_edges else 0
     span = int(node.max()) - low + 1 if n_edges else 1
+    # Number the graphs, then number (graph, node) as one integer: one sparse matrix holds all graphs of an hour, so
+    # scipy is called once instead of once per frame.
     graph = np.zeros(n_edges, dtype=np.int64)
     for name in keys:
         values = edges[name].combine_chunks().dictionary_encode()
@@ -32,7 +35,7 @@ def components(edges: pa.Table) -> pa.Table:
     ones = np.ones(n_edges, dtype=np.int8)
     matrix = coo_matrix((ones, (of[:n_edges], of[n_edges:])), shape=(len(seen_at), len(seen_at)))
     label = connected_components(matrix, directed=False)[1]
-    _, first = np.unique(label, return_index=True)  # nodes of one graph stand in order: the first is the least
+    _, first = np.unique(label, return_index=True)  # np.unique sorted the nodes of a graph, so the first is the least
     at = seen_at % max(1, n_edges)
     found: dict[str, pa.ChunkedArray | pa.Array] = {name: edges[name].take(pa.array(at)) for name in keys}
     values = {"node": node[seen_at], "component": node[seen_at][first[label]]}

@@ -1,4 +1,4 @@
-"""Where a range's records came from: engines, and each camera's last record. Read from the store's own metadata."""
+"""Where the records of a range came from: their engines, and each camera's last record."""
 
 from __future__ import annotations
 
@@ -7,47 +7,62 @@ from datetime import UTC, date, datetime, timedelta
 from itertools import groupby
 from pathlib import Path
 
-from vsd_analytics.duck import connect
 from vsd_analytics.schema import TABLES
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
+from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import Part
-from vsd_analytics.store.store import engines_of
+from vsd_analytics.store.part_files import engines_of
 from vsd_analytics.warehouse.sealed import sealed_range
 
 LOOK_BACK = timedelta(days=60)
+"""How far back `last_records` searches. A camera silent for longer is reported as without records."""
 
 
 def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
-    """Return the engines noted in the first and last part of each day of a range of local days, sorted."""
+    """Return the names of the engines that sent the records of a range of local days, sorted.
+
+    Reads only the first and last part of each UTC day: an engine that was replaced within a day shows in one of them.
+
+    Raises:
+        StoreError: E302, a part is damaged.
+    """
     noted: set[str] = set()
     hours = _hours(site, first, last)
     sealed = sealed_range(site, *hours).hours
-    for table, found in _parts(site, hours).items():
-        ordered: list[tuple[int, Path | tuple[str, ...]]] = [(p.hour, p.path) for p in found if p.hour not in sealed]
-        ordered += [(h, told) for h, unit in sealed.items() for told in unit.engines.get(table, ())]
-        ordered.sort(key=lambda part: part[0])
-        for _, day in groupby(ordered, key=lambda part: part[0] // 24):
-            parts = [told for _, told in day]
-            for told in (parts[0], parts[-1]):
-                noted.update(engines_of(told) if isinstance(told, Path) else told)
+    store = _store(site)
+    with store.reporting_damage():
+        for table, found in _parts(store, hours).items():
+            ordered: list[tuple[int, Path | tuple[str, ...]]] = [
+                (p.hour, p.path) for p in found if p.hour not in sealed
+            ]
+            ordered += [(h, names) for h, unit in sealed.items() for names in unit.engines.get(table, ())]
+            ordered.sort(key=lambda part: part[0])
+            for _, day in groupby(ordered, key=lambda part: part[0] // 24):
+                parts = [part for _, part in day]
+                for part in (parts[0], parts[-1]):
+                    noted.update(engines_of(part) if isinstance(part, Path) else part)
     return tuple(sorted(noted))
 
 
 def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dict[str, datetime]:
-    """Return the instant of each camera's last record up to a local day, inclusive, in the site's zone.
+    """Return the instant of each camera's last record up to a local day, inclusive, in the site's time zone.
 
-    Cameras without a record in the sixty days before are left out.
+    Cameras without a record in the sixty days before that day are left out.
+
+    Raises:
+        StoreError: E302, a part is damaged.
     """
     found: dict[str, datetime] = {}
     hours = _hours(site, until - LOOK_BACK, until)
     sealed = sealed_range(site, *hours).hours
     by_hour: dict[int, list[str]] = {hour: [] for hour in sealed}
-    for parts in _parts(site, hours).values():
+    store = _store(site)
+    for parts in _parts(store, hours).values():
         for part in parts:
             if part.hour not in sealed:
                 by_hour.setdefault(part.hour, []).append(str(part.path))
-    with connect() as con:
+    with store.reporting_damage(), connect() as con:
         for hour in sorted(by_hour, reverse=True):
             if len(found) == len(set(camera_ids)):
                 break
@@ -74,7 +89,10 @@ def _hours(site: Site, first: date, last: date) -> tuple[int, int]:
     return starts[0], starts[1] - 1
 
 
-def _parts(site: Site, hours: tuple[int, int]) -> dict[str, list[Part]]:
+def _store(site: Site) -> Store:
+    return Store(site.root / "store", site_id=site.site_id)
+
+
+def _parts(store: Store, hours: tuple[int, int]) -> dict[str, list[Part]]:
     """Return the parts of each table over a range of UTC hours, in order of time."""
-    store = Store(site.root / "store", site_id=site.site_id)
     return {t: store.parts(t, first_hour=hours[0], last_hour=hours[1]) for t in TABLES}

@@ -1,4 +1,4 @@
-"""The sealed facts of a range: what purged hours left, and which of it was computed by other rules than today's."""
+"""Sealed facts of a range: those of purged hours, and which of them were computed by other rules than today's."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
 from vsd_analytics.store.seals import DAY_FACT, FOLDER, Seals, UnitSeal
-from vsd_analytics.warehouse.causes import Causes, SiteTimes, needs, told
+from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, fact_inputs, stale_reason
 from vsd_analytics.warehouse.sqlfiles import relations
 
 
@@ -20,7 +20,8 @@ class SealedRange:
     Attributes:
         hours: Sealed hours by UTC hour number.
         days: The sealed fact `camera_days`, by UTC day number.
-        whole_days: UTC days of which nothing is computed any more, whether an hour of them was recorded or not.
+        whole_days: UTC days that are sealed as a whole. No fact of them is computed again, not even of an hour without
+            records: late records for it are refused.
     """
 
     hours: Mapping[int, UnitSeal] = field(default_factory=dict)
@@ -28,11 +29,14 @@ class SealedRange:
     whole_days: frozenset[int] = frozenset()
 
     def holds(self, hour: int) -> bool:
-        """Tell whether the facts of a UTC hour are not computed any more."""
+        """Return whether the facts of a UTC hour are sealed, so that a build must not compute them."""
         return hour in self.hours or hour // 24 in self.whole_days
 
     def fact_paths(self, site: Site, relation: str) -> list[tuple[int, Path]]:
-        """Return UTC hour number and file of one sealed fact, in order; facts that were not known then are left out."""
+        """Return UTC hour number and file of one sealed fact, in order.
+
+        Hours that were sealed before the fact existed have no file of it and are left out.
+        """
         seals = Seals(site.root / FOLDER, site_id=site.site_id)
         units = {d * 24: u for d, u in self.days.items()} if relation == DAY_FACT else self.hours
         known = [(h, u.facts[relation]) for h, u in sorted(units.items()) if relation in u.facts]
@@ -58,36 +62,32 @@ def sealed_range(site: Site, first_hour: int | None, last_hour: int | None) -> S
     )
 
 
-class Rules:
-    """By which rules facts would be computed today: SQL, settings, cameras, calibrations.
-
-    Args:
-        site: The project.
-    """
+class CurrentRules:
+    """The rules by which facts would be computed today: SQL, settings, cameras, calibrations."""
 
     def __init__(self, site: Site) -> None:
-        needed = needs(site, [r.name for r in relations("facts").values() if r.unit == "hour"])
+        needed = fact_inputs(site, [r.name for r in relations("facts").values() if r.unit == "hour"])
         self._shared = {"sql": needed.sql, "settings": needed.settings}
-        self._times = SiteTimes(site)
+        self._times = SiteInputs(site)
 
-    def of_hour(self, hour: int, *, present: Collection[str]) -> Causes:
-        """Return a hash of each rule for a UTC hour in which these cameras had records."""
+    def of_hour(self, hour: int, *, present: Collection[str]) -> InputHashes:
+        """Return a hash of each rule for a UTC hour in which the cameras `present` had records."""
         return {**self._shared, **self._times.of_hour(hour, present=present)}
 
     def changed(self, hour: int, unit: UnitSeal) -> tuple[str, ...]:
-        """Return which rules have changed since an hour was sealed."""
+        """Return the kinds of rules that changed since an hour was sealed, of `STALE_REASONS`."""
         today = self.of_hour(hour, present=unit.cameras)
         return tuple(c for c in today if unit.causes.get(c) != today[c])
 
 
 @dataclass(frozen=True, slots=True)
 class OtherRules:
-    """Sealed hours in a row that were computed by other rules than today's, and stay as they are.
+    """A run of sealed hours that were computed by other rules than today's; without records they cannot be redone.
 
     Attributes:
         first_hour, last_hour: First and last of them, UTC hour numbers.
-        n_hours: How many.
-        changed: What has changed since, of `causes.WORDS`.
+        n_hours: Number of sealed hours in the run.
+        changed: Kinds of rules that changed since, of `STALE_REASONS`.
     """
 
     first_hour: int
@@ -95,22 +95,23 @@ class OtherRules:
     n_hours: int
     changed: tuple[str, ...]
 
-    def told(self, site: Site) -> str:
-        """Return the warning for people, in the site's local time."""
+    def warning(self, site: Site) -> str:
+        """Return the warning for users, in the site's local time."""
         first, last = (
             datetime.fromtimestamp(s, tz=site.zone) for s in (self.first_hour * 3600, self.last_hour * 3600 + 3600)
         )
         hours = f"{self.n_hours:,} hour{'' if self.n_hours == 1 else 's'}"
         return (
             f"{hours} between {first:%Y-%m-%d %H:%M} and {last:%Y-%m-%d %H:%M} stand as they were sealed by a purge, "
-            f"and since then: {told(self.changed)}; do not compare them with newer ones"
+            f"and since then: {stale_reason(self.changed)}; do not compare them with newer ones"
         )
 
 
 def other_rules(site: Site, sealed: SealedRange, *, first_hour: int, last_hour: int) -> list[OtherRules]:
     """Return the runs of sealed hours in [first_hour, last_hour] that were computed by other rules than today's."""
     runs: list[OtherRules] = []
-    rules, before = Rules(site), tuple[str, ...]()
+    # One run is one warning: hours in a row with the same changes. Hours under today's rules end it.
+    rules, before = CurrentRules(site), tuple[str, ...]()
     for hour, unit in sorted(sealed.hours.items()):
         if not first_hour <= hour <= last_hour:
             continue

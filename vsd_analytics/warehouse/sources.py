@@ -1,8 +1,8 @@
-"""Where the rows of facts and marts come from: files of hours, files of days, or a query over other relations."""
+"""Where the rows of facts and marts come from: files by hour, files by day, or a query over other relations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from itertools import groupby
 from pathlib import Path
@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING, TypeVar
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vsd_analytics.duck import literal_list
-from vsd_analytics.site import Site
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.duck import literal_list
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.seals import FOLDER as SEALED
 from vsd_analytics.store.seals import Seals
-from vsd_analytics.warehouse.build import BuildResult, damaged_facts, is_whole
-from vsd_analytics.warehouse.catalog import Source
-from vsd_analytics.warehouse.days import DayFile, Days
+from vsd_analytics.warehouse.build import damaged_facts, is_whole
+from vsd_analytics.warehouse.build_result import BuildResult
+from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
+from vsd_analytics.warehouse.relations import RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 if TYPE_CHECKING:
@@ -28,20 +29,22 @@ if TYPE_CHECKING:
 
 Day = TypeVar("Day", int, date)
 
-_GREAT = ("pairs", "distance_times", "company_times")  # facts of so many rows that few questions are worth reading them
+_NEVER_IN_MEMORY = ("pairs", "distance_times", "company_times")
+"""Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
 
 
-class Sources:
+class RelationSources:
     """The sources of the relations of one range.
 
     Args:
         con: The connection they are for; rows that could not be written are registered on it.
         site: The project.
-        built: Its facts of the range.
+        built: The facts of the range.
         hours: First and last UTC hour number of these.
-        days: The day files of the range; None = every mart is computed from hourly facts.
-        whole_facts: Makes files of hourly facts anew that are torn; called when one is.
-        rows_of_days: Gives the rows of a mart of a range of days, computed from hourly facts.
+        days: The day files of the range; None = compute every mart from hourly facts.
+        whole_facts: Recomputes torn files of hourly facts; called when one is found.
+        rows_of_days: Returns the rows of a mart of a range of days, computed from hourly facts.
+        superseded_files: List to which files are added that newer ones replace.
     """
 
     def __init__(
@@ -51,30 +54,34 @@ class Sources:
         *,
         built: BuildResult,
         hours: tuple[int, int],
-        days: Days | None,
+        days: DayFiles | None,
         whole_facts: Callable[[], None],
         rows_of_days: Callable[[Relation, date, date], pa.Table],
+        superseded_files: list[Path],
     ) -> None:
         self._con, self._site, self._built, self._hours, self._days = con, site, built, hours, days
         self._whole_facts, self._rows_of_days = whole_facts, rows_of_days
         self._read: list[Path] = []
-        self.leftovers: list[Path] = []
+        self._superseded = superseded_files
 
-    def of(self, relation: Relation) -> Source:
-        """Return where the rows of a relation come from, its files made where they are lacking."""
-        if relation.kept and self._days is not None:
-            make = self._kept_fact if relation.layer == "facts" else self._kept_mart
-            return Source(make(relation, self._days), is_files=True)
+    def of(self, relation: Relation) -> RelationSource:
+        """Return where the rows of a relation come from, after writing its missing day files."""
+        if relation.stored_by and self._days is not None:
+            query = self._fact_by_days if relation.layer == "facts" else self._mart_by_days
+            return RelationSource(query(relation, self._days), is_files=True)
         if relation.layer == "marts":
-            return Source(relation.sql, relation.reads)
-        return Source(
+            return RelationSource(relation.sql, relation.reads)
+        return RelationSource(
             self._of_hours(relation, *self._hours),
-            keep_after=None if relation.name in _GREAT else 1,
+            materialise_at=None if relation.name in _NEVER_IN_MEMORY else 1,
             is_files=True,
         )
 
     def refuse_damaged(self, error: Exception) -> None:
-        """Raise StoreError when a file that was to be read is damaged: E302, or E313 for a sealed one."""
+        """Raise StoreError when a file that a query read is damaged: E302, or E313 for a sealed one.
+
+        Called after DuckDB failed. Comparing every file with its digest before each query would double the reading.
+        """
         seals = Seals(self._site.root / SEALED, site_id=self._site.site_id)
         sealed = [p for p in self._read if p.is_relative_to(seals.root)]
         seals.refuse_damaged(sealed)
@@ -85,6 +92,7 @@ class Sources:
         """Return a query of the fresh and sealed rows of a fact in a range of hours."""
         root, site_id, sealed = self._site.root / "facts", self._site.site_id, self._built.sealed
         if relation.unit == "day":
+            # Days that an hour of the range lies in or borders on: the file of a day lies in its first hour.
             first_hour, last_hour = first_hour - 48, last_hour + 48
             known = {d * 24: f for d, f in self._built.day_fingerprints.items()}
             parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
@@ -95,61 +103,70 @@ class Sources:
             fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest and not sealed.holds(p.hour)]
             if not all(is_whole(path) for _, path in fresh):
                 self._whole_facts()
-        kept = [(h, p) for h, p in sealed.fact_paths(self._site, relation.name) if first_hour <= h <= last_hour]
-        paths = [path for _, path in sorted([*fresh, *kept])]
+        sealed_paths = [(h, p) for h, p in sealed.fact_paths(self._site, relation.name) if first_hour <= h <= last_hour]
+        paths = [path for _, path in sorted([*fresh, *sealed_paths])]
         self._read += paths
         if not paths:
             return _empty(relation)
-        if not kept:
+        if not sealed_paths:
             return f"select * from read_parquet({literal_list(paths)}, hive_partitioning = false)"
-        # facts sealed by an older version may lack a column, and have others that are gone
+        # Facts sealed by an older version may lack a column of today or have one that no longer exists.
         every = f"read_parquet({literal_list(paths)}, union_by_name = true, hive_partitioning = false)"
         return f"select {', '.join(relation.columns)} from ({_empty(relation)} union all by name select * from {every})"
 
-    def _kept_fact(self, relation: Relation, days: Days) -> str:
-        """Return a query of the rows of a fact: whole UTC days by their files, the hours beside them by theirs."""
+    def _fact_by_days(self, relation: Relation, days: DayFiles) -> str:
+        """Return a query of the rows of a fact: whole UTC days from day files, hours at the ends from hour files."""
         first, last = self._hours
         files = days.utc_files(relation, first_hour=first, last_hour=last)
-        lacking = [d for d, file in files.items() if not is_whole(file.path)]
-        made = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in lacking)
-        rest = self._write(relation, files, made)
+        missing = [d for d, file in files.items() if not is_whole(file.path)]
+        rows = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in missing)
+        unwritten = self._write(files, rows)
         before, after = _edges(first, last)
         return self._in_order(
             relation,
             [
                 *([self._of_hours(relation, *before)] if before else ()),
-                *(rest.get(d, file.path) for d, file in files.items()),
+                *(unwritten.get(d, file.path) for d, file in files.items()),
                 *([self._of_hours(relation, *after)] if after else ()),
             ],
         )
 
-    def _kept_mart(self, relation: Relation, days: Days) -> str:
-        """Return a query of the rows of a mart: those of each day by its file."""
+    def _mart_by_days(self, relation: Relation, days: DayFiles) -> str:
+        """Return a query of the rows of a mart: each day from its file, computing runs of missing days at once."""
         files = days.files(relation)
-        rest: dict[date, pa.Table] = {}
-        for run in _runs([d for d, file in files.items() if not is_whole(file.path)]):
-            rows = self._rows_of_days(relation, run[0], run[-1])
-            rest |= self._write(relation, files, ((d, rows.filter(pc.equal(rows[relation.kept], d))) for d in run))
-        return self._in_order(relation, [rest.get(d, file.path) for d, file in files.items()])
+        missing = _runs([d for d, file in files.items() if not is_whole(file.path)])
 
-    def _write(
-        self, relation: Relation, files: Mapping[Day, DayFile], made: Iterable[tuple[Day, pa.Table]]
-    ) -> dict[Day, pa.Table]:
-        """Write the rows of days; return those that the disk did not take."""
-        refused: dict[Day, pa.Table] = {}
-        for day, rows in made:
+        def rows_by_day() -> Iterator[tuple[date, pa.Table]]:
+            for run in missing:
+                rows = self._rows_of_days(relation, run[0], run[-1])
+                yield from ((d, rows.filter(pc.equal(rows[relation.stored_by], d))) for d in run)
+
+        unwritten = self._write(files, rows_by_day())
+        return self._in_order(relation, [unwritten.get(d, file.path) for d, file in files.items()])
+
+    def _write(self, files: Mapping[Day, DayFile], rows_by_day: Iterable[tuple[Day, pa.Table]]) -> dict[Day, pa.Table]:
+        """Write day files, note what they supersede, and return the rows that were not written.
+
+        Not written are rows of days without facts, and all that a full or read-only disk refuses: a report then costs
+        more time, but has every figure.
+        """
+        unwritten: dict[Day, pa.Table] = {}
+        for day, rows in rows_by_day:
             file = files[day]
+            if not file.has_facts:
+                unwritten[day] = rows
+                continue
             try:
-                publish(file.path, fact_bytes(rows, causes=file.causes), is_synced=False)
+                publish(file.path, fact_bytes(rows, inputs=file.inputs), is_synced=False)
                 sweep_temporaries(file.path.parent)
             except OSError:
-                refused[day] = rows
-            else:
-                self.leftovers += [p for p in file.path.parent.glob("*.parquet") if p != file.path]
-        return refused
+                unwritten[day] = rows
+        # An older file beside one that could not be written is superseded by nothing and stays.
+        self._superseded += superseded(f for d, f in files.items() if d not in unwritten)
+        return unwritten
 
     def _in_order(self, relation: Relation, pieces: Sequence[str | Path | pa.Table]) -> str:
-        """Return a query of the rows of queries, files and tables, one after the other."""
+        """Return a query of the rows of queries, files and tables, in the order given."""
         queries: list[str] = []
         for _, run in groupby(pieces, key=type):
             same = list(run)
@@ -165,7 +182,7 @@ class Sources:
 
 
 def _edges(first: int, last: int) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
-    """Return the hours at the two ends of [first, last] that are not of UTC days that lie whole in it."""
+    """Return the hours at either end of [first, last] whose UTC day does not lie whole in it."""
     low, high = -(-first // 24) * 24, (last + 1) // 24 * 24
     if low >= high:
         return (first, last), None
@@ -173,7 +190,7 @@ def _edges(first: int, last: int) -> tuple[tuple[int, int] | None, tuple[int, in
 
 
 def _runs(days: Sequence[date]) -> list[list[date]]:
-    """Return runs of days that follow each other."""
+    """Return the runs of consecutive days."""
     found: list[list[date]] = []
     for day in days:
         if found and day - found[-1][-1] == timedelta(days=1):

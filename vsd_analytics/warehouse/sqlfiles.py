@@ -1,20 +1,25 @@
-"""The SQL files: one relation each, with a header that is parsed and held to.
+"""Loader of the SQL files: one relation per file, with a header that is parsed and checked.
 
 ```sql
 -- name: facts/episodes
--- One row per ...                          (what a row is, one sentence)
+-- One row per ...                          (what a row is, one sentence; more sentences may follow)
 -- unit: hour                               (facts only: hour, the default, or day)
--- kept: local_date                         (its rows are kept by day: local_date, site_day or utc_day; see `days`)
--- graph: ...                               (staging only: rows are the connected components of the edges it gives)
+-- stored_by: local_date                    (it has day files by local_date, site_day or utc_day; see `day_files`)
+-- graph: ...                               (staging only: rows are the connected components of the query's edges)
 -- grain: camera_id, ...
 -- reads: pairs, instants
 -- params: distance_mm
 -- columns:
 --   duration_s   seconds; ...
--- figure: M10 Duration of violations          (for each figure of the catalogue that is made from it)
---   definition   ...                         (and so on: `FIGURE_FIELDS`; long ones go on in the next line)
--- assumes: ...                              (what it takes for granted, or decides for the reader)
+-- figure: M10 Duration of violations       (for each figure of the catalogue that is computed from it)
+--   definition   ...                       (and so on: `FIGURE_FIELDS`; a long text continues on the next line)
+-- steps:
+--   halves       ...                       (why a hard step of the query is there; the names are those of its CTEs)
+-- assumes: ...                             (what the query takes for granted, or decides for the reader)
 ```
+
+The header is not part of the fingerprint of facts, the query below it is, comments included. Explain in the header:
+a changed comment in a query makes all facts stale and warns of every sealed hour.
 """
 
 from __future__ import annotations
@@ -36,27 +41,28 @@ if TYPE_CHECKING:
 LAYERS = ("staging", "facts", "marts", "audits")
 FIGURE_FIELDS = ("definition", "unit", "denominator", "needs", "uncertainty", "by")
 _IDENTIFIER = re.compile(r"^[a-z][a-z0-9_]*$")
-_FIELD = re.compile(r"^-- (name|unit|kept|graph|grain|reads|params|columns|figure|assumes): ?(.*)$")
+_FIELD = re.compile(r"^-- (name|unit|stored_by|kept|graph|grain|reads|params|columns|figure|steps|assumes): ?(.*)$")
+_CTE = re.compile(r"^(?:with (?:recursive )?)?([a-z][a-z0-9_]*) as (?:materialized )?\($", re.MULTILINE)
 _OF_GRAPHS = {"node_a": "node", "node_b": "component"}
 _COLUMN = re.compile(r"^--   ([a-z][a-z0-9_]*)(?:\s+(.*))?$")
-_GOES_ON = re.compile(r"^-- {4,}(\S.*)$")
+_CONTINUATION = re.compile(r"^-- {4,}(\S.*)$")
 _FIGURE = re.compile(r"^(M\d{1,2}) (\S.*)$")
 
 
 @dataclass(frozen=True, slots=True)
 class FigureHeader:
-    """A figure of the catalogue, as the header of the relation it is made from tells it.
+    """A figure of the catalogue, as described in the header of the relation it is computed from.
 
     Attributes:
         metric: M0 to M29.
-        name: What it is called.
+        name: Its name in reports and docs.
         definition: What is computed.
-        unit: Of the value.
+        unit: Unit of the value.
         denominator: What it is divided by, or counted out of.
         needs: The least data it needs.
         uncertainty: Its interval or test, or why it has none.
-        by: The function of Python that gives it, whole dotted name.
-        relation: "marts/violations".
+        by: Full dotted name of the Python function that computes it.
+        relation: Layer and name of the relation, such as "marts/violations".
     """
 
     metric: str
@@ -79,14 +85,15 @@ class Relation:
         name: Relation name, the file's stem.
         description: What a row is.
         unit: "hour" or "day" (facts).
-        kept: By which day its rows are kept in files: "local_date" or "site_day", columns of a mart; "utc_day" of a
-            fact; empty = they are computed when asked for.
-        is_graph: The query gives edges; the relation is their connected components (`graphs.components`).
+        stored_by: Kind of day of its day files: "local_date" or "site_day" (a column of the mart), or "utc_day" (of a
+            fact); empty = no day files, its rows are computed when a query names it.
+        is_graph: The query returns edges; the relation is their connected components (`graphs.components`).
         grain: Columns that identify a row.
         reads: Relations it reads, except `params`.
         params: Columns of `params` it uses.
         columns: Documentation by column, in the order returned.
-        figures: Figures of the catalogue that are made from it.
+        figures: Figures of the catalogue that are computed from it.
+        steps: Why a hard step is there, by name of the query's CTE.
         assumes: What it takes for granted.
         sql: The query.
         path: The file.
@@ -96,13 +103,14 @@ class Relation:
     name: str
     description: str
     unit: str
-    kept: str
+    stored_by: str
     is_graph: bool
     grain: tuple[str, ...]
     reads: tuple[str, ...]
     params: tuple[str, ...]
     columns: Mapping[str, str]
     figures: tuple[FigureHeader, ...]
+    steps: Mapping[str, str]
     assumes: str
     sql: str
     path: Path
@@ -110,7 +118,7 @@ class Relation:
 
 @cache
 def relations(*layers: str) -> Mapping[str, Relation]:
-    """Return the relations of some layers in an order in which each stands after what it reads.
+    """Return the relations of some layers by name, each after the relations it reads.
 
     Args:
         layers: Some of `LAYERS`.
@@ -137,13 +145,19 @@ def relations(*layers: str) -> Mapping[str, Relation]:
 
 
 def read_relation(path: Path) -> Relation:
-    """Parse one SQL file; SqlError E601 when its header does not keep the form."""
+    """Parse one SQL file.
+
+    Raises:
+        SqlError: E601, the header is incomplete or has a line that is not understood.
+    """
     text = path.read_text(encoding="utf-8")
     fields: dict[str, str] = {}
     columns: dict[str, str] = {}
+    steps: dict[str, str] = {}
     figures: list[dict[str, str]] = []
     description: list[str] = []
     current = ""
+    entries: dict[str, str] | None = None  # of the field that the lines belong to, if it has entries
     body_start = 0
     for number, line in enumerate(text.splitlines(keepends=True), start=1):
         if not line.startswith("--"):
@@ -152,18 +166,17 @@ def read_relation(path: Path) -> Relation:
         if match := _FIELD.match(line.rstrip()):
             current = match[1]
             fields[current] = match[2].strip()
+            entries = {"columns": columns, "steps": steps}.get(current)
             if current == "figure":
                 named = _FIGURE.match(fields[current])
                 if named is None:
                     raise _not_understood(path, number, line)
-                figures.append({"metric": named[1], "name": named[2]})
-        elif current == "columns" and (column := _COLUMN.match(line.rstrip())):
-            columns[column[1]] = (column[2] or "").strip()
-        elif current == "figure" and figures and (told := _COLUMN.match(line.rstrip())) and told[1] in FIGURE_FIELDS:
-            figures[-1][told[1]] = (told[2] or "").strip()
-        elif current == "figure" and figures and (rest := _GOES_ON.match(line.rstrip())):
-            last = next(reversed(figures[-1]))
-            figures[-1][last] += f" {rest[1]}"
+                entries = {"metric": named[1], "name": named[2]}
+                figures.append(entries)
+        elif entries is not None and (entry := _COLUMN.match(line.rstrip())) and _is_entry(current, entry[1]):
+            entries[entry[1]] = (entry[2] or "").strip()
+        elif entries and current != "columns" and (rest := _CONTINUATION.match(line.rstrip())):
+            entries[next(reversed(entries))] += f" {rest[1]}"
         elif current == "name":
             description.append(line.removeprefix("--").strip())
         else:
@@ -174,24 +187,35 @@ def read_relation(path: Path) -> Relation:
     lacking += [f"{k} of {f['metric']}" for f in figures for k in FIGURE_FIELDS if not f.get(k)]
     if lacking:
         raise SqlError(f"the header lacks {', '.join(lacking)}", code="E601", where=Where(str(path), 1))
+    sql = text[body_start:].strip().rstrip(";")
+    if unknown := steps.keys() - set(_CTE.findall(sql)):
+        why = f"the query has no step {', '.join(sorted(unknown))}"
+        raise SqlError("the header explains steps that do not exist", code="E601", where=Where(str(path), 1), why=why)
     if layer != path.parent.name or name != path.stem or not _IDENTIFIER.match(name):
-        raise SqlError("the header's name is not the file's place", code="E601", where=Where(str(path), 1))
+        raise SqlError(
+            "the name in the header is not that of the file and its folder", code="E601", where=Where(str(path), 1)
+        )
     return Relation(
         layer,
         name,
         " ".join(description),
         fields.get("unit", "hour"),
-        fields.get("kept", ""),
+        fields.get("stored_by", fields.get("kept", "")),  # `kept` is the spelling of version 1
         "graph" in fields,
         _names(fields["grain"]),
         _names(fields["reads"]),
         _names(fields.get("params", "")),
         columns,
         tuple(FigureHeader(**f, relation=f"{layer}/{name}") for f in figures),
+        steps,
         fields.get("assumes", ""),
-        text[body_start:].strip().rstrip(";"),
+        sql,
         path,
     )
+
+
+def _is_entry(field: str, name: str) -> bool:
+    return field != "figure" or name in FIGURE_FIELDS
 
 
 def _not_understood(path: Path, number: int, line: str) -> SqlError:
@@ -199,16 +223,16 @@ def _not_understood(path: Path, number: int, line: str) -> SqlError:
 
 
 def figure_headers() -> tuple[FigureHeader, ...]:
-    """Return the figures of the catalogue in order, as the headers of facts and marts tell them.
+    """Return the figures of the catalogue in order, from the headers of facts and marts.
 
     Raises:
-        SqlError: E601, a header does not keep its form, or two tell of one figure.
+        SqlError: E601, a header cannot be parsed, or two headers describe the same figure.
     """
     found = [f for relation in relations("facts", "marts").values() for f in relation.figures]
     ordered = sorted(found, key=lambda f: (int(f.metric[1:]), f.relation))
     for one, other in pairwise(ordered):
         if one.metric == other.metric:
-            raise SqlError(f"{one.relation} and {other.relation} both tell of {one.metric}", code="E601")
+            raise SqlError(f"{one.relation} and {other.relation} both describe {one.metric}", code="E601")
     return tuple(ordered)
 
 

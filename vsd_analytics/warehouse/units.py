@@ -1,4 +1,4 @@
-"""What facts are made of: units of a UTC hour or day, each known by the fingerprint of all it depends on."""
+"""Units of facts: a UTC hour or day with the parts it is computed from and its input fingerprint."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import Store
-from vsd_analytics.store.layout import Part
-from vsd_analytics.warehouse.causes import Causes, Needs, text_hash
+from vsd_analytics.store.layout import Part, unit_folder
+from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, text_hash
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,16 +19,16 @@ class Unit:
     Attributes:
         number: UTC hour number, or UTC day number.
         parts: Stored parts it reads, by table: its own and, for an hour, those of the hours beside it.
-        now: Hashes of its parts by table, and of what else its facts may depend on; see `causes`.
-        causes: Hashes of what its facts together depend on, by cause, so that a change can be explained.
-        fingerprint: 16 hexadecimal digits over all of it; stands in the names of the unit's fact files.
+        current: Hash of its parts by table, and of each other kind of input that differs by unit.
+        inputs: Hash of each kind of input of its facts together, so that a change can be explained.
+        fingerprint: 16 hexadecimal digits over all inputs; part of the names of the unit's fact files.
         hours: First and last UTC hour of its own.
     """
 
     number: int
     parts: Mapping[TableName, Sequence[Part]]
-    now: Causes
-    causes: Causes
+    current: InputHashes
+    inputs: InputHashes
     fingerprint: str
     hours: tuple[int, int]
 
@@ -62,37 +62,40 @@ class PartIndex:
 
 
 def days_around(hour: int) -> list[int]:
-    """Return the UTC days an hour and the hours beside it lie in."""
+    """Return the UTC day numbers of an hour and its two neighbours."""
     return sorted({(hour + k) // 24 for k in (-1, 0, 1)})
 
 
-def day_unit(index: PartIndex, day: int, *, now: Causes, needs: Needs) -> Unit:
-    """Return the unit of a UTC day: all its parts, and what else its facts depend on."""
+def day_unit(index: PartIndex, day: int, *, current: InputHashes, depends_on: FactInputs) -> Unit:
+    """Return the unit of a UTC day: the parts of its 24 hours and the hashes of its other inputs."""
     hours = (day * 24, day * 24 + 23)
-    return _unit(day, index.between(*hours), now, needs, hours)
+    return _unit(day, index.between(*hours), current, depends_on, hours)
 
 
-def hour_unit(index: PartIndex, hour: int, *, now: Causes, needs: Needs) -> Unit:
-    """Return the unit of a UTC hour: its parts and its neighbours', and what else its facts depend on."""
-    return _unit(hour, index.between(hour - 1, hour + 1), now, needs, (hour, hour))
+def hour_unit(index: PartIndex, hour: int, *, current: InputHashes, depends_on: FactInputs) -> Unit:
+    """Return the unit of a UTC hour: the parts of it and of its two neighbours, and the hashes of its other inputs."""
+    return _unit(hour, index.between(hour - 1, hour + 1), current, depends_on, (hour, hour))
 
 
 def merged_parts(units: Sequence[Unit]) -> dict[TableName, list[Part]]:
-    """Return the parts several units read, each once, in order."""
+    """Return the parts that several units read, each once, in order."""
     return {t: sorted({p for u in units for p in u.parts[t]}) for t in TABLES}
 
 
 def fact_path(root: Path, relation: str, site_id: str, unit: Unit, *, is_day: bool) -> Path:
-    """Return where the fact file of a unit stands: `<relation>/site=…/date=…/<HH>-<fingerprint>.parquet`."""
-    from vsd_analytics.store.layout import unit_folder
-
+    """Return the path of a unit's fact file: `<relation>/site=…/date=…/<HH>-<fingerprint>.parquet`."""
     hour = unit.number * 24 if is_day else unit.number
     return unit_folder(root, relation, site_id, hour) / f"{hour % 24:02d}-{unit.fingerprint}.parquet"
 
 
 def _unit(
-    number: int, parts: Mapping[TableName, Sequence[Part]], now: Causes, needs: Needs, hours: tuple[int, int]
+    number: int,
+    parts: Mapping[TableName, Sequence[Part]],
+    current: InputHashes,
+    depends_on: FactInputs,
+    hours: tuple[int, int],
 ) -> Unit:
-    now = {**now, **{t: text_hash([(p.hour, p.digest) for p in found]) for t, found in parts.items()}}
-    causes = needs.causes(now)
-    return Unit(number, parts, now, causes, text_hash([number, sorted(causes.items())]), hours)
+    current = {**current, **{t: text_hash([(p.hour, p.digest) for p in found]) for t, found in parts.items()}}
+    inputs = depends_on.of_unit(current)
+    # The number is part of the fingerprint, so that equal inputs of two hours never share a file name.
+    return Unit(number, parts, current, inputs, text_hash([number, sorted(inputs.items())]), hours)

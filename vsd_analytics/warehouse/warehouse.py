@@ -4,65 +4,43 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from datetime import date, datetime, timedelta
+from itertools import pairwise
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import pyarrow as pa
 
-from vsd_analytics.duck import connect
-from vsd_analytics.errors import StoreError
-from vsd_analytics.site import Site
+from vsd_analytics.errors import SqlError, StoreError
+from vsd_analytics.schema import TABLES
+from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
-from vsd_analytics.store.seals import FOLDER, Seals
-from vsd_analytics.warehouse import leftovers
-from vsd_analytics.warehouse.build import BuildResult, build
-from vsd_analytics.warehouse.catalog import Catalog
-from vsd_analytics.warehouse.days import AROUND_H, Days
+from vsd_analytics.store.duck import connect
+from vsd_analytics.warehouse import superseded
+from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.build_result import BuildResult
+from vsd_analytics.warehouse.day_files import AROUND_H, DayFiles
 from vsd_analytics.warehouse.dimensions import calendar, register_site, site_days
+from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
+from vsd_analytics.warehouse.relations import Catalog
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
-from vsd_analytics.warehouse.sources import Sources
+from vsd_analytics.warehouse.sources import RelationSources
 from vsd_analytics.warehouse.sqlfiles import Relation
+from vsd_analytics.warehouse.stored_days import SPARE_DAYS, calendar_days, days_of, stored_extent
 
 if TYPE_CHECKING:
     import duckdb
     import pandas as pd
 
-
-@dataclass(frozen=True, slots=True)
-class Extent:
-    """What is stored.
-
-    Attributes:
-        first_day, last_day: First and last local day with records.
-    """
-
-    first_day: date
-    last_day: date
-
-
-def stored_extent(site: Site) -> Extent | None:
-    """Return the local days with records, present or sealed, or None without any; what is spooled is folded first."""
-    store = Store(site.root / "store", site_id=site.site_id)
-    if store.n_spooled():
-        store.fold()
-    found = [h for h in (store.hours(), Seals(site.root / FOLDER, site_id=site.site_id).hours()) if h is not None]
-    if not found:
-        return None
-    hours = (min(h[0] for h in found), max(h[1] for h in found))
-    first, last = (
-        datetime.fromtimestamp(h * 3600 + s, tz=site.zone).date() for h, s in ((hours[0], 0), (hours[1], 3599))
-    )
-    return Extent(first, last)
+T = TypeVar("T")
 
 
 class Warehouse:
     """Facts and marts of a range of local days.
 
-    Use it as a context manager: no record is removed while it is open. Every relation of `sql/facts` and `sql/marts`,
-    and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations`, `params`, can be
-    queried by name.
+    Use it as a context manager: no record is removed while it is open. Query every relation of `sql/facts` and
+    `sql/marts`, and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations` and
+    `params`, by name.
 
     Args:
         site: The project.
@@ -70,8 +48,10 @@ class Warehouse:
         last: Last local day, inclusive.
         heat_cell_m: Side of the cells of the mart `heatmap`.
         on_plan, on_hours: Progress of the build; see `build`.
-        uses_days: Marts are read from day files, and written to such where they are lacking (`days`); False = they are
-            computed from hourly facts.
+        uses_days: Read marts from day files, and write the missing ones (`day_files`); False = compute them from hourly
+            facts.
+        spare_days: Where more than a year has no records, the calendar has this many days of it after the last record
+            before and before the next one; it leaves out the rest (`stored_days.calendar_days`).
     """
 
     def __init__(
@@ -84,41 +64,58 @@ class Warehouse:
         on_plan: Callable[[int], None] | None = None,
         on_hours: Callable[[int], None] | None = None,
         uses_days: bool = True,
+        spare_days: int = SPARE_DAYS,
     ) -> None:
         self.site, self.first, self.last = site, first, last
         store = Store(site.root / "store", site_id=site.site_id)
         if store.n_spooled():
             store.fold()
-        hours = [_utc_hour(first, site) - AROUND_H, _utc_hour(last + timedelta(days=1), site) - 1 + AROUND_H]
-        self._hours = (hours[0], hours[1])
+        self._hours = (
+            _utc_hour(first, site) - AROUND_H,
+            _utc_hour(last + timedelta(days=1), site) - 1 + AROUND_H,
+        )
+        # Two locks, because `__exit__` removes superseded files after it releases the lock on facts (`clear` needs that
+        # lock exclusively) and while it still holds off a purge.
         self._reading = contextlib.ExitStack()
         self._reading.enter_context(removal.reading(store.root))
         self._reading_facts = contextlib.ExitStack()
-        self._reading_facts.enter_context(leftovers.reading(site.root / "facts"))
+        self._reading_facts.enter_context(superseded.reading(site.root / "facts"))
         self.built: BuildResult = build(
             site,
-            first_hour=hours[0],
-            last_hour=hours[1],
+            first_hour=self._hours[0],
+            last_hour=self._hours[1],
             on_plan=on_plan,
             on_hours=on_hours,
             has_lock=True,
             is_trusting=uses_days,
         )
         self._of_days: dict[tuple[date, date], Warehouse] = {}
-        self.con: duckdb.DuckDBPyConnection = connect()
-        register_site(self.con, site, heat_cell_m=heat_cell_m)
-        self.con.register("_calendar", calendar(site, first, last))
+        self.extents = calendar_days(site, first, last, spare_days=spare_days)
+        self._heat_cell_m, self._uses_days = heat_cell_m, uses_days
+        self._superseded = [*self.built.superseded_files]
+        self._is_careful = False
+        self._open()
+
+    def _open(self) -> None:
+        """Open a connection on which every relation can be queried."""
+        site = self.site
+        self.con: duckdb.DuckDBPyConnection = connect(is_careful=self._is_careful)
+        register_site(self.con, site, heat_cell_m=self._heat_cell_m)
+        calendars = [calendar(site, e.first_day, e.last_day) for e in self.extents]
+        self.con.register("_calendar", pa.concat_tables(calendars))
         self.con.execute("create temp table calendar as select * from _calendar")
-        self.con.register("_site_days", site_days(site, first, last))
+        of_site = [site_days(site, e.first_day, e.last_day) for e in self.extents]
+        self.con.register("_site_days", pa.concat_tables(of_site))
         self.con.execute("create temp table site_days as select * from _site_days")
-        self._sources = Sources(
+        self._sources = RelationSources(
             self.con,
             site,
             built=self.built,
             hours=self._hours,
-            days=Days(site, self.built, first=first, last=last) if uses_days else None,
+            days=DayFiles(site, self.built, extents=self.extents) if self._uses_days else None,
             whole_facts=self._whole_facts,
             rows_of_days=self._rows_of_days,
+            superseded_files=self._superseded,
         )
         self._catalog = Catalog(self.con, self._sources.of)
 
@@ -130,44 +127,92 @@ class Warehouse:
         for inner in self._of_days.values():
             inner.__exit__(kind, value, tb)
         self._reading_facts.close()
-        leftovers.clear(self.site.root / "facts", [*self.built.leftovers, *self._sources.leftovers])
+        superseded.clear(self.site.root / "facts", self._superseded)
         self._reading.close()
 
+    def days(self, first: date, last: date) -> list[date]:
+        """Return local days from `first` to `last`, without those that the calendar leaves out between records."""
+        return days_of(self.extents, first, last)
+
+    def left_out(self) -> list[str]:
+        """Return a sentence for each run of days that the calendar leaves out: over a year without any record."""
+        gaps = ((a.last_day, b.first_day) for a, b in pairwise(self.extents))
+        return [
+            f"no record is stored of {(b - a).days - 1:,} days between {a} and {b}: they are left out, as neither "
+            "recorded nor missing"
+            for a, b in gaps
+        ]
+
     def other_rules(self) -> list[OtherRules]:
-        """Return the purged hours of the range that were computed by other rules than today's and stay so."""
+        """Return the runs of purged hours of the range that were computed by other rules than today's."""
         first, last = self._hours[0] + AROUND_H, self._hours[1] - AROUND_H
         return other_rules(self.site, self.built.sealed, first_hour=first, last_hour=last)
 
-    def keep(self, *names: str) -> None:
-        """Compute facts and marts once and keep their rows, before several queries read them."""
-        with self.telling_damage():
-            self._catalog.keep(names)
+    def materialise(self, *names: str) -> None:
+        """Compute facts and marts now and hold their rows in memory, for several queries to read."""
+        self._retry_carefully(", ".join(names), lambda: self._catalog.materialise(names))
 
     def prepare(self, query: str) -> None:
-        """Make the facts and marts that a query names; the methods below do it themselves."""
-        with self.telling_damage():
-            self._catalog.asked(query)
+        """Create the facts and marts that a query names. `run`, `table`, `frame` and `rows` do it themselves."""
+        self.run(query, lambda _con: None)
 
     def table(self, query: str, values: dict[str, Any] | None = None) -> pa.Table:
         """Return a query's rows as an Arrow table; values are bound, never pasted."""
-        with self.telling_damage():
-            self._catalog.asked(query)
-            return self.con.sql(query, params=values or None).to_arrow_table()
+        return self.run(query, lambda con: con.sql(query, params=values or None).to_arrow_table())
 
     def frame(self, query: str, values: dict[str, Any] | None = None) -> pd.DataFrame:
         """Return a query's rows as a pandas frame."""
-        with self.telling_damage():
-            self._catalog.asked(query)
-            return self.con.execute(query, values or {}).df()
+        return self.run(query, lambda con: con.execute(query, values or {}).df())
+
+    def run(self, query: str, read: Callable[[duckdb.DuckDBPyConnection], T]) -> T:
+        """Create the facts and marts that a query names, and return the result of `read` on the connection.
+
+        Args:
+            query: The query's text.
+            read: Runs the query; called again on a new connection when DuckDB fails internally.
+
+        Raises:
+            SqlError: E604, DuckDB fails internally, also with the careful settings of a second try.
+            StoreError: E302 or E313, a file that was read is damaged.
+        """
+
+        def prepare_and_read() -> T:
+            self._catalog.prepare(query)
+            return read(self.con)
+
+        return self._retry_carefully(", ".join(self._catalog.named(query)) or "a query", prepare_and_read)
 
     def rows(self, query: str, values: dict[str, Any] | None = None) -> list[dict[str, Any]]:
         """Return a query's rows as dictionaries."""
         found: list[dict[str, Any]] = self.table(query, values).to_pylist()
         return found
 
+    def _retry_carefully(self, relation: str, work: Callable[[], T]) -> T:
+        """Return the result of `work`; when DuckDB fails internally, try once more with careful settings.
+
+        An internal failure closes the whole database, so the second try needs a new connection.
+        """
+        with self._reporting_damage():
+            while True:
+                try:
+                    return work()
+                except INSIDE as error:
+                    if self._is_careful:
+                        raise self._failed_inside(error, relation) from error
+                    self._is_careful = True
+                    self.con.close()
+                    self._open()
+
+    def _failed_inside(self, error: Exception, relation: str) -> SqlError:
+        self._sources.refuse_damaged(error)
+        first, last = self._hours
+        store = Store(self.site.root / "store", site_id=self.site.site_id)
+        parts = {t: store.parts(t, first_hour=first, last_hour=last) for t in TABLES}
+        return failed_inside(error, relation=relation, parts=parts, first_hour=first, last_hour=last)
+
     @contextlib.contextmanager
-    def telling_damage(self) -> Iterator[None]:
-        """Tell of a query that failed whether it was for a damaged file."""
+    def _reporting_damage(self) -> Iterator[None]:
+        """When a query fails because of a damaged file, raise the error that names the file instead."""
         import duckdb
 
         try:
@@ -179,7 +224,7 @@ class Warehouse:
             raise
 
     def _whole_facts(self) -> None:
-        """Look at every file of hourly facts of the range, and make anew what is torn."""
+        """Check every file of hourly facts of the range, and recompute the torn ones."""
         build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], has_lock=True)
 
     def _rows_of_days(self, relation: Relation, first: date, last: date) -> pa.Table:
@@ -188,7 +233,7 @@ class Warehouse:
         if days not in self._of_days:
             self._of_days[days] = Warehouse(self.site, *days, uses_days=False)
         inner = self._of_days[days]
-        inner.keep(relation.name)
+        inner.materialise(relation.name)
         return inner.table(f"select * from {relation.name}")
 
 

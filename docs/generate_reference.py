@@ -1,0 +1,337 @@
+"""The reference pages of `docs/` that are made from the code: settings, commands, relations.
+
+`make docs` (`python docs/generate_reference.py docs`) writes them; a test holds the files equal to what this makes.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    import click
+
+    from vsd_analytics.settings import Setting
+    from vsd_analytics.warehouse.sqlfiles import Relation
+
+NOTE: Final = "<!-- Made by `make docs` from the code; edit there. -->"
+_SECTIONS: Final = {
+    "site": "Describes the site itself. Its other keys: [guide](guide.md#vsdtoml-every-key).",
+    "rule": "What counts as what.",
+    "report": "What a report needs before it judges, and how it looks.",
+    "analysis": "When hotspots and other findings are reported.",
+    "ingest": "Which records are refused.",
+    "alarms": "When alarms are sent. The other keys of this table: [alarms](alarms.md#where-alarms-go).",
+    "privacy": "What is stored about people.",
+}
+
+_USUAL: Final = {
+    "camera_id": "camera of `vsd.toml`",
+    "floor_id": "floor of `vsd.toml`",
+    "area_id": "area of `vsd.toml`",
+    "local_date": "date in the site's zone",
+    "local_hour": "0 to 23, in the site's zone",
+}
+
+
+def settings_markdown() -> str:
+    """Return `docs/settings.md`: every setting with its default, unit, range and meaning."""
+    from vsd_analytics.settings import SETTINGS
+
+    parts = [
+        "# Settings",
+        NOTE,
+        """\
+Every default of the product. A value in `vsd.toml` wins over the default, and the environment variable `VSD_` + name in
+capitals (`VSD_DISTANCE_M=1.83`) wins over both. `vsd doctor --show-config` prints what is in force and where it comes
+from. A value outside its range is refused with its line.""",
+        """\
+Settings marked *facts* change what is computed from the store: after such a change the next command computes the facts
+anew. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at the
+end of every report.""",
+    ]
+    for section in dict.fromkeys(s.section for s in SETTINGS):
+        rows = [_setting(s) for s in SETTINGS if s.section == section]
+        parts += [
+            f"## `[{section}]`",
+            _SECTIONS[section],
+            _table(("name", "default", "unit", "range", "meaning"), rows),
+        ]
+    return _page(parts)
+
+
+def _setting(setting: Setting) -> tuple[str, ...]:
+    form = ".10g" if setting.unit == "year" else ",.10g"
+    range_ = "" if setting.minimum is None else f"{setting.minimum:{form}} to {setting.maximum:{form}}"
+    meaning = setting.help + (" *facts*" if setting.is_fact else "")
+    return f"`{setting.name}`", f"`{_toml(setting.default)}`", setting.unit, range_, meaning
+
+
+def _toml(value: Any) -> str:
+    """Return a value as `vsd.toml` writes it."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case tuple():
+            return "[" + ", ".join(_toml(v) for v in value) + "]"
+        case str():
+            return f'"{value}"'
+        case float():
+            return f"{value:.1f}" if value == int(value) else f"{value:g}"
+        case _:
+            return str(value)
+
+
+def cli_markdown() -> str:
+    """Return `docs/cli.md`: every command with its help, arguments, options and examples, from the program itself."""
+    from vsd_analytics.cli import cli
+
+    commands = list(every_command())
+    rows = [(f"[`{name}`](#{_anchor(name)})", _prose(c.help or "")[0].split("\n")[0]) for name, c in commands]
+    parts = [
+        "# Commands",
+        NOTE,
+        """\
+Results go to standard output, messages to standard error. `--json` prints one object on everything that prints numbers,
+also for errors. Weeks are ISO weeks (`2026-W46`, `last`, `last-2`); ranges are `2026-11-09..2026-11-15`; without
+either, everything stored is meant.""",
+        "Exit codes: **0** done, **1** done and something needs you, **2** could not run, **130** interrupted.",
+        _table(("command", "what it does"), rows),
+        "## Options of every command",
+        "They come before the command: `vsd -C shop hours`.",
+        _table(("option", "meaning"), _options(cli.params)),
+    ]
+    for name, command in commands:
+        parts += [f"## {name}", *_prose(command.help or ""), f"```\n{_usage(name, command)}\n```"]
+        options = _options(command.params)
+        if options:
+            parts.append(_table(("option", "meaning"), options))
+    return _page(parts)
+
+
+def every_command() -> Iterator[tuple[str, click.Command]]:
+    """Yield every command by its whole name, in the order of the program's own list."""
+    import click
+
+    from vsd_analytics.cli import cli
+
+    context = click.Context(cli, info_name="vsd")
+    for name in cli.list_commands(context):
+        command = cli.get_command(context, name)
+        if command is None:
+            continue
+        yield f"vsd {name}", command
+        if isinstance(command, click.Group):
+            for sub, inner in command.commands.items():
+                yield f"vsd {name} {sub}", inner
+
+
+def _prose(text: str) -> list[str]:
+    """Return the paragraphs of a help text; what click must not wrap becomes a block of code."""
+    parts = []
+    for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(text)):
+        lines = paragraph.split("\n")
+        if lines[0].strip() != "\b":
+            parts.append(paragraph)
+            continue
+        title, *rest = lines[1:]
+        parts += [title, "```\n" + inspect.cleandoc("\n".join(rest)) + "\n```"]
+    return parts
+
+
+def _usage(name: str, command: click.Command) -> str:
+    import click
+
+    pieces = command.collect_usage_pieces(click.Context(command, info_name=name))
+    return " ".join([name, *pieces])
+
+
+def _options(params: Sequence[click.Parameter]) -> list[tuple[str, str]]:
+    import click
+
+    rows = []
+    for option in params:
+        if not isinstance(option, click.Option) or option.hidden:
+            continue
+        value = ""
+        if isinstance(option.type, click.Choice):
+            value = " " + "|".join(str(c) for c in option.type.choices)
+        elif not option.is_flag:
+            value = f" {option.metavar or option.type.name.split()[0].upper()}"
+        shown = option.show_default and option.default not in (None, False, ())
+        default = f" Default: `{option.default}`." if shown else ""
+        names = ", ".join([*option.opts, *option.secondary_opts])
+        rows.append(
+            (f"`{names}{value}`" if "\\|" not in value else f"`{names}`{value}", f"{option.help or ''}{default}")
+        )
+    return rows
+
+
+def relations_markdown() -> str:
+    """Return `docs/relations.md`: the stored tables, and every fact and mart with grain, columns and units."""
+    from vsd_analytics.schema import KEYS, SCHEMAS, TABLES
+    from vsd_analytics.warehouse.sqlfiles import relations
+
+    parts = [
+        "# Relations",
+        NOTE,
+        """\
+The relations that `vsd sql` and a notebook's `warehouse.frame(...)` can query by name: facts and marts of a range of
+local days. `vsd sql --show NAME` prints the query of a relation. Times are UTC milliseconds since 1970 or, where the
+name says so, local. A count is null where nothing was recorded, never 0.""",
+        """\
+Settings reach SQL as the one-row relation `params`. `vsd.toml` reaches it as `cameras`, `areas`, `calibrations`,
+`area_cells` (which floor cells lie in an area), `owner_cells` (which camera counts where the views of several overlap)
+and `calendar` (UTC quarter-hours with local date, hour, weekday, and whether the site was open). `site_days` has the
+site day of each quarter-hour, for the site days that touch the range; a site day starts at `day_starts`.""",
+    ]
+    for layer, title, said in (
+        (
+            "marts",
+            "Marts",
+            "Small tables over the range of a query, one or more for each figure. Most are stored by day\n"
+            "([storage](storage.md#promises)).",
+        ),
+        (
+            "facts",
+            "Facts",
+            "Computed from the store hour by hour and stored in `facts/`. While the records are stored, facts can be\n"
+            "computed again at any time.",
+        ),
+        ("staging", "Staging", "Steps between the store and the facts; they exist while facts are computed only."),
+    ):
+        found = relations(layer)
+        parts += [f"## {title}", said]
+        for relation in sorted(found.values(), key=lambda r: r.name):
+            parts += _relation(relation)
+    parts += ["## Stored tables", "The Parquet files of `store/`, open to any program: see [storage](storage.md)."]
+    for name in TABLES:
+        rows = [(f"`{f.name}`", str(f.type), "may be null" if f.nullable else "") for f in SCHEMAS[name]]
+        key = "A record is known by: " + ", ".join(f"`{k}`" for k in KEYS[name]) + "."
+        parts += [f"### {name}", _table(("column", "type", ""), rows), key]
+    return _page(parts)
+
+
+def figures_markdown() -> str:
+    """Return the generated part of `docs/figures.md`: the thirty figures, from the headers of the SQL files."""
+    from vsd_analytics.warehouse.sqlfiles import figure_headers
+
+    rows = [
+        (
+            f.metric,
+            f"**{f.name}**" if f.metric in ("M0", "M7") else f.name,
+            f.definition,
+            f.unit,
+            f.denominator,
+            f.needs,
+            f.uncertainty,
+            f"[{f.relation.partition('/')[2]}](../sql/{f.relation}.sql)",
+            _python(f.by),
+        )
+        for f in figure_headers()
+    ]
+    head = ("", "figure", "definition", "unit", "denominator", "needs at least", "uncertainty", "SQL", "Python")
+    return _table(head, rows)
+
+
+def _python(name: str) -> str:
+    """Return a link to the file of a function or class, by its dotted name."""
+    module, _, short = name.rpartition(".")
+    path = module.replace(".", "/")
+    where = f"{path}/__init__.py" if (Path(__file__).parent.parent / path).is_dir() else f"{path}.py"
+    return f"[`{short}`](../{where})"
+
+
+_DAYS = {"local_date": "local date", "site_day": "site day", "utc_day": "UTC day"}
+
+
+def _relation(relation: Relation) -> list[str]:
+    where = f"sql/{relation.layer}/{relation.name}.sql"
+    facts = [f"One row is identified by {_listed(relation.grain)}."]
+    if relation.stored_by:
+        facts.append(f"Stored by {_DAYS[relation.stored_by]}.")
+    if relation.reads:
+        facts.append(f"Reads {_listed(relation.reads)}.")
+    if relation.params:
+        facts.append(f"Settings: {_listed(relation.params)}.")
+    if relation.figures:
+        facts.append(f"Figures made from it: {', '.join(f.metric for f in relation.figures)} ([which](figures.md)).")
+    parts = [f"### {relation.name}", relation.description, " ".join([*facts, f"File: [{where}](../{where})."])]
+    rows = [(f"`{c}`", said or _USUAL.get(c, "")) for c, said in relation.columns.items()]
+    parts.append(_table(("column", "what it is"), rows))
+    if relation.steps:
+        parts.append("\n".join(["How:", "", *(f"* `{step}`: {why}." for step, why in relation.steps.items())]))
+    return [*parts, f"Assumes: {relation.assumes}."] if relation.assumes else parts
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(f"`{n}`" for n in names)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(_cell(c) for c in line) + " |" for line in lines)
+
+
+def _cell(text: str) -> str:
+    """Return text that neither ends a cell of a table nor breaks its line."""
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _anchor(heading: str) -> str:
+    return re.sub(r"[^a-z0-9 -]", "", heading.lower()).replace(" ", "-")
+
+
+def _page(parts: Sequence[str]) -> str:
+    return "\n\n".join(parts) + "\n"
+
+
+PAGES: Final[Mapping[str, Callable[[], str]]] = {
+    "settings.md": settings_markdown,
+    "cli.md": cli_markdown,
+    "relations.md": relations_markdown,
+}
+
+
+PARTS: Final[Mapping[str, Callable[[], str]]] = {"figures.md": figures_markdown}
+"""Pages written by hand of which a part, between `PART_BEGINS` and `PART_ENDS`, is made from the code."""
+PART_BEGINS: Final = "<!-- Made by `make docs` from the headers of the SQL files; edit there. -->"
+PART_ENDS: Final = "<!-- Written by hand from here on. -->"
+
+
+def with_part(page: str, part: str) -> str:
+    """Return a page with its generated part replaced.
+
+    Raises:
+        ValueError: The page lacks the lines that mark the part.
+    """
+    before, begins, rest = page.partition(PART_BEGINS)
+    _, ends, after = rest.partition(PART_ENDS)
+    if not (begins and ends):
+        raise ValueError("the page lacks the marks of its generated part")
+    return f"{before}{begins}\n\n{part}\n\n{ends}{after}"
+
+
+def write_pages(folder: Path) -> list[Path]:
+    """Write all pages into `folder` and return those that changed; of `PARTS` only what is there already."""
+    changed = []
+    made = {name: make() for name, make in PAGES.items()}
+    for name, make in PARTS.items():
+        if (folder / name).exists():
+            made[name] = with_part((folder / name).read_text(encoding="utf-8"), make())
+    for name, text in made.items():
+        path = folder / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+            changed.append(path)
+    return changed
+
+
+if __name__ == "__main__":
+    import sys
+
+    for path in write_pages(Path(sys.argv[1] if len(sys.argv) > 1 else "docs")):
+        print(f"wrote {path}")

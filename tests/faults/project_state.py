@@ -1,0 +1,214 @@
+"""The state of a project as rows and files, so that a fault can be compared with a run that nothing disturbed."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+CAMERAS, TRACKS = ("cam-1", "cam-2"), tuple("12345")
+HIDDEN = {".lock", ".purge.lock", ".ballast"}
+"""Locks and ballast, which stay."""
+PAGES = "reports"
+LOG = "log.jsonl"
+N_TOLD = 3
+SEVERAL = b"several"
+"""Stands for the bytes of a unit of facts that has several files; they are litter."""
+
+Row = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class State:
+    """All that a project holds.
+
+    Attributes:
+        rows: Rows in parts, by table, with the engine's track ids.
+        parts: Their names.
+        facts: Bytes of the files of facts and of kept days, by relation and hour or day.
+        keys: Day keys.
+        quarantined: Quarantined texts by source.
+        sealed: Hash of each sealed file, and the audit lines of purges.
+        log: Lines of the change log, in order.
+        pages: Bytes of what was written for people.
+        litter: Files that no reader and no later run needs.
+    """
+
+    rows: dict[str, Counter[Row]]
+    parts: list[str]
+    facts: dict[str, bytes]
+    keys: dict[str, str]
+    quarantined: Counter[tuple[str, str]]
+    sealed: dict[str, bytes]
+    log: list[str]
+    pages: dict[str, bytes]
+    litter: list[str]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """All there may be: rows by table, lines of the change log; and the bytes of fact files that can be read."""
+
+    rows: dict[str, set[Row]]
+    log: frozenset[str] = frozenset()
+    readable: frozenset[bytes] = frozenset()
+
+    @classmethod
+    def of(cls, *states: State) -> Truth:
+        """Return what some states hold together."""
+        rows = {t: {row for s in states for row in s.rows[t]} for t in states[0].rows}
+        log = frozenset(line for s in states for line in s.log)
+        return cls(rows, log, frozenset(data for s in states for data in s.facts.values()))
+
+
+def state(root: Path) -> State:
+    """Return what a project holds."""
+    from vsd_analytics.schema import TABLES
+
+    facts: dict[str, list[Path]] = {}
+    for path in _facts(root):
+        facts.setdefault(f"{path.relative_to(root / 'facts').parent}/{path.name[:2]}", []).append(path)
+    litter = [p for p in root.rglob(".*") if p.name not in HIDDEN]
+    litter += (root / "store" / "live").rglob("*.parquet")
+    litter += (root / "store" / "purge").glob("*.json")
+    litter += [p for paths in facts.values() if len(paths) > 1 for p in paths]
+    return State(
+        {t: Counter(_glob(root, t)) for t in TABLES},
+        sorted(str(p.relative_to(root)) for t in TABLES for p in (root / "store" / t).rglob("*.parquet")),
+        {unit: paths[0].read_bytes() if len(paths) == 1 else SEVERAL for unit, paths in facts.items()},
+        _day_keys(root),
+        Counter(_quarantined(root)),
+        {str(p.relative_to(root)): p.read_bytes() for p in _files(root / "sealed", *root.glob("purge.jsonl"))},
+        _log(root),
+        {p.name: p.read_bytes() for p in _files(root / PAGES)},
+        sorted(str(p.relative_to(root)) for p in litter),
+    )
+
+
+def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bool = True) -> list[str]:
+    """Return what is wrong with a project as a fault left it, read as anybody would and before anything mends it.
+
+    Args:
+        root: The project.
+        truth: All there may be.
+        acked: What must be there.
+        are_facts_read: Read all facts as well, which fails on a torn one.
+    """
+    import pyarrow.parquet as pq
+
+    from vsd_analytics.schema import TABLES
+    from vsd_analytics.store import Store
+
+    is_under_way = any((root / "store" / "purge").glob("*.json"))  # its next step names the part by its bytes
+    damaged = () if is_under_way else Store(root / "store", site_id="shop").damaged()
+    wrong = [f"{p} is damaged" for p in damaged]
+    held: dict[str, set[Row]] = {}
+    for table in TABLES:
+        rows = Counter(_glob(root, table))
+        wrong += [f"{table} shows a record twice"] * (max(rows.values(), default=0) > 1)
+        wrong += [f"{table} shows a foreign record"] * (not rows.keys() <= truth.rows[table])
+        spool = (root / "store" / "live" / table).glob("*.parquet")
+        spooled = [row for p in spool for row in as_rows(pq.ParquetFile(p).read())]
+        held[table] = {*rows, *engine_tracks(root, table, spooled)}
+    for path in _facts(root) if are_facts_read else ():
+        if path.read_bytes() not in truth.readable:
+            pq.ParquetFile(path).read()
+    log = Counter(_log(root))
+    wrong += [f"the change log holds a torn or foreign line: {line[:60]}" for line in log.keys() - truth.log]
+    wrong += ["the change log holds an entry twice"] * (max(log.values(), default=0) > 1)
+    wrong += [
+        f"{p.name} is cut off" for p in _files(root / PAGES) if not p.read_bytes().endswith((b"</html>\n", b"}\n"))
+    ]
+    for kind, name, value in acked:
+        if kind == "rows":
+            is_there = set(engine_tracks(root, name, value)) <= held[name]
+        elif kind == "key":
+            is_there = _day_keys(root).get(name) == value
+        elif kind == "entry":
+            is_there = any(json.loads(line)["text"] == value for line in log if line in truth.log)
+        else:
+            is_there = {(name, text) for text in value} <= set(_quarantined(root))
+        wrong += [f"acknowledged {kind} of {name} are lost"] * (not is_there)
+    return wrong
+
+
+def differences(found: State, whole: State, *, is_named_alike: bool) -> list[str]:
+    """Return how a project that was run again differs from one whose job was never stopped.
+
+    Args:
+        found: It.
+        whole: The other.
+        is_named_alike: Both made the same keys, hence the same names and bytes.
+    """
+    wrong = [f"litter: {len(found.litter)} files, {', '.join(found.litter[:N_TOLD])}"] * bool(found.litter)
+    wrong += [f"rows of {t} differ" for t in whole.rows if found.rows[t] != whole.rows[t]]
+    if is_named_alike:
+        wrong += ["names of parts differ"] * (found.parts != whole.parts)
+        expected = {k: SEVERAL if found.facts.get(k) == SEVERAL else v for k, v in whole.facts.items()}
+        wrong += [f"facts differ: {_unlike(found.facts, expected)}"] * (found.facts != expected)
+    wrong += ["days with a key differ"] * (found.keys.keys() != whole.keys.keys())
+    wrong += [f"what purges keep differs: {_unlike(found.sealed, whole.sealed)}"] * (found.sealed != whole.sealed)
+    wrong += ["quarantine differs"] * (found.quarantined != whole.quarantined)
+    wrong += [f"the change log differs: {len(found.log)} lines, not {len(whole.log)}"] * (found.log != whole.log)
+    wrong += [f"pages differ: {_unlike(found.pages, whole.pages)}"] * (found.pages != whole.pages)
+    return wrong
+
+
+def as_rows(table: Any) -> list[Row]:
+    """Return the rows of an Arrow table."""
+    return [tuple(row.values()) for row in table.to_pylist()]
+
+
+def engine_tracks(root: Path, table: str, rows: Sequence[Row]) -> list[Row]:
+    """Return rows with pseudonyms replaced by what the keys on the disk say they stand for."""
+    from vsd_analytics.store.secrets import pseudonym
+
+    keys = [bytes.fromhex(k) for k in _day_keys(root).values()]
+    told = {pseudonym(k, camera_id=c, engine_track=t): t for k in keys for c in CAMERAS for t in TRACKS}
+    if table != "pairs":
+        return [tuple(told.get(v, v) if isinstance(v, str) else v for v in row) for row in rows]
+    return [(*row[:2], frozenset(told.get(v, v) for v in row[4:6]), *row[10:]) for row in rows]  # a, b: by pseudonym
+
+
+def _glob(root: Path, table: str) -> list[Row]:
+    """Return a table's rows by the glob in the documentation."""
+    from vsd_analytics.schema import SCHEMAS
+    from vsd_analytics.store.duck import connect
+
+    pattern = root / "store" / table / "**" / "*.parquet"
+    if not any((root / "store" / table).rglob("*.parquet")):
+        return []
+    with connect() as con:
+        names = ", ".join(SCHEMAS[table].names)  # type: ignore[index]
+        query = f"select {names} from read_parquet($glob, hive_partitioning = true, union_by_name = true)"
+        return engine_tracks(root, table, as_rows(con.sql(query, params={"glob": str(pattern)}).to_arrow_table()))
+
+
+def _day_keys(root: Path) -> dict[str, str]:
+    return {p.name: p.read_bytes().hex() for p in (root / "secrets").glob("*.key")}
+
+
+def _files(*roots: Path) -> list[Path]:
+    return [p for root in roots for p in (root, *root.rglob("*")) if p.is_file() and not p.name.startswith(".")]
+
+
+def _facts(root: Path) -> list[Path]:
+    return sorted(p for p in (root / "facts").rglob("*.parquet") if not p.name.startswith("."))
+
+
+def _log(root: Path) -> list[str]:
+    path = root / LOG
+    return path.read_text(errors="replace").splitlines() if path.exists() else []
+
+
+def _quarantined(root: Path) -> list[tuple[str, str]]:
+    lines = [line for p in (root / "quarantine").glob("*.jsonl") for line in p.read_text().splitlines()]
+    return [(Path(r["source"]).name, r["text"]) for r in map(json.loads, lines)]
+
+
+def _unlike(found: dict[str, Any], whole: dict[str, Any]) -> str:
+    names: Iterable[str] = sorted(k for k in {*found, *whole} if found.get(k) != whole.get(k))
+    return ", ".join([*names][:N_TOLD])

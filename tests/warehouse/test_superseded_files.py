@@ -1,0 +1,130 @@
+"""A writer that is killed leaves files: the next report or build removes them, and no live one loses any."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import pytest
+from warehouse_projects import Person, Site, at, beats, make_site, put
+
+from vsd_analytics.store import durable
+from vsd_analytics.store.page_folders import sweep_pages
+from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.day_files import FOLDER
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+DAY = date(2026, 11, 9)
+DEAD = 2**22 + 1  # no process has so high an id
+
+KILLED = """
+import os, signal, sys
+sys.path[:0] = sys.argv[2:]
+from datetime import date
+from pathlib import Path
+from test_superseded_files import DAY, shop
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+warehouse = Warehouse(shop(Path(sys.argv[1])), DAY, DAY)
+warehouse.materialise("camera_hours", "coverage", "episodes", "crowding_hours")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def shop(root: Path) -> Site:
+    return make_site(root)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    """Return a site with a minute of records, its day files, and then a minute more that makes all of them stale."""
+    site = shop(tmp_path / "shop")
+    for t in (at("2026-11-09 08:00"), at("2026-11-09 09:00")):
+        put(site, [*(Person(t + s * 1000, k, 0, 0) for s in range(60) for k in "ab"), *beats(t, t + 60_000)])
+        if t == at("2026-11-09 08:00"):
+            read(site)
+    return site
+
+
+def read(site: Site, *names: str) -> None:
+    with Warehouse(site, DAY, DAY) as warehouse:
+        warehouse.materialise(*(names or ("camera_hours", "coverage", "episodes", "crowding_hours")))
+
+
+def killed(site: Site) -> None:
+    """Let a process write the facts and day files anew and be killed before it removes the old ones."""
+    folder = Path(__file__).parent
+    done = subprocess.run([sys.executable, "-c", KILLED, site.root, folder], env=os.environ, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert doubled(site.root / FOLDER)
+    assert doubled(site.root / "facts")
+
+
+def doubled(root: Path) -> list[str]:
+    """Return the units of which there are several files: whoever reads the folder by a glob counts them double."""
+    names = Counter(f"{p.parent.relative_to(root)}/{p.name[:2]}" for p in root.rglob("*.parquet"))
+    return sorted(name for name, n in names.items() if n > 1)
+
+
+def temporary(folder: Path, name: str, *, pid: int = DEAD) -> Path:
+    path = folder / f".{name}.{pid}.tmp"
+    path.write_bytes(b"half")
+    return path
+
+
+def test_the_next_report_removes_what_a_killed_one_left(site: Site) -> None:
+    killed(site)
+    read(site)
+    assert doubled(site.root / "facts") == []
+
+
+def test_the_next_build_removes_what_a_killed_report_left(site: Site) -> None:
+    killed(site)
+    folder = next((site.root / FOLDER).rglob("date=*"))
+    left = [temporary(folder, "00-0123456789abcdef.parquet"), temporary(folder, "a", pid=os.getpid())]
+    assert build(site).n_built == 0
+    assert doubled(site.root / "facts") == []
+    assert not any(path.exists() for path in left)  # nobody writes facts: the process of that id is another one
+
+
+def test_nothing_is_removed_while_somebody_reads_facts(site: Site) -> None:
+    killed(site)
+    left = doubled(site.root / "facts")
+    with Warehouse(site, DAY, DAY):
+        build(site)
+        read(site)
+        assert doubled(site.root / "facts") == left
+    build(site)
+    assert doubled(site.root / "facts") == []
+
+
+def test_day_files_of_today_stay_when_superseded_ones_go(site: Site) -> None:
+    read(site)
+    fresh = {p: p.read_bytes() for p in (site.root / FOLDER).rglob("*.parquet")}
+    for path in fresh:
+        (path.parent / "00-0123456789abcdef.parquet").write_bytes(path.read_bytes())
+    build(site)
+    assert {p: p.read_bytes() for p in (site.root / FOLDER).rglob("*.parquet")} == fresh
+
+
+def test_other_settings_have_other_files_and_only_one_set_of_them(site: Site) -> None:
+    read(site)
+    read(replace(site, timezone="Asia/Kathmandu"))
+    assert doubled(site.root / FOLDER) == []
+
+
+def test_temporary_files_of_pages_go_with_their_writer(tmp_path: Path) -> None:
+    gone = [
+        temporary(tmp_path, n) for n in ("2026-W46.html", "2026-W46-ground.json", "2026-W46-where.png", "index.html")
+    ]
+    stay = [temporary(tmp_path, "notes.txt")]
+    with durable.temporary(tmp_path / "2026-W46.html") as (being_written, _):
+        sweep_pages(tmp_path)
+        assert not any(path.exists() for path in gone)
+        assert all(path.exists() for path in [*stay, being_written])

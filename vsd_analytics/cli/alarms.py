@@ -1,0 +1,250 @@
+"""`vsd alarms`: the alarms of stored days, and whether those of the listener arrive."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from datetime import date, datetime
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.instants import parse_range
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json, plain, progress, render_error
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import LiveError, UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.live.alarm_observer import LiveAlarms
+    from vsd_analytics.live.delivery import AlarmSender
+    from vsd_analytics.live.events import AlarmEvent
+    from vsd_analytics.site.model import AlarmRule
+
+_PATIENCE_S = 15.0
+
+
+@click.command()
+@click.argument("days", required=False, metavar="[RANGE]")
+@click.option("--rule", "rule_ids", metavar="ID", multiple=True, help="Only this rule; repeat for several.")
+@click.option("--events", "as_events", is_flag=True, help="Print every event as a JSON line, as it is delivered.")
+@click.option("--deliver", is_flag=True, help="Send what was not sent before: alarms.jsonl, webhook, topic.")
+@click.option("--test", "is_test", is_flag=True, help="Send one made-up event to the webhook and topic, and stop.")
+@json_option
+@pass_project
+def alarms(
+    project: Project,
+    /,
+    days: str | None,
+    rule_ids: tuple[str, ...],
+    as_events: bool,
+    deliver: bool,
+    is_test: bool,
+    as_json: bool,
+) -> int:
+    """Apply the rules of [[alarm]] to stored days and list their alarms. vsd listen sends them live.
+
+    RANGE is a day, DAY..DAY or an ISO week; without it the last stored day is replayed.
+
+    \b
+    Example:
+      vsd alarms
+      vsd alarms 2026-W46 --rule queue-too-full --json
+      vsd alarms 2026-11-11 --events
+      vsd alarms --test
+    """
+    if is_test:
+        _test(project)
+        project.say("the sample arrived")
+        return 0
+    rules = _rules(project, rule_ids)
+    found = _replay(project, days, rules) if rules else []
+    is_delivered = _deliver(project, found) if deliver else True
+    if as_events:
+        import json
+
+        for event in found:
+            click.echo(json.dumps(event.as_dict(project.site.zone), ensure_ascii=False))
+    elif as_json:
+        emit_json({"alarms": _summaries(project, found)})
+    elif not rules:
+        click.echo("vsd.toml has no [[alarm]]: docs/alarms.md shows how to write one")
+    else:
+        _print_table(project, _summaries(project, found))
+    return 0 if is_delivered else 1
+
+
+@contextmanager
+def live_alarms(project: Project, *, clock: Callable[[], datetime]) -> Iterator[LiveAlarms | None]:
+    """Open the alarms of a listener; None when the site has no rules."""
+    site = project.site
+    if not site.alarms:
+        yield None
+        return
+    from vsd_analytics.live.alarm_observer import LiveAlarms
+    from vsd_analytics.live.delivery import FILE, AlarmLog, AlarmSender, webhook_of
+
+    webhook = webhook_of(site.alarm_delivery, environ=os.environ)
+    delivery = AlarmSender(site, log=AlarmLog(project.root / FILE), webhook=webhook)
+    alarms = LiveAlarms(site, delivery=delivery, clock=clock, report=project.say)
+    try:
+        yield alarms
+    finally:
+        alarms.stop()
+
+
+def _rules(project: Project, rule_ids: Sequence[str]) -> list[AlarmRule]:
+    from vsd_analytics.config.reader import nearest
+
+    known = {r.alarm_id: r for r in project.site.alarms}
+    for rule_id in rule_ids:
+        if rule_id not in known:
+            near = nearest(rule_id, known)
+            raise UsageError(
+                f"vsd.toml has no alarm {rule_id!r}",
+                why=f"its alarms: {', '.join(known) or 'none'}",
+                mend=f"--rule {near}" if near else None,
+            )
+    return [r for r in known.values() if not rule_ids or r.alarm_id in rule_ids]
+
+
+def _replay(project: Project, days: str | None, rules: Sequence[AlarmRule]) -> list[AlarmEvent]:
+    from vsd_analytics.live.stored_frames import replay
+    from vsd_analytics.warehouse.stored_days import calendar_days
+
+    first, last = _range(project, days)
+    runs = calendar_days(project.site, first, last, spare_days=0)
+    total = sum((run.last_day - run.first_day).days + 1 for run in runs) * 86400
+    with progress(None, total=total, label="replaying", unit=" s", quiet=project.quiet) as bar:
+        options = {"rules": rules, "now": project.now, "on_time": bar.update}
+        return [e for run in runs for e in replay(project.site, run.first_day, run.last_day, **options)]
+
+
+def _range(project: Project, days: str | None) -> tuple[date, date]:
+    from vsd_analytics.cli.ranges import nothing_stored
+    from vsd_analytics.warehouse.stored_days import stored_extent
+
+    if days is not None:
+        return parse_range(days)
+    extent = stored_extent(project.site)
+    if extent is None:
+        raise nothing_stored(project)
+    return extent.last_day, extent.last_day
+
+
+def _summaries(project: Project, events: Sequence[AlarmEvent]) -> list[dict[str, Any]]:
+    """Return one record per alarm: its last event, with when it started and ended (None: not yet)."""
+    alarms: dict[str, dict[str, Any]] = {}
+    for event in events:
+        record = event.as_dict(project.site.zone)
+        step, at = record.pop("event"), record.pop("at")
+        earlier = alarms.get(event.alarm, {"start": at})
+        alarms[event.alarm] = {**record, "start": earlier["start"], "end": at if step == "end" else None}
+    return list(alarms.values())
+
+
+def _print_table(project: Project, alarms: Sequence[dict[str, Any]]) -> None:
+    if not alarms:
+        click.echo("no alarms")
+        return
+    rows = [("since", "lasted", "rule", "where", "what")]
+    rows += [(_clock(a["since"]), _lasted(a), a["rule"], _where(a), _what(a)) for a in alarms]
+    widths = [max(len(r[i]) for r in rows) for i in range(5)]
+    for row in rows:
+        click.echo(plain("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()))
+    click.echo(f"{len(alarms):,} alarm{'' if len(alarms) == 1 else 's'}, times in {project.site.timezone}")
+
+
+def _clock(iso: str) -> str:
+    return datetime.fromisoformat(iso).strftime("%Y-%m-%d %H:%M:%S")
+
+
+def _lasted(alarm: dict[str, Any]) -> str:
+    seconds = int(alarm["lasted_s"])
+    hours, minutes = divmod(seconds // 60, 60)
+    duration = f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {seconds % 60:02d} s"
+    return duration if alarm["end"] else f"{duration}, open"
+
+
+def _where(alarm: dict[str, Any]) -> str:
+    place = f" at {alarm['x_m']:.1f}, {alarm['y_m']:.1f} m" if alarm["x_m"] is not None else ""
+    return f"{alarm['area'] + ', ' if alarm['area'] else ''}{alarm['camera']}{place}"
+
+
+def _what(alarm: dict[str, Any]) -> str:
+    if alarm["kind"] == "silence":
+        return "camera silent"
+    what = f"up to {alarm['n_people_max']} people" if alarm["kind"] == "gathering" else "contact"
+    return f"{what}, nearest {alarm['nearest_m']:.2f} m"
+
+
+def _deliver(project: Project, events: Sequence[AlarmEvent]) -> bool:
+    """Send events that were not sent before; return whether all arrived, after saying what did not."""
+    from vsd_analytics.live.delivery import FILE, AlarmLog
+
+    with _delivery(project, log=AlarmLog(project.root / FILE)) as delivery:
+        sent = delivery.send(events)
+        problem = _problem(delivery)
+    project.say(f"{len(sent):,} events sent, {len(events) - len(sent):,} were sent before")
+    if problem is not None:
+        click.echo(render_error(problem, word="warning"), err=True)
+    return problem is None
+
+
+def _test(project: Project) -> None:
+    """Send a sample.
+
+    Raises:
+        UsageError: E101, there is neither a webhook nor a topic.
+        LiveError: E710, it did not arrive.
+    """
+    from vsd_analytics.live.events import AlarmEvent
+
+    site = project.site
+    if site.alarm_delivery.webhook is None and site.alarm_delivery.topic is None:
+        mend = 'add [alarms] with webhook = "https://..." or topic = "..."'
+        raise UsageError("there is nowhere to send a sample", why="vsd.toml names no webhook and no topic", mend=mend)
+    now_ms, camera = round(project.now.timestamp() * 1000), site.cameras[0]
+    head = ("0" * 16, "test", "gathering", "start", now_ms, now_ms - 60_000)
+    place = (site.site_id, camera.camera_id, camera.floor_id, None, 0.0, 0.0)
+    sample = AlarmEvent(*head, *place, n_people=4, n_people_max=4, nearest_mm=1500)  # type: ignore[arg-type]
+    with _delivery(project, log=None) as delivery:
+        delivery.send([sample])
+        problem = _problem(delivery)
+    if problem is not None:
+        raise problem
+
+
+@contextmanager
+def _delivery(project: Project, *, log: Any) -> Iterator[AlarmSender]:
+    """Open the ways out; LiveError E710 when the broker cannot be reached."""
+    from vsd_analytics.live.delivery import AlarmSender, Publisher, webhook_of
+    from vsd_analytics.live.mqtt import password_of
+
+    site = project.site
+    with ExitStack() as stack:
+        publisher = None
+        if site.alarm_delivery.topic is not None and site.broker is not None:
+            password = password_of(site.broker, environ=os.environ)
+            publisher = stack.enter_context(Publisher(site.broker, password=password))
+        webhook = webhook_of(site.alarm_delivery, environ=os.environ)
+        delivery = AlarmSender(site, log=log, webhook=webhook)
+        delivery.publish = publisher
+        yield delivery
+
+
+def _problem(delivery: AlarmSender) -> LiveError | None:
+    """Wait for what is on its way; return what went wrong, or None when all arrived."""
+    why = [f"alarms.jsonl: {delivery.error}"] if delivery.n_unlogged else []
+    if delivery.n_unpublished:
+        why.append(f"topic: {delivery.n_unpublished} events were not acknowledged by the broker")
+    webhook = delivery.webhook
+    if webhook is not None:
+        is_done = webhook.stop(timeout_s=_PATIENCE_S)
+        if not is_done or webhook.n_refused or webhook.n_dropped:
+            n_lost = webhook.n_waiting + webhook.n_refused + webhook.n_dropped
+            why.append(f"webhook: {n_lost} events not taken: {webhook.refusal or webhook.error or 'no answer'}")
+    if not why:
+        return None
+    return LiveError("alarms did not arrive", code="E710", why="; ".join(why), mend="mend it, then: vsd alarms --test")

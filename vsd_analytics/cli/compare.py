@@ -1,0 +1,203 @@
+"""`vsd compare`: did it change, by how much, and were the reasons people, layout or behaviour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import date, timedelta
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.compare_text import change, figure, level, percent, ratio, table
+from vsd_analytics.cli.instants import parse_range, parse_week
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
+from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of, warn
+from vsd_analytics.errors import UsageError
+from vsd_analytics.report.words.reasons import reason_text, text_or_none, verdict_text
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.before_after import BeforeAfterFigure
+    from vsd_analytics.figures.compare import Comparison, PlaceChange
+
+
+@click.command()
+@click.argument("periods", nargs=-1, metavar="[A B]")
+@click.option("--change", "number", type=click.IntRange(min=1), metavar="N", help="Entry of the log: see vsd log list.")
+@click.option("--area", "area_ids", metavar="ID", multiple=True, help="Only this area; may be given several times.")
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@click.option(
+    "--weeks", type=click.IntRange(1, 26), default=4, show_default=True, help="With --change: weeks on either side."
+)
+@json_option
+@pass_project
+def compare(
+    project: Project,
+    periods: tuple[str, ...],
+    number: int | None,
+    area_ids: tuple[str, ...],
+    floor_id: str | None,
+    weeks: int,
+    as_json: bool,
+) -> int:
+    """Compare two periods over the same hours, or the weeks before and after a change of the log.
+
+    A and B are ISO weeks, `last`, `last-2`, or ranges of days. Days are paired by weekday, and only camera-hours that
+    were recorded in both count. Prints violation rate, risk per person-hour, people, and which of them made
+    the change.
+
+    With --change N, compares the area of entry N of the log before and after, relative to areas that were left
+    alone (difference in differences), so that a change of the whole site does not look like an effect.
+
+    Exit code 1: the periods cannot be compared; the message says why.
+
+    \b
+    Example:
+      vsd compare last-1 last
+      vsd compare 2026-11-02..2026-11-08 2026-11-09..2026-11-15 --area entrance --json
+      vsd compare --change 1
+    """
+    if number is not None:
+        if periods or floor_id is not None or len(area_ids) > 1:
+            raise UsageError("--change takes its weeks from the log, and one area", mend="vsd compare --change 1")
+        return _change_of_log(project, number, area_ids[0] if area_ids else None, weeks, as_json=as_json)
+    if len(periods) != 2:
+        raise UsageError("compare needs two periods, A and B, or --change N", mend="vsd compare 2026-W45 2026-W46")
+    return _two_periods(project, periods, area_ids, floor_id, as_json=as_json)
+
+
+def _two_periods(
+    project: Project, periods: tuple[str, ...], area_ids: tuple[str, ...], floor_id: str | None, *, as_json: bool
+) -> int:
+    from vsd_analytics.figures import compare as analysis
+
+    a, b = (_days(project, text) for text in periods)
+    first, last = analysis.days_needed(project.site, a, b)
+    with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
+        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
+        found = analysis.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
+        rules = purged_hours_notes(warehouse)
+    _print(found, _text(found), rules, as_json=as_json)
+    return 0 if found.state == "ok" else 1
+
+
+def _change_of_log(project: Project, number: int, area_id: str | None, weeks: int, *, as_json: bool) -> int:
+    from vsd_analytics.cli.compare_text import change_text
+    from vsd_analytics.figures.before_after import before_after
+    from vsd_analytics.figures.change_weeks import days_needed
+
+    warn_of_broken_log_lines(project)
+    first, last = days_needed(project.site, number, weeks=weeks)
+    with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
+        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
+        found = before_after(warehouse, number, area_id=area_id, weeks=weeks)
+        rules = purged_hours_notes(warehouse)
+    _print(found, change_text(found), rules, as_json=as_json)
+    return 0 if found.state == "ok" else 1
+
+
+def _print(found: Comparison | BeforeAfterFigure, text: str, rules: Sequence[str], *, as_json: bool) -> None:
+    if as_json:
+        emit_json(rounded({**_spelled(asdict(found)), "notes": [*found.notes, *rules]}))
+        return
+    warn(rules)
+    click.echo(plain(text))
+
+
+def _spelled(value: Any) -> Any:
+    """Return nested dictionaries with verdicts as the command has always written them: "clear fall"."""
+    if isinstance(value, dict):
+        return {k: verdict_text(v) if k == "verdict" else _spelled(v) for k, v in value.items()}
+    return [_spelled(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+def _days(project: Project, text: str) -> tuple[date, date]:
+    if text.startswith("last"):
+        monday = parse_week(text, last=last_monday(project))
+        return monday, monday + timedelta(days=6)
+    return parse_range(text)
+
+
+def _text(found: Comparison) -> str:
+    shares = ["closed" if p.coverage is None else f"{p.coverage:.0%}" for p in (found.a, found.b)]
+    lines = [
+        f"{found.floor_name}: {found.a.first} to {found.a.last} (A) and {found.b.first} to {found.b.last} (B)",
+        f"recorded of the open hours: A {shares[0]}, B {shares[1]}",
+    ]
+    if found.state != "ok":
+        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
+        return "\n".join([*lines, "", f"{word}: {reason_text(found.reason)}", *_notes(found)])
+    lines.append(f"compared: {found.n_pairs} pairs of days, {found.hours_compared:,.1f} camera-hours recorded in both")
+    lines += ["", *_place(found.places[0]), "", *_mixing(found)]
+    if found.places[1:]:
+        lines += ["", *_areas(found.places[1:])]
+    return "\n".join([*lines, *_notes(found)])
+
+
+def _place(place: PlaceChange) -> list[str]:
+    split = place.split
+    rows = [
+        ("", "A", "B", "B against A", "verdict"),
+        ("how often: violations per open hour", level(place.often_a), level(place.often_b), *change(split.often)),
+        ("how risky: violations per person-hour", level(place.risky_a), level(place.risky_b), *change(split.risky)),
+        ("people in view", figure(split.people.rate_a), figure(split.people.rate_b), *change(split.people)),
+    ]
+    lines = table(rows)
+    if split.people_share is not None and split.people.change is not None and split.risky.change is not None:
+        lines += [
+            "",
+            f"Of the change {percent(split.often.change)}: people {percent(split.people.change)}, "
+            f"risk per person-hour {percent(split.risky.change)}. {_share(split.people_share)}",
+        ]
+    return lines
+
+
+def _mixing(found: Comparison) -> list[str]:
+    made = found.mixing
+    if made is None or made.state != "ok" or made.behaviour is None:
+        reason = "" if made is None else str(text_or_none(made.reason))
+        return [f"crowding, layout, behaviour: {reason}"]
+    close, crowding, layout = ratio(made.close), ratio(made.crowding), ratio(made.layout)
+    change_text, verdict = change(made.behaviour)
+    rows = [
+        ("time that pairs spend close", close, "", ""),
+        ("  crowding: two people present at once", crowding, _part(made.crowding_share), ""),
+        ("  layout: they would meet by where they stand", layout, _part(made.layout_share), ""),
+        ("  behaviour: they stay together or keep apart", change_text, _part(made.behaviour_share), verdict),
+    ]
+    return table(rows)
+
+
+def _part(share: float | None) -> str:
+    return "" if share is None else f"{share:.0%} of it"
+
+
+def _share(people: float) -> str:
+    if people < 0:
+        return "People moved the other way."
+    if people > 1:
+        return "Risk moved the other way."
+    return f"People explain {people:.0%} of it."
+
+
+def _areas(places: Sequence[PlaceChange]) -> list[str]:
+    rows = [("area", "how often A", "B", "B against A", "verdict", "people", "how risky", "verdict")]
+    reasons = []
+    for place in places:
+        often, risky = place.split.often, place.split.risky
+        levels = (figure(place.often_a.rate), figure(place.often_b.rate))
+        changed = (change(often)[0], verdict_text(often.verdict), percent(place.split.people.change), change(risky)[0])
+        rows.append((place.name, *levels, *changed, verdict_text(risky.verdict)))
+        unknown = [(word, e.reason) for word, e in (("how often", often), ("how risky", risky)) if e.reason]
+        reasons += [f"{place.name}, {word}: {reason_text(why)}" for word, why in unknown]
+    return [*table(rows), *reasons]
+
+
+def _notes(found: Comparison) -> list[str]:
+    notes = [reason_text(note) for note in found.notes]
+    if found.days_left_out:
+        notes.append(f"without a partner of its weekday: {', '.join(map(str, found.days_left_out))}")
+    notes += [f"camera {c} is not compared: {reason_text(why)}" for c, why in found.cameras_left_out.items()]
+    return ["", *(f"note: {note}" for note in notes)] if notes else []

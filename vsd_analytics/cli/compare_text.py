@@ -1,0 +1,135 @@
+"""What `vsd compare` prints of a change: numbers, tables, and what a change of the log did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from vsd_analytics.cli.output import plain
+from vsd_analytics.report.words.reasons import reason_text, verdict_text
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.before_after import BeforeAfterFigure
+    from vsd_analytics.stats.before_after import BeforeAfter
+    from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+
+
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of texts as lines with aligned columns; control characters and line ends in a text are replaced."""
+    clean = [[plain(cell).replace("\n", " ") for cell in row] for row in rows]
+    widths = [max(len(row[k]) for row in clean) for k in range(len(clean[0]))]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in clean]
+
+
+def figure(value: float | None) -> str:
+    """Return a number to three digits, or a dash."""
+    return "–" if value is None else f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+
+
+def percent(share: float | None) -> str:
+    """Return a relative change, such as -14%, or a dash."""
+    return "–" if share is None else f"{share:+.0%}"
+
+
+def ratio(theta: float | None, lo: float | None = None, hi: float | None = None) -> str:
+    """Return a ratio as a relative change with its interval: -14% (-20% to -8%)."""
+    text = percent(None if theta is None else theta - 1)
+    if lo is None and hi is None:
+        return text
+    return f"{text} ({percent((lo or 0.0) - 1)} to {'any' if hi is None else percent(hi - 1)})"
+
+
+def level(rate: RateEstimate) -> str:
+    """Return a rate with its interval, or why there is none."""
+    if rate.rate is None:
+        return reason_text(rate.reason) or "–"
+    between = "" if rate.lo is None or rate.hi is None else f" ({figure(rate.lo)} to {figure(rate.hi)})"
+    return f"{figure(rate.rate)}{between}"
+
+
+def change(estimate: ChangeEstimate) -> tuple[str, str]:
+    """Return a change with its interval, and its verdict with the reason."""
+    why = f": {reason_text(estimate.reason)}" if estimate.reason else ""
+    return ratio(estimate.theta, estimate.lo, estimate.hi), f"{verdict_text(estimate.verdict)}{why}"
+
+
+def change_text(found: BeforeAfterFigure) -> str:
+    """Return what a change of the log did, for a person."""
+    lines = [f"change {found.number} of the log, {found.at:%Y-%m-%d %H:%M}: {_quoted(found.text)}"]
+    if (w := found.windows) is not None:
+        weeks = "1 week" if w.n_weeks == 1 else f"{w.n_weeks} weeks"
+        out = "" if w.left_out is None else f"; left out: {w.left_out[0]} to {w.left_out[1]}"
+        lines.append(
+            f"{found.area_name}, {weeks} before ({w.before[0]} to {w.before[1]}) "
+            f"and after ({w.after[0]} to {w.after[1]}){out}"
+        )
+    if found.state != "ok":
+        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
+        return "\n".join([*lines, "", f"{word}: {reason_text(found.reason)}", *_left_out(found)])
+    lines += [
+        "",
+        *(f"{'not credible' if k == 0 else 'also'}: {reason_text(doubt)}" for k, doubt in enumerate(found.doubts)),
+    ]
+    if found.doubts:
+        lines.append("")
+    lines += _effect(found)
+    rows = [("violations per person-hour", "after against before", "verdict")]
+    for name, estimate in (("the area alone", found.alone), ("the comparison areas", found.comparison)):
+        if estimate is not None:
+            rows.append((name, *change(estimate)))
+    if (near := found.neighbours) is not None:
+        rows.append(("2 to 5 m around the area", *change(near.risky)))
+        if near.effect is not None and near.effect.theta is not None:
+            relative = ratio(near.effect.theta, near.effect.lo, near.effect.hi)
+            rows.append(("  relative to the comparison areas", relative, verdict_text(near.effect.verdict)))
+    rows += [("", "", ""), ("people per open hour", "", "")]
+    people = (("in the area", found.people), ("2 to 5 m around it", None if near is None else near.people))
+    rows += [(name, *change(e)) for name, e in people if e is not None]
+    lines += table(rows)
+    if found.comparison_areas:
+        lines += ["", f"compared with: {', '.join(found.comparison_areas)}"]
+    lines += [*_left_out(found), "", "this holds if:", *(f"  {reason_text(a)}" for a in found.assumptions)]
+    return "\n".join([*lines, *(f"note: {reason_text(note)}" for note in found.notes)])
+
+
+def _effect(found: BeforeAfterFigure) -> list[str]:
+    if found.effect is None or found.often is None:
+        return []
+    word = "effect" if found.is_credible else "for what it is worth, effect"
+    n = found.effect.n_areas
+    lines = [f"{word}, relative to {n} comparison area{'' if n == 1 else 's'}:"]
+    for name, effect in (("violations per person-hour", found.effect), ("violations per open hour", found.often)):
+        if effect.theta is None:
+            lines.append(f"  {name}: too little data: {reason_text(effect.reason)}")
+            continue
+        verdict = f": {verdict_text(effect.verdict)}" if found.is_credible else ""
+        lines.append(f"  {name}: {ratio(effect.theta, effect.lo, effect.hi)}{verdict}")
+        lines += [f"    {text}" for text in _robustness(effect)]
+    if (trend := found.effect.trend or found.often.trend) is not None:
+        per_week = ratio(1 + trend.per_week, 1 + trend.lo, 1 + trend.hi)
+        lines.append(f"  before the change, against the comparison areas: {per_week} a week over {trend.n_weeks} weeks")
+    if found.people is not None and found.people.verdict in ("clear_fall", "clear_rise"):
+        fewer = "fewer" if found.people.verdict == "clear_fall" else "more"
+        lines.append(f"  there were {fewer} people ({ratio(found.people.theta)}), which is no safer or riskier layout")
+    return [*lines, ""]
+
+
+def _robustness(effect: BeforeAfter) -> list[str]:
+    lines = []
+    if effect.placebo:
+        lowest, highest = (percent(theta - 1) for theta in (min(effect.placebo), max(effect.placebo)))
+        lines.append(f"each comparison area, as if changed: {lowest} to {highest}")
+    if effect.placebo_lo is not None:
+        lines[-1] += f"; interval by that spread: {ratio(effect.theta, effect.placebo_lo, effect.placebo_hi)}"
+    if (pulled := effect.shrunken) is not None:
+        text = f"{ratio(pulled.theta, pulled.lo, pulled.hi)}, as part of what is bad by chance passes by itself"
+        lines.append(f"if the area was chosen because it was bad: {text}")
+    return lines
+
+
+def _left_out(found: BeforeAfterFigure) -> list[str]:
+    return [f"not compared with {area_id}: {reason_text(why)}" for area_id, why in found.areas_left_out]
+
+
+def _quoted(text: str) -> str:
+    return f'"{" ".join(plain(text).split())}"'

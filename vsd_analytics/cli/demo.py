@@ -1,0 +1,108 @@
+"""`vsd demo`: a made-up shop, from engine output to a report, in seconds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from vsd_analytics.cli.output import progress
+from vsd_analytics.cli.project import Project, pass_project
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@click.command()
+@click.argument("folder", default="vsd-demo", metavar="[DIR]")
+@click.option(
+    "--weeks",
+    type=click.IntRange(1, 104),
+    default=2,
+    show_default=True,
+    help="Weeks to make; with eight or more there is a history.",
+)
+@click.option(
+    "--reports",
+    type=click.Choice(["last", "all"]),
+    default="last",
+    show_default=True,
+    help="Reports to write: of the last week, or of all and the site index over them.",
+)
+@click.option(
+    "--last-week",
+    default="2026-W46",
+    show_default=True,
+    metavar="WEEK",
+    help="ISO week the made-up data end with.",
+)
+@click.option("--seed", type=int, default=4, show_default=True, help="Another seed makes other people.")
+@click.option("--open", "is_opened", is_flag=True, help="Open the report in a browser.")
+@pass_project
+def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str, seed: int, is_opened: bool) -> None:
+    """Make a demo shop with four cameras and two weeks of made-up people, and its weekly report.
+
+    The folder is a whole project: vsd.toml, plan, calibrations, engine output, change log. Everything the report
+    shows was ingested like real data. truth.json lists what was planted.
+
+    With eight weeks or more there is a history: a slow rise, a redesign, a change that does nothing, a week mostly lost
+    and a holiday.
+
+    \b
+    Example:
+      vsd demo
+      vsd demo my-demo --weeks 12 --reports all
+    """
+    import time
+    from pathlib import Path
+
+    from vsd_analytics.cli.site import write_week
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.simulate import write_demo_project
+    from vsd_analytics.simulate.demo import ingest_demo
+
+    root = Path(folder)
+    if root.exists() and (not root.is_dir() or any(root.iterdir())):
+        raise UsageError(
+            f"{folder} is not empty",
+            code="E104",
+            why="the demo writes a whole project and overwrites nothing",
+            mend="vsd demo another-folder",
+        )
+    started = time.perf_counter()
+    with progress(None, total=7 * weeks, label="people walk", unit="day", quiet=project.quiet) as bar:
+        truth = write_demo_project(
+            root, seed=seed, weeks=weeks, last_week=last_week, progress=lambda done, total: bar.update(1)
+        )
+    made = time.perf_counter()
+    counts = f"{truth.n_messages:,} frames, {truth.n_person_records:,} person records"
+    made_of = f"{weeks} week{'' if weeks == 1 else 's'} of made-up people"
+    click.echo(f"  Made a shop with 4 cameras and {made_of}: {counts} in {made - started:.1f} s")
+    inner = Project(folder=folder, now_text=project.now_text, quiet=project.quiet, verbose=project.verbose)
+    files = sorted((root / "engine").iterdir())
+    n_bytes = sum(f.stat().st_size for f in files)
+    with progress(None, total=n_bytes, label="reading", unit="B", quiet=project.quiet) as bar:
+        result = ingest_demo(inner.site, files, seed=seed, on_bytes=bar.update)
+    n_new = sum(c.n_new for c in result.fold.tables.values())
+    read = time.perf_counter()
+    click.echo(f"  Read into the store: {n_new:,} records in {read - made:.1f} s")
+    pages = []
+    for week in truth.weeks if reports == "all" else truth.weeks[-1:]:
+        pages += [root / "reports" / path.name for path in write_week(inner, week) if path.suffix == ".html"]
+    click.echo(f"  Counted, mapped, written in {time.perf_counter() - read:.1f} s")
+    if reports == "all":
+        pages.append(root / "reports" / _index(inner).name)
+    for path in pages:
+        click.echo(f"  {path}   {path.stat().st_size / 1000:.0f} KB   open it in any browser")
+    click.echo(f"  Next: cd {folder} && vsd coverage --week {last_week}")
+    if is_opened:
+        click.launch(str(pages[-1]))
+
+
+def _index(project: Project) -> Path:
+    from vsd_analytics.site_index.collect_reports import gather, sources_of, write_index
+    from vsd_analytics.site_index.floor_weeks import catalogue
+    from vsd_analytics.site_index.page import render_index
+
+    sources = sources_of([project.root])
+    return write_index(sources[0].reports, render_index(catalogue(gather(sources, sources[0].reports).entries)))

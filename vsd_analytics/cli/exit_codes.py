@@ -1,0 +1,80 @@
+"""Runs the command line: every error in one shape, and the exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from vsd_analytics.cli.output import emit_json, render_error
+from vsd_analytics.errors import UsageError, VsdError, disk_error
+
+
+def run(command: click.Command, arguments: list[str]) -> int:
+    """Run a click command and return its exit code, printing every error in one shape."""
+    as_json = "--json" in arguments
+    verbose = any(a in ("-v", "--verbose") for a in arguments)
+    try:
+        if not {"explain", "-h", "--help", "--version"} & set(arguments):
+            refuse_unsupported(sys.platform)
+        result = command.main(arguments, prog_name="vsd", standalone_mode=False)
+        sys.stdout.flush()
+        return result if isinstance(result, int) else 0
+    except VsdError as error:
+        _print_error(error, as_json=as_json)
+        return 2
+    except click.exceptions.Exit as stop:
+        return int(stop.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted", err=True)
+        return 130
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message(), err=True)
+        return 2
+    except click.ClickException as error:
+        if isinstance(error, click.UsageError) and error.ctx is not None and not as_json:
+            click.echo(error.ctx.get_usage(), err=True)
+        _print_error(
+            UsageError(error.format_message(), mend="see vsd --help, or the command's own --help"), as_json=as_json
+        )
+        return 2
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        if verbose:
+            raise
+        what = f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
+        refused = VsdError(what, code="E120", mend="check the path, its permissions and the free space")
+        _print_error(disk_error(error) or refused, as_json=as_json)
+        return 2
+    except Exception as error:
+        if verbose:
+            raise
+        what = f"an internal error stopped the command: {type(error).__name__}: {error}"
+        internal = VsdError(what, code="E900", mend="run it again with -v and report what it prints")
+        _print_error(disk_error(error) or internal, as_json=as_json)
+        return 2
+
+
+def refuse_unsupported(platform: str) -> None:
+    """Raise VsdError E130 on a platform whose file system lacks what the store needs.
+
+    Args:
+        platform: As `sys.platform` names it.
+    """
+    if platform in ("win32", "cygwin"):
+        raise VsdError(
+            "Windows is not supported",
+            code="E130",
+            why="the store needs file locks and durable renames as Linux and macOS have them",
+            mend="run it on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt",
+        )
+
+
+def _print_error(error: VsdError, *, as_json: bool) -> None:
+    if as_json:
+        emit_json(error.as_dict())
+    else:
+        click.echo(render_error(error), err=True)

@@ -1,0 +1,154 @@
+"""Options of the commands that read engine files: `check`, `ingest`, `quarantine replay`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.instants import instant
+from vsd_analytics.cli.options import F
+from vsd_analytics.cli.project import Project
+from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.ingest.adapter import IngestOptions
+
+
+def file_options(command: F) -> F:
+    """Add the options that say how to read engine files."""
+    options: list[Callable[[Any], Any]] = [
+        click.option(
+            "--format",
+            "kind",
+            metavar="NAME",
+            help="frames, table, positions, pairs, smart-social-distancing, motchallenge, wildtrack; else detected.",
+        ),
+        click.option("--camera", metavar="ID", help="Camera of records that name none."),
+        click.option(
+            "--columns", metavar="NAMES", help="Headerless table: our names in the file's order; _ ignores a column."
+        ),
+        click.option(
+            "--map",
+            "renames",
+            metavar="OURS=THEIRS",
+            multiple=True,
+            help="Column renames; repeat or separate by commas.",
+        ),
+        click.option(
+            "--period",
+            "period_s",
+            type=float,
+            metavar="SECONDS",
+            help="Sampling period: records of one period are one frame.",
+        ),
+        click.option("--fps", type=float, metavar="N", help="Frames per second, for files with frame numbers."),
+        click.option("--start", metavar="INSTANT", help="Time of the first frame, for files with frame numbers."),
+        click.option(
+            "--first-frame",
+            type=float,
+            metavar="N",
+            help="Number of the frame at --start (default: the format's first).",
+        ),
+        click.option(
+            "--coordinates", type=click.Choice(["floor", "image"]), help="Which of a format's coordinates to use."
+        ),
+        click.option(
+            "--method",
+            type=click.Choice(["center-points", "four-corner"]),
+            default="center-points",
+            show_default=True,
+            help="smart-social-distancing: its distance method.",
+        ),
+        click.option(
+            "--resolution",
+            metavar="WxH",
+            default="640x480",
+            show_default=True,
+            help="smart-social-distancing: resolution boxes were logged at.",
+        ),
+        click.option(
+            "--threshold",
+            "threshold_m",
+            type=float,
+            default=1.5,
+            show_default=True,
+            metavar="METRES",
+            help="smart-social-distancing: its distance limit.",
+        ),
+        click.option(
+            "--per-camera", is_flag=True, help="wildtrack: each view's boxes as a camera of its own, C1 to C7."
+        ),
+        click.option("--engine", metavar="NAME", help="Engine name and version, where the files do not say."),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
+    """Return the checked values of `file_options`.
+
+    Raises:
+        UsageError: E101, a value is malformed or out of range, or two options contradict each other.
+    """
+    from vsd_analytics.ingest.adapter import IngestOptions
+
+    renames = renames_of(given["renames"])
+    size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", given["resolution"])
+    if size is None:
+        raise UsageError(f"--resolution {given['resolution']!r} is not WIDTHxHEIGHT", mend="--resolution 640x480")
+    for name in ("period_s", "fps", "threshold_m"):
+        if given[name] is not None and not 0 < given[name] < 1e6:
+            raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
+    if given["first_frame"] is not None and not abs(given["first_frame"]) < 1e15:
+        raise UsageError("--first-frame must be a number of a frame")
+    if given["per_camera"] and given["camera"] is not None:
+        raise UsageError("--per-camera names the cameras C1 to C7 itself", mend="leave out --camera")
+    start = None
+    if given["start"] is not None:
+        start = round(instant(given["start"], zone=project.site.timezone, what="--start").timestamp() * 1000)
+    columns = given["columns"]
+    return IngestOptions(
+        format=given["kind"],
+        camera=given["camera"],
+        columns=None if columns is None else tuple(c.strip() for c in columns.split(",")),
+        map=renames,
+        period_s=given["period_s"],
+        fps=given["fps"],
+        start=start,
+        first_frame=given["first_frame"],
+        coordinates=given["coordinates"],
+        method=given["method"],
+        resolution_px=(int(size[1]), int(size[2])),
+        threshold_m=given["threshold_m"],
+        engine=given["engine"],
+        per_camera=given["per_camera"],
+    )
+
+
+def renames_of(given: Sequence[str]) -> dict[str, str]:
+    """Return the column renames of `--map`, ours to theirs.
+
+    Raises:
+        UsageError: E101, one is not OURS=THEIRS, or no column of ours is called so.
+    """
+    from vsd_analytics.config.reader import nearest
+    from vsd_analytics.ingest.columns import KNOWN
+
+    renames = {}
+    for text in (part for r in given for part in r.split(",")):
+        ours, equals, theirs = text.partition("=")
+        if not equals or not ours.strip() or not theirs.strip():
+            raise UsageError(f"--map {text!r} is not OURS=THEIRS", mend="--map ts=time")
+        if ours.strip() not in KNOWN:
+            near = nearest(ours.strip(), KNOWN)
+            raise UsageError(
+                f"--map {text!r}: no column of ours is called {ours.strip()!r}",
+                why=f"ours: {', '.join(KNOWN)}",
+                mend=f"--map {near or 'ts'}={theirs.strip()}",
+            )
+        renames[ours.strip()] = theirs.strip()
+    return renames

@@ -1,0 +1,114 @@
+"""`vsd heatmap`: violation records per floor cell, as a table or picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.output import emit_json, rows_of
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+
+if TYPE_CHECKING:
+    from datetime import date
+
+
+@click.command()
+@range_options
+@click.option(
+    "--cell", "cell_m", type=float, default=1.0, show_default=True, help="Side of a cell in metres, a multiple of 0.25."
+)
+@click.option(
+    "--at",
+    type=click.Choice(["midpoint", "person"]),
+    default="midpoint",
+    show_default=True,
+    help="Count a record at the pair's midpoint, or where each person is.",
+)
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["csv", "json", "png", "svg"]),
+    default="csv",
+    show_default=True,
+    help="Table or picture.",
+)
+@click.option("--out", metavar="FILE", help="Write here (pictures need it); default: standard output.")
+@click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
+@json_option
+@pass_project
+def heatmap(
+    project: Project,
+    week: str | None,
+    days: str | None,
+    cell_m: float,
+    at: Literal["midpoint", "person"],
+    floor_id: str | None,
+    kind: str,
+    out: str | None,
+    share: bool,
+    as_json: bool,
+) -> None:
+    """Print or draw violation records per floor cell.
+
+    Columns cx and cy are floor(x / cell) and floor(y / cell) in floor metres.
+
+    \b
+    Example:
+      vsd heatmap --cell 1 --at midpoint --format csv
+      vsd heatmap --week last --cell 0.5 --format png --out where.png
+    """
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.figures import operator_counts
+
+    stored_m = project.site.settings.cell_m
+    if cell_m <= 0 or cell_m > 1000 or abs(cell_m / stored_m - round(cell_m / stored_m)) > 1e-9:
+        raise UsageError(f"--cell {cell_m:g} is not a multiple of {stored_m:g} m", mend="--cell 0.5")
+    if kind in ("png", "svg") and out is None:
+        raise UsageError("a picture needs a file", mend=f"--out where.{kind}")
+    if kind in ("png", "svg") and share:
+        raise UsageError("--share is for tables", mend="the map of vsd report hides small counts")
+    with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m) as warehouse:
+        frame = operator_counts.heatmap(warehouse, floor_id=floor_id, at=at)
+        if kind in ("png", "svg"):
+            from vsd_analytics.report.draw.heatmap_file import draw_heatmap
+
+            draw_heatmap(
+                frame,
+                project.site,
+                floor_id=floor_id,
+                cell_m=cell_m,
+                path=str(out),
+                title=f"Violation records, {_days(warehouse.first, warehouse.last)}",
+            )
+            project.say(f"wrote {out}")
+            return
+        notes = purged_hours_notes(warehouse)
+    below = int(project.site.settings.mask_below)
+    if share:
+        from vsd_analytics.figures.masked_tables import shared_cells
+
+        frame = shared_cells(frame, below=below)
+    if kind == "json" or as_json:
+        emit_json({"cell_m": cell_m, "at": at, "cells": rows_of(frame), **({"notes": notes} if notes else {})})
+        return
+    warn(notes)
+    if share:
+        table = frame.drop(columns="masked").astype({"records": object}).fillna({"records": f"<{below}"})
+    else:
+        table = frame[frame["records"] > 0].drop(columns="exposure_s")
+    text = table.to_csv(index=False, lineterminator="\n")
+    if out is None:
+        click.echo(text, nl=False)
+    else:
+        from pathlib import Path
+
+        Path(out).write_text(text, encoding="utf-8")
+        project.say(f"wrote {out}")
+
+
+def _days(first: date, last: date) -> str:
+    return f"{first}" if first == last else f"{first} to {last}"

@@ -1,0 +1,167 @@
+"""`vsd hotspots`: where a person-hour is riskier than elsewhere on the floor."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
+from vsd_analytics.errors import UsageError
+from vsd_analytics.report.words.reasons import encode_reason, reason_text
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
+
+
+@click.command()
+@range_options
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["text", "json", "geojson", "csv"]),
+    default="text",
+    show_default=True,
+    help="GeoJSON has outlines in floor metres.",
+)
+@click.option("--out", metavar="FILE", help="Write here; default: standard output.")
+@click.option("--cells", "with_cells", is_flag=True, help="JSON: add every tested cell.")
+@click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
+@json_option
+@pass_project
+def hotspots(
+    project: Project,
+    week: str | None,
+    days: str | None,
+    floor_id: str | None,
+    kind: str,
+    out: str | None,
+    with_cells: bool,
+    share: bool,
+    as_json: bool,
+) -> None:
+    """Print the places where a person-hour is clearly riskier than elsewhere on the floor, and since when.
+
+    Looks at the 28 days that end with the week or range (setting hotspot_days). A busy place is not a hotspot for being
+    busy. The test allows for chance and for differences between days. Places are ranked by the violations above the
+    floor's rate: what could be saved. Compared with the 28 days a week earlier, a hotspot is new or persisting; past
+    hotspots are listed below.
+
+    \b
+    Example:
+      vsd hotspots --week last
+      vsd hotspots --week last --format geojson --out hotspots.geojson
+    """
+    from vsd_analytics.figures import hotspot_export
+    from vsd_analytics.figures import hotspots as analysis
+    from vsd_analytics.figures.week.data import WeekData
+    from vsd_analytics.figures.week.hidden_hotspots import telling_spots
+
+    floors = [f.floor_id for f in project.site.floors]
+    if (floor_id is None and len(floors) > 1) or (floor_id is not None and floor_id not in floors):
+        raise UsageError(f"which floor? This site has {', '.join(floors)}", mend=f"--floor {floors[0]}")
+    _, until = resolve(project, week=week, days=days)
+    first, _ = analysis.days_needed(project.site, until)
+    with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:
+        warehouse.materialise("episodes", "violations")
+        found = analysis.hotspots(warehouse, floor_id=floor_id, until=until)
+        monday = until - timedelta(days=until.weekday())
+        floor = next(f for f in project.site.floors if f.floor_id == found.floor_id)
+        telling = telling_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()
+        rules = purged_hours_notes(warehouse)
+    if share:
+        found = hotspot_export.without_small(found, below=int(project.site.settings.mask_below), telling=telling)
+    kind = "json" if as_json else kind
+    if kind == "json":
+        printed = hotspot_export.as_dict(found, with_cells=with_cells)
+        printed["notes"] += rules
+        if out is None:
+            emit_json(printed)
+            return
+        text = _json(printed)
+    elif kind == "geojson":
+        text = _json(hotspot_export.as_geojson(found))
+    elif kind == "csv":
+        text = _csv([hotspot_export.spot_row(s) for s in found.spots], hotspot_export.COLUMNS)
+    else:
+        text = plain(_text(found)) + "\n"
+    if kind != "json":
+        warn(rules)
+    if kind in ("geojson", "csv") and found.reason is not None:
+        project.say(f"no hotspots: {reason_text(found.reason)}")
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    from pathlib import Path
+
+    Path(out).write_text(text, encoding="utf-8")
+    project.say(f"wrote {out}")
+
+
+def _csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
+    """Return CSV in which no text is a formula to a spreadsheet and no control character is left."""
+    from vsd_analytics.store.spreadsheet import safe_cell
+
+    made = io.StringIO()
+    writer = csv.writer(made, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow(["" if v is None else safe_cell(plain(v)) if isinstance(v, str) else v for v in row.values()])
+    return made.getvalue()
+
+
+def _json(value: dict[str, Any]) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, indent=1, default=encode_reason) + "\n"
+
+
+def _text(found: FloorHotspots) -> str:
+    counted = "" if found.n is None else f", {found.n:,} violations in {found.exposure_h or 0:,.0f} person-hours"
+    lines = [f"{found.floor_name}, {found.first} to {found.last}: {found.n_days} days recorded{counted}", ""]
+    if found.state != "ok":
+        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
+        lines.append(f"{word}: {reason_text(found.reason)}")
+    elif not found.spots:
+        lines.append("no place differs from the rest beyond chance")
+    else:
+        rows = [("No", "place", "times the floor's rate", "above it a week", "since"), *map(_row, found.spots)]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    if found.resolved:
+        lines += ["", f"standing out no more, against the days to {found.compared_with}:", *map(_gone, found.resolved)]
+    return "\n".join([*lines, *(f"note: {reason_text(note)}" for note in found.notes)])
+
+
+def _row(spot: FloorSpot) -> tuple[str, ...]:
+    between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
+    above = (
+        "" if spot.excess_lo is None or spot.excess_hi is None else f" ({spot.excess_lo:,.0f} to {spot.excess_hi:,.0f})"
+    )
+    since = {"new": "new", None: "first look"}.get(
+        spot.state, f"{spot.since}{' or earlier' if spot.is_since_first else ''}"
+    )
+    return f"{spot.number:>2}", _place(spot), f"{spot.ratio:.1f}{between}", f"{spot.excess_per_week:,.0f}{above}", since
+
+
+def _gone(spot: ResolvedSpot) -> str:
+    between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
+    now = "nobody was there" if spot.ratio is None else f"now {spot.ratio:.1f} times{between}"
+    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times the floor's rate, {now}"
+
+
+def _place(spot: FloorSpot | ResolvedSpot) -> str:
+    place = spot.place
+    if place.nearest_name is None or place.nearest_m is None:
+        where = place.name
+    elif place.nearest_m < 0.5:
+        where = f"{place.name}, beside {place.nearest_name}"
+    else:
+        where = f"{place.name}, {place.nearest_m:.0f} m from {place.nearest_name}"
+    return plain(where).replace("\n", " ")

@@ -1,0 +1,86 @@
+"""`vsd hours`: hourly counts."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.output import emit_json, rows_of
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_HOUR_COLUMNS = (
+    "start",
+    "camera_id",
+    "area_id",
+    "person_records",
+    "violation_records",
+    "n_violations",
+    "recorded_s",
+    "state",
+)
+
+
+@click.command()
+@range_options
+@click.option("--by", type=click.Choice(["camera", "area"]), help="One row per camera or area as well.")
+@click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
+@json_option
+@pass_project
+def hours(
+    project: Project,
+    week: str | None,
+    days: str | None,
+    by: Literal["camera", "area"] | None,
+    share: bool,
+    as_json: bool,
+) -> None:
+    """Print hourly counts: people, violations, recorded time, state of the hour.
+
+    An hour without data has state no_data: what happened is unknown, which does not mean that nothing happened.
+
+    \b
+    Example:
+      vsd hours --week last
+      vsd hours --range 2026-11-09..2026-11-15 --by camera --json
+    """
+    from vsd_analytics.figures import operator_counts
+
+    with warehouse_of(project, week=week, days=days) as warehouse:
+        frame = operator_counts.hours(warehouse, by=by)
+        notes = purged_hours_notes(warehouse)
+        first, last = warehouse.first, warehouse.last
+    below = int(project.site.settings.mask_below)
+    if share:
+        from vsd_analytics.figures.masked_tables import reports_hold, shared_hours
+
+        monday, sunday = first - timedelta(days=first.weekday()), last + timedelta(days=6 - last.weekday())
+        with warehouse_of(project, week=None, days=f"{monday}..{sunday}") as whole_weeks:
+            frame = shared_hours(frame, below=below, reports=reports_hold(whole_weeks))
+    if as_json:
+        emit_json({"hours": rows_of(frame), **({"notes": notes} if notes else {})})
+        return
+    warn(notes)
+    if by != "area":
+        frame = frame[(frame["recorded_s"] > 0) | (frame["open_s"] > 0)]
+    columns = [c for c in _HOUR_COLUMNS if c in frame]
+    click.echo(_text(frame[columns], held_back=frame["masked"] if share else None, below=below))
+
+
+def _text(frame: pd.DataFrame, *, held_back: pd.Series | None = None, below: int = 0) -> str:
+    counts = frame.select_dtypes("Int64").columns
+    shown = frame.astype(dict.fromkeys(counts, "float64"))
+    if held_back is not None:
+        for column in counts:
+            known = [f"{v:,.0f}" for v in shown[column].fillna(0)]
+            missing = [f"<{below}" if held else "–" for held in held_back]
+            is_missing = frame[column].isna()
+            shown[column] = [m if gone else k for k, m, gone in zip(known, missing, is_missing, strict=True)]
+    return shown.to_string(index=False, na_rep="–", float_format=lambda v: f"{v:,.0f}")

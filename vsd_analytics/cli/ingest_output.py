@@ -1,0 +1,137 @@
+"""What `vsd ingest` and `vsd check` print of each file and of all files together."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.output import count, plain, render_error
+from vsd_analytics.cli.project import Project
+from vsd_analytics.errors import VsdError, Where
+
+if TYPE_CHECKING:
+    from vsd_analytics.ingest.pipeline import IngestResult, SourceResult
+    from vsd_analytics.schema import TableName
+    from vsd_analytics.store import FoldResult
+
+
+_CODE = re.compile(r"^W\d{3}: ")
+
+
+def print_source(project: Project, source: SourceResult) -> None:
+    """Print what came of one file: records, their times, notes, quarantined records by reason, the error."""
+    from vsd_analytics.ingest.reasons import FIXES
+
+    n = source.n_records
+    if not source.error or n:
+        names: tuple[tuple[TableName, str], ...] = (
+            ("observations", "person record"),
+            ("pairs", "pair record"),
+            ("frames", "frame"),
+        )
+        parts = [count(n[table], name) for table, name in names if n[table]]
+        click.echo(plain(f"{source.source}  [{source.format}]  {', '.join(parts) or 'no records'}"))
+        if source.first_ms is not None and source.last_ms is not None:
+            first, last = (_local(project, ms) for ms in (source.first_ms, source.last_ms))
+            click.echo(f"    from {first} to {last}")
+    for reason, n_records in sorted(source.n_dropped.items()):
+        click.echo(f"    left out: {n_records:,} {reason}{'s' if n_records != 1 and reason == 'unknown field' else ''}")
+    for note in source.notes:
+        if note.startswith("info:"):
+            click.echo(plain(f"    {note.removeprefix('info:').strip()}"))
+        else:
+            code, _, text = note.partition(": ") if _CODE.match(note) else ("W209", "", note)
+            click.echo(plain(f"warning[{code}]: {text}\n more: vsd explain {code}"), err=True)
+    for reason, n_records in sorted(source.n_rejected.items()):
+        example = source.examples[reason]
+        warning = VsdError(
+            f"{count(n_records, 'record')} quarantined: {reason}",
+            code="W210",
+            where=Where(source.source, example.line, example.text or None),
+            why=example.detail[:300],
+            mend=FIXES.get(reason),
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
+    if source.error is not None:
+        click.echo(render_error(source.error), err=True)
+
+
+def _local(project: Project, ms: int) -> str:
+    from datetime import datetime
+
+    return datetime.fromtimestamp(ms / 1000, tz=project.site.zone).isoformat(sep=" ", timespec="seconds")
+
+
+def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
+    """Print how many records of all files are new, were known, or went to quarantine."""
+    if is_dry_run:
+        click.echo("nothing was written")
+        return
+    warn_of_full_disk(result.fold)
+    _warn_of_sealed(result.fold)
+    tables = result.fold.tables
+    n_new = result.fold.n_new
+    n_known = sum(c.n_known for c in tables.values())
+    n_second = sum(c.n_second for c in tables.values())
+    parts = [f"{count(n_new, 'new record')} stored"]
+    parts += [f"{n_known:,} {'was' if n_known == 1 else 'were'} known already"] if n_known else []
+    parts += [f"{count(n_second, 'second sighting')} left out"] if n_second else []
+    parts += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
+    click.echo(", ".join(parts))
+
+
+def warn_of_full_disk(fold: FoldResult) -> None:
+    """Warn (W304) when the fold had to use up the ballast of the store."""
+    if fold.is_ballast_spent:
+        warning = VsdError(
+            "the disk is full: the ballast of the store was given up to put acknowledged records in their place",
+            code="W304",
+            mend="free some space soon (df -h); the ballast comes back by itself",
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
+
+
+def _warn_of_sealed(fold: FoldResult) -> None:
+    from vsd_analytics.ingest.reasons import FIXES
+    from vsd_analytics.store.seals import SEALED
+
+    if fold.n_sealed:
+        warning = VsdError(
+            f"{count(fold.n_sealed, 'record')} quarantined: {SEALED}",
+            code="W210",
+            why="a purge sealed their hours after they were read",
+            mend=FIXES[SEALED],
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
+
+
+def result_as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dict[str, Any]:
+    """Return the object that `--json` prints."""
+    return {
+        "ok": not any(s.error for s in result.sources),
+        "dry_run": is_dry_run,
+        "sources": [
+            {
+                "source": s.source,
+                "format": s.format,
+                "records": dict(s.n_records),
+                "quarantined": dict(s.n_rejected),
+                "examples": {
+                    reason: {"line": e.line, "detail": e.detail, "text": e.text} for reason, e in s.examples.items()
+                },
+                "left_out": dict(s.n_dropped),
+                "notes": s.notes,
+                "first": None if s.first_ms is None else _local(project, s.first_ms).replace(" ", "T"),
+                "last": None if s.last_ms is None else _local(project, s.last_ms).replace(" ", "T"),
+                "error": None if s.error is None else s.error.as_dict(),
+            }
+            for s in result.sources
+        ],
+        "stored": {
+            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
+            for t, c in result.fold.tables.items()
+        },
+        "is_ballast_spent": result.fold.is_ballast_spent,
+    }

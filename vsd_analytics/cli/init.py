@@ -1,0 +1,84 @@
+"""`vsd init`: write the first vsd.toml."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json
+from vsd_analytics.cli.project import Project, pass_project
+
+
+@click.command()
+@click.option("--id", "site_id", help="Site id (default: made from the name).")
+@click.option("--name", help="Name of the site, as the report prints it.")
+@click.option("--timezone", help="IANA time zone, such as Europe/Rome.")
+@click.option("--opening", help='Opening hours, "mon-sat 08:00-21:00, sun 10:00-18:00", or "always".')
+@click.option("--camera", "cameras", multiple=True, metavar="ID[=NAME]", help="A camera; may be given several times.")
+@click.option("--plan", metavar="FILE", help="Floor plan: SVG, PNG or JPG, relative to the project folder.")
+@click.option("--plan-m-per-px", type=float, help="Metres per pixel of the plan.")
+@click.option("--distance", "distance_m", type=float, default=2.0, show_default=True, help="Legal distance in metres.")
+@click.option("--no-input", is_flag=True, help="Ask nothing; use options and defaults.")
+@json_option
+@pass_project
+def init(
+    project: Project,
+    site_id: str | None,
+    name: str | None,
+    timezone: str | None,
+    opening: str | None,
+    cameras: tuple[str, ...],
+    plan: str | None,
+    plan_m_per_px: float | None,
+    distance_m: float,
+    no_input: bool,
+    as_json: bool,
+) -> None:
+    """Write vsd.toml from the answers to five questions.
+
+    An option answers its question in advance.
+
+    \b
+    Example:
+      vsd init
+      vsd -C shop init --no-input --name "Riverside Store" --timezone Europe/Rome --camera cam-1=Entrance
+    """
+    from vsd_analytics.config.first_config import ALWAYS, Answers, check_opening, check_zone, write_first_config
+    from vsd_analytics.errors import UsageError
+
+    def ask(question: str, given: str | None, default: str, *, check: Callable[[str], object] = str) -> str:
+        if given is not None or no_input:
+            return default if given is None else given
+
+        def checked(answer: str) -> str:
+            try:
+                check(answer.strip())
+            except UsageError as error:  # asked again
+                raise click.UsageError(f"{error.why or error.what}; {error.mend}") from None
+            return answer.strip()
+
+        return str(click.prompt(question, default=default, value_proc=checked, err=True))
+
+    folder = Path(project.folder)
+    name = ask("1 Name of the site", name, folder.absolute().name or "Site")
+    timezone = ask("2 Time zone", timezone, "UTC", check=check_zone)
+    opening = ask(
+        '3 Opening hours ("mon-sat 08:00-21:00, sun 10:00-18:00", or always)', opening, ALWAYS, check=check_opening
+    )
+    named = ask("4 Cameras (ids, with =NAME where you like, separated by commas)", ",".join(cameras) or None, "cam-1")
+    plan = ask("5 Floor plan picture (empty: none yet)", plan, "") or None
+    if plan is not None and plan_m_per_px is None and not no_input:
+        plan_m_per_px = click.prompt("  Metres per pixel of the plan", type=float, err=True)
+    split = tuple(part.strip() for part in named.split(",") if part.strip())
+    answers = Answers(name, timezone, site_id, opening, split, plan, plan_m_per_px, distance_m)
+    site = write_first_config(folder, answers=answers)
+    if as_json:
+        emit_json({"ok": True, "file": str(folder / "vsd.toml"), "site": site.site_id})
+        return
+    click.echo(str(folder / "vsd.toml"))
+    project.say(
+        "Next: vsd ingest FILES...   (engine output)\n      vsd calibrate CAMERA     (if the engine sends pixels)"
+    )

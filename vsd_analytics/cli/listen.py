@@ -1,0 +1,157 @@
+"""`vsd listen`: live MQTT into the store."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json
+from vsd_analytics.cli.project import Project, pass_project
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from datetime import datetime
+
+    from vsd_analytics.site.model import Broker
+
+
+@click.command()
+@click.option("--once", is_flag=True, help="Take what the broker has queued, store it, fold, and stop.")
+@click.option(
+    "--connect-timeout",
+    "connect_timeout_s",
+    type=click.FloatRange(min=0.1),
+    metavar="SECONDS",
+    help="Give up when the broker cannot be reached within this time at the start (default: never).",
+)
+@click.option(
+    "--fold-every",
+    "fold_every_s",
+    type=click.FloatRange(min=1),
+    default=3600,
+    show_default=True,
+    metavar="SECONDS",
+    help="Fold the spool a minute after each multiple of this; sooner when it grows.",
+)
+@click.option(
+    "--status-every",
+    "status_every_s",
+    type=click.FloatRange(min=0.1),
+    default=5,
+    show_default=True,
+    metavar="SECONDS",
+    help="Time between two heartbeats.",
+)
+@click.option("--broker-config", is_flag=True, help="Print the recommended mosquitto.conf and stop.")
+@json_option
+@pass_project
+def listen(
+    project: Project,
+    once: bool,
+    connect_timeout_s: float | None,
+    fold_every_s: float,
+    status_every_s: float,
+    broker_config: bool,
+    as_json: bool,
+) -> int:
+    """Store frame messages from the MQTT broker of [mqtt], around the clock.
+
+    A message is acknowledged to the broker only after its records are on disk. SIGTERM and Ctrl-C store and
+    acknowledge what was received, and end with exit code 0. status/listen.json and vsd doctor show its state.
+
+    \b
+    Example:
+      vsd listen
+      vsd listen --once --connect-timeout 10
+      vsd listen --broker-config > /etc/mosquitto/conf.d/vsd.conf
+    """
+    import os
+    import zlib
+    from functools import partial
+
+    from vsd_analytics.cli.alarms import live_alarms
+    from vsd_analytics.live.listener import Listener, alone
+    from vsd_analytics.live.mqtt import password_of, recommended_config
+
+    if broker_config:
+        click.echo(recommended_config(), nl=False)
+        return 0
+    broker = _broker(project)
+    with alone(project.root), _Signals() as signals, live_alarms(project, clock=_clock(project)) as alarms:
+        listener = Listener(
+            project.site,
+            broker=broker,
+            password=password_of(broker, environ=os.environ),
+            clock=_clock(project),
+            observers=[] if alarms is None else [alarms],
+            fold_every_s=fold_every_s,
+            status_every_s=status_every_s,
+            seed=zlib.crc32(broker.client_id.encode()),
+            report=project.say,
+        )
+        if alarms is not None:
+            alarms.delivery.publish = partial(listener.link.publish, qos=1)
+            listener.status.alarms = alarms.as_dict
+        status = listener.run(should_stop=signals.came, is_once=once, connect_timeout_s=connect_timeout_s)
+    if as_json:
+        emit_json(status.as_dict(now=_clock(project)()))
+    else:
+        bad = sum(status.n_rejected.values())
+        rows = sum(status.n_stored.values())
+        summary = f"{status.n_acknowledged:,} messages acknowledged, {rows:,} records stored, {bad:,} in quarantine"
+        project.say(summary)
+    return 0
+
+
+def _broker(project: Project) -> Broker:
+    from vsd_analytics.errors import LiveError, Where
+
+    if project.site.broker is None:
+        raise LiveError(
+            "vsd.toml names no broker",
+            code="E703",
+            where=Where(str(project.root / "vsd.toml")),
+            mend='add [mqtt] with host = "localhost"',
+        )
+    return project.site.broker
+
+
+def _clock(project: Project) -> Callable[[], datetime]:
+    """Return a clock that starts at `--now`, or is the machine's."""
+    import time
+    from datetime import UTC, datetime, timedelta
+
+    if project.now_text is None:
+        return lambda: datetime.now(tz=UTC)
+    start, began_s = project.now, time.monotonic()
+    return lambda: start + timedelta(seconds=time.monotonic() - began_s)
+
+
+class _Signals:
+    """Notes SIGTERM and SIGINT instead of dying of them; the second one is not held back."""
+
+    def __init__(self) -> None:
+        self._has_come = False
+
+    def __enter__(self) -> _Signals:
+        import signal
+
+        self._before = {s: signal.signal(s, self._note) for s in (signal.SIGTERM, signal.SIGINT)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        import signal
+
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def came(self) -> bool:
+        """Return whether one came."""
+        return self._has_come
+
+    def _note(self, _number: int, _frame: Any) -> None:
+        if self._has_come:
+            raise KeyboardInterrupt
+        self._has_come = True

@@ -1,0 +1,28 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def range_options(command: F) -> F:
+    """Add `--week` and `--range` to a command."""
+    for option in (
+        click.option(
+            "--range", "days", metavar="DAYS", help="Local days: 2026-11-09..2026-11-15 (default: everything stored)."
+        ),
+        click.option("--week", metavar="WEEK", help="ISO week: 2026-W46, last, last-2."),
+    ):
+        command = option(command)
+    return command

@@ -1,0 +1,111 @@
+"""`vsd planner`: two weeks of a floor as one page to explore."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vsd_analytics.cli.instants import parse_week
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json, facts_progress
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.ranges import last_monday
+from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.planner.planner_data import PlannerData
+
+
+@click.command()
+@click.option("--week", metavar="WEEK", default="last", show_default=True, help="ISO week: 2026-W46, last, last-2.")
+@click.option("--before", metavar="WEEK", help="The week it is compared with (default: the one before).")
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one page for each).")
+@click.option(
+    "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
+)
+@click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
+@json_option
+@pass_project
+def planner(
+    project: Project,
+    week: str,
+    before: str | None,
+    floor_id: str | None,
+    out: str | None,
+    is_opened: bool,
+    as_json: bool,
+) -> None:
+    """Write a page to explore a floor: days, hours, before and after, four maps, the rates of any rectangle.
+
+    One file that needs no network and no server. Its figures are those of the report; the page contains
+    no count under mask_below. With --json, print the figures of the whole week and where the page was written.
+
+    \b
+    Example:
+      vsd planner --week last --open
+      vsd planner --week 2026-W46 --before 2026-W42 --floor ground --out pages/
+    """
+    from vsd_analytics.planner.page import render_planner
+
+    monday = parse_week(week, last=last_monday(project))
+    earlier = None if before is None else parse_week(before, last=last_monday(project))
+    if earlier == monday:
+        raise UsageError(
+            "a week is not compared with itself", mend=f"--before {week}-1" if week == "last" else "--before last-1"
+        )
+    floors = [f.floor_id for f in project.site.floors]
+    if floor_id is not None and floor_id not in floors:
+        raise UsageError(
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+        )
+    if out == "-" and (as_json or (floor_id is None and len(floors) > 1)):
+        raise UsageError("there is one page for each floor", mend="--floor FLOOR --out -, without --json")
+    with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
+        from vsd_analytics.cli.report_formats import write
+        from vsd_analytics.planner.planner_data import planner_pages
+
+        made = planner_pages(
+            project.site, monday, before=earlier, floor_id=floor_id, on_plan=on_plan, on_hours=on_hours
+        )
+    folder = Path(out) if out not in (None, "-") else project.root / "reports"
+    printed = []
+    for data in made:
+        page = render_planner(data)
+        if out == "-":
+            click.echo(page, nl=False)
+            continue
+        floor = "" if len(floors) == 1 else f"-{data.floor.floor_id}"
+        [path] = write(folder, {f"{data.week.ref.iso}{floor}-planner.html": page.encode()})
+        printed.append(_as_dict(data, path))
+        if not as_json:
+            click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
+    if as_json:
+        emit_json({"planners": printed})
+    if is_opened and printed:
+        click.launch(str(printed[0]["path"]))
+
+
+def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
+    from dataclasses import asdict
+
+    hidden = data.week.hidden
+    return {
+        "path": str(path),
+        "bytes": path.stat().st_size,
+        "floor": data.floor.floor_id,
+        "week": data.week.ref.iso,
+        "before": None if data.before is None else data.before.ref.iso,
+        "why_not_compared": data.why_not_compared,
+        "places": [
+            {
+                "id": row.place_id,
+                "name": row.name,
+                "held_back": hidden.get(k),
+                "often": None if k in hidden else asdict(row.often),
+                "risky": None if k in hidden else asdict(row.risky),
+            }
+            for k, row in enumerate(data.places)
+        ],
+    }

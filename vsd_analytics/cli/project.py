@@ -1,0 +1,72 @@
+"""The project folder, site and clock that a command works with."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vsd_analytics.cli.instants import instant
+from vsd_analytics.cli.output import plain, render_error
+
+if TYPE_CHECKING:
+    from vsd_analytics.site.model import Site
+
+
+@dataclass
+class Project:
+    """The project folder and clock a command works with (click's context object).
+
+    Attributes:
+        folder: As given by `-C`.
+        now_text: As given by `--now`.
+        quiet: Print nothing but results and errors.
+        verbose: Show tracebacks.
+    """
+
+    folder: str
+    now_text: str | None = None
+    quiet: bool = False
+    verbose: bool = False
+
+    @cached_property
+    def now(self) -> datetime:
+        """Return the clock: `--now`, else the machine's, in UTC."""
+        if self.now_text is None:
+            return datetime.now(tz=UTC)
+        return instant(self.now_text, zone="UTC", what="--now")
+
+    @cached_property
+    def root(self) -> Path:
+        """Return the project folder: `-C`, or the nearest one upward that holds vsd.toml."""
+        from vsd_analytics.config import find_project
+
+        return find_project(Path(self.folder))
+
+    @cached_property
+    def site(self) -> Site:
+        """Return the site that vsd.toml describes."""
+        from vsd_analytics.config import load_site
+
+        return load_site(self.root, environ=os.environ)
+
+    def say(self, text: str) -> None:
+        """Print a message for the user on standard error, unless `--quiet`."""
+        if not self.quiet:
+            click.echo(plain(text), err=True)
+
+
+pass_project = click.make_pass_decorator(Project)
+
+
+def warn_of_broken_log_lines(project: Project) -> None:
+    """Warn of lines of the change log that end too early."""
+    from vsd_analytics.config.change_log import torn_lines
+
+    for warning in torn_lines(project.site):
+        click.echo(render_error(warning, word="warning"), err=True)

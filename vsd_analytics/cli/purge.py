@@ -1,0 +1,146 @@
+"""`vsd purge`: delete records by age, or of a camera and time."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, date, timedelta
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import count, emit_json, facts_progress
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.record_selection import RECORD_NAMES, camera_id_of, parse_span
+from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.retention.purge import Purged
+
+
+@click.command()
+@click.option(
+    "--older-than",
+    "age",
+    metavar="AGE",
+    help="Whole UTC days before this: 30d, a date, or retention (retention_days of vsd.toml).",
+)
+@click.option("--range", "span", metavar="RANGE", help="Local days or times: 2026-11-09T10:00..2026-11-09T12:00.")
+@click.option("--camera", metavar="ID", help="With --range: this camera only.")
+@click.option("--forget-keys", is_flag=True, help="Destroy the keys of pseudonyms of days whose records are purged.")
+@click.option("--dry-run", is_flag=True, help="Print what would be deleted, delete nothing.")
+@click.option("--force", is_flag=True, help="Allow to delete more than half of what is stored.")
+@click.option("--reason", metavar="TEXT", help="Why, for the audit line in purge.jsonl.")
+@json_option
+@pass_project
+def purge(
+    project: Project,
+    age: str | None,
+    span: str | None,
+    camera: str | None,
+    forget_keys: bool,
+    dry_run: bool,
+    force: bool,
+    reason: str | None,
+    as_json: bool,
+) -> None:
+    """Delete records for good: by age, or of a camera and time. purge.jsonl logs what was deleted.
+
+    By age, the figures of the deleted hours are sealed first and remain; records of these hours are refused from then
+    on. By camera and time, everything is deleted as if it had never come: to undo a wrong ingest, or because somebody
+    asked for it. Records in quarantine are deleted too, also those that may be meant because their camera or time is
+    unreadable.
+
+    \b
+    Example:
+      vsd purge --older-than 30d --dry-run
+      vsd purge --older-than retention --forget-keys
+      vsd purge --camera cam-1 --range 2026-11-09T10:00..2026-11-09T12:00 --reason "wrong camera named"
+    """
+    from vsd_analytics.retention import purge
+
+    if (age is None) == (span is None) and (age is not None or not forget_keys):
+        raise UsageError(
+            "say what to delete: either --older-than, or --range",
+            mend="vsd purge --older-than 30d --dry-run, or vsd purge --camera ID --range A..B --dry-run",
+        )
+    if camera is not None and span is None:
+        raise UsageError("--camera needs --range", mend=f"--camera {camera} --range 2026-11-09..2026-11-15")
+    with facts_progress(quiet=project.quiet or as_json) as (on_plan, on_hours):
+        terms = purge.Terms(
+            now=project.now,
+            reason=reason,
+            is_forced=force,
+            is_dry_run=dry_run,
+            on_wait=lambda: project.say("waiting for a report or query that reads the store"),
+            on_plan=on_plan,
+            on_hours=on_hours,
+        )
+        found: dict[str, Purged] = {}
+        before = None if age is None else _before(project, age)
+        if before is not None:
+            found["older_than"] = purge.purge_older(project.site, before=before, terms=terms)
+        elif span is not None:
+            first_ms, after_ms = parse_span(span, project=project)
+            found["range"] = purge.purge_range(
+                project.site, camera_id=camera_id_of(project, camera), first_ms=first_ms, after_ms=after_ms, terms=terms
+            )
+        if forget_keys:
+            found["keys"] = purge.forget_keys(project.site, purged=before, terms=terms)
+    if as_json:
+        emit_json({"dry_run": dry_run, **{name: _as_dict(purged) for name, purged in found.items()}})
+        return
+    if before is not None:
+        click.echo(f"before {before} (UTC days):")
+    for purged in found.values():
+        for line in _lines(purged, is_dry_run=dry_run):
+            click.echo(line)
+
+
+def _before(project: Project, age: str) -> date:
+    """Return the first UTC date that stays."""
+    today = project.now.astimezone(UTC).date()
+    if age == "retention":
+        return today - timedelta(days=int(project.site.settings.retention_days))
+    if days := re.fullmatch(r"(\d{1,5})d", age):
+        return today - timedelta(days=int(days[1]))
+    try:
+        before = date.fromisoformat(age)
+    except ValueError:
+        raise UsageError(
+            f"--older-than {age!r} is neither an age nor a date", mend="--older-than 30d, 2026-10-01 or retention"
+        ) from None
+    if before > today:
+        raise UsageError(f"--older-than {age}: that day has not begun", mend="--older-than 0d removes all before today")
+    return before
+
+
+def _lines(purged: Purged, *, is_dry_run: bool) -> list[str]:
+    if purged.is_nothing:
+        return ["nothing to remove"]
+    would = "would be " if is_dry_run else ""
+    lines = [f"{count(n, RECORD_NAMES[t])} {would}removed" for t, n in purged.records.items() if n]
+    if purged.n_days:
+        lines.append(f"of {count(purged.n_days, 'UTC day')}, {purged.first} to {purged.last}")
+    if purged.n_sealed:
+        lines.append(f"sealed facts of {count(purged.n_sealed, 'hour')} {would}written")
+    if purged.n_quarantined:
+        doubt = f", {purged.n_doubtful:,} as their camera or time cannot be read" if purged.n_doubtful else ""
+        lines.append(f"{count(purged.n_quarantined, 'quarantined record')} {would}removed{doubt}")
+    if purged.keys:
+        ends = f"{purged.keys[0]} to {purged.keys[-1]}"
+        lines.append(f"keys of {count(len(purged.keys), 'day')} {would}destroyed, {ends}")
+    return lines
+
+
+def _as_dict(purged: Purged) -> dict[str, Any]:
+    return {
+        "records": dict(purged.records),
+        "utc_days": purged.n_days,
+        "first": None if purged.first is None else purged.first.isoformat(),
+        "last": None if purged.last is None else purged.last.isoformat(),
+        "sealed_hours": purged.n_sealed,
+        "quarantined": purged.n_quarantined,
+        "doubtful": purged.n_doubtful,
+        "forgotten_days": [d.isoformat() for d in purged.keys],
+    }

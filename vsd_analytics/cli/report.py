@@ -1,0 +1,166 @@
+"""`vsd report`: the weekly page, its files, its figures and its mail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vsd_analytics.cli.instants import parse_week
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import facts_progress, render_error
+from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
+from vsd_analytics.cli.ranges import last_monday
+from vsd_analytics.cli.report_formats import FIGURES, Formats, ReportFiles, checked, expanded, print_one, write
+from vsd_analytics.errors import ReportError, UsageError, VsdError
+
+if TYPE_CHECKING:
+    from vsd_analytics.report.model.week import WeekReport
+    from vsd_analytics.report.pages.pdf import Paper
+
+
+@click.command()
+@click.option("--week", metavar="WEEK", default="last", show_default=True, help="ISO week: 2026-W46, last, last-2.")
+@click.option(
+    "--format",
+    "kinds",
+    metavar="FORMATS",
+    type=Formats(),
+    help="html, pdf, json, csv; svg or png of one --figure; several with commas, or all.  [default: html]",
+)
+@click.option("--figure", type=click.Choice(FIGURES), help="The figure that svg and png draw.")
+@click.option("--paper", type=click.Choice(["a4", "letter"]), default="a4", show_default=True, help="Paper of the PDF.")
+@click.option(
+    "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
+)
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one report for each).")
+@click.option("--strict", is_flag=True, help="Exit with 1 when too little was recorded to compare.")
+@click.option("--open", "is_opened", is_flag=True, help="Open the page, the PDF or the figure.")
+@click.option("--mail", "is_mailed", is_flag=True, help="Write the week as a mail, .eml (in mail/ of the project).")
+@click.option("--send", "is_sent", is_flag=True, help="Send it by [mail] of vsd.toml, to nobody twice.")
+@click.option("--to", "to", metavar="ADDRESS", multiple=True, help="Who it goes to (default: [mail] to); repeatable.")
+@click.option("--from", "sender", metavar="ADDRESS", help="Who it comes from (default: [mail] from).")
+@click.option("--subject", metavar="TEXT", help="Its subject (default: site, week and headline).")
+@click.option("--zip", "is_zipped", is_flag=True, help="Attach the page as well, in a zip archive.")
+@click.option("--again", "is_again", is_flag=True, help="Send it even to those who have this week.")
+@json_option
+@pass_project
+def report(
+    project: Project,
+    week: str,
+    kinds: tuple[str, ...] | None,
+    figure: str | None,
+    paper: Paper,
+    out: str | None,
+    floor_id: str | None,
+    strict: bool,
+    is_opened: bool,
+    is_mailed: bool,
+    is_sent: bool,
+    to: tuple[str, ...],
+    sender: str | None,
+    subject: str | None,
+    is_zipped: bool,
+    is_again: bool,
+    as_json: bool,
+) -> int:
+    """Write the weekly report: more violations or fewer, where, when, and how certain.
+
+    All formats come from one set of figures, computed once.
+
+    \b
+    Example:
+      vsd report --week last --open
+      vsd report --week 2026-W46 --format html,pdf,json,csv
+      vsd report --week 2026-W46 --format png --figure where
+      vsd report --week 2026-W46 --format json --out -
+      vsd report --week last --mail --send
+    """
+    from vsd_analytics.cli import report_mail
+
+    is_mailed = is_mailed or is_sent
+    if as_json:
+        if is_mailed or figure is not None or kinds not in (None, ("json",)):
+            raise UsageError("--json prints the figures and nothing else", mend="vsd report --week WEEK --json")
+        kinds, out = ("json",), "-"
+    if kinds is None:
+        kinds = () if is_mailed else ("html",)
+    if not is_mailed and (to or sender or subject or is_zipped or is_again):
+        raise UsageError("--to, --from, --subject, --zip and --again go with a mail", mend="--mail, or --mail --send")
+    if is_mailed and out == "-":
+        raise UsageError("a mail is a file", mend="--out DIR, or leave --out away: it goes to mail/ of the project")
+    options = report_mail.MailOptions(
+        sender=sender, to=to, subject=subject, is_sent=is_sent, is_again=is_again, is_zipped=is_zipped
+    )
+    sender, to = report_mail.checked(project, options) if is_mailed else (None, ())
+    reports = make_reports(project, week=week, floor_id=floor_id)
+    every = [_files(project, r, figure=figure, paper=paper) for r in reports]
+    kinds = expanded(kinds, every[0])
+    checked(kinds, figure=figure, files=every[0], is_mailed=is_mailed)
+    if out == "-":
+        print_one(every, kinds)
+        return _exit_code(reports, strict=strict)
+    folder = Path(out) if out is not None else project.root / "reports"
+    paths: list[Path] = []
+    failed: list[VsdError] = []
+    for files in every:
+        for kind in kinds:
+            try:
+                paths += write(folder, files.of(kind))
+            except ReportError as error:  # the other files and the mail are made all the same
+                failed.append(error)
+    code = _exit_code(reports, strict=strict)
+    for files in every if is_mailed else ():
+        where = Path(out) if out is not None else project.root / report_mail.FOLDER
+        try:
+            paths.append(report_mail.mail_week(project, files, options=options, sender=sender, to=to, out=where))
+        except VsdError as error:
+            failed.append(error)
+    for path in paths:
+        click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
+    warning = report_mail.late(project, every[0], week=week) if is_sent else None
+    if warning is not None:
+        click.echo(render_error(warning, word="warning"), err=True)
+        code = 1
+    for failure in failed[:-1]:
+        click.echo(render_error(failure), err=True)
+    if failed:
+        raise failed[-1]
+    if is_opened and paths:
+        click.launch(str(paths[0]))
+    return code
+
+
+def _exit_code(reports: list[WeekReport], *, strict: bool) -> int:
+    return 1 if strict and any(r.state in ("no_data", "too_incomplete") for r in reports) else 0
+
+
+def _files(project: Project, report: WeekReport, *, figure: str | None = None, paper: Paper = "a4") -> ReportFiles:
+    is_only = len(project.site.floors) == 1
+    return ReportFiles(report=report, site=project.site, is_only=is_only, figure=figure, paper=paper)
+
+
+def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[WeekReport]:
+    """Return the finished report of each floor for a week, with a progress bar over facts that must be made."""
+    from vsd_analytics.report.model.assemble import week_report
+
+    monday = parse_week(week, last=last_monday(project))
+    floors = [f.floor_id for f in project.site.floors]
+    if floor_id is not None and floor_id not in floors:
+        raise UsageError(
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+        )
+    warn_of_broken_log_lines(project)
+    with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
+        now = project.now if project.now_text is not None else None
+        return [
+            week_report(project.site, monday, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
+            for f in ([floor_id] if floor_id else floors)
+        ]
+
+
+def write_report(project: Project, *, week: str, kind: str, out: str, floor_id: str | None) -> list[Path]:
+    """Write the report of a week and return the files."""
+    reports = make_reports(project, week=week, floor_id=floor_id)
+    return [path for r in reports for path in write(Path(out), _files(project, r).of(kind))]

@@ -1,0 +1,321 @@
+"""Floors, cameras with their calibrations, areas and fixtures of `vsd.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, get_args
+
+from vsd_analytics.config.reader import Mistakes, TableReader, nearest
+from vsd_analytics.config.toml_lines import read_toml
+from vsd_analytics.config.values import parse_instant, parse_picture_px, zone
+from vsd_analytics.errors import CalibrationError
+from vsd_analytics.geometry.calibration_files import load_calibration
+from vsd_analytics.geometry.picture_size import picture_size
+from vsd_analytics.site.model import Area, Calibration, Camera, Fixture, FixtureKind, Floor, Point
+
+PLAN_SUFFIXES = (".svg", ".png", ".jpg", ".jpeg")
+HISTORY_FOLDER = "calibration"
+
+_POLYGON = "[[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]"
+_CORNER_MAX_M = 1e6  # as far as coordinate_max_m may reach
+_BOX_MAX_M2 = 250_000.0  # polygons are counted in cells of 0.25 m: beyond, the unit is wrong, or memory ends
+_KINDS = {"homography": '"calibration/cam-1.txt"', "points": '"calibration/cam-1.csv"'}
+
+
+def read_floors(root: TableReader) -> dict[str, Floor]:
+    """Return the floors by id; a site that names none has one, "floor"."""
+    floors: dict[str, Floor] = {}
+    for table in root.each("floor"):
+        floor_id = _unique(table, table.id("id", example='"ground"'), floors, kind="floor")
+        name = table.text("name", example='"Ground floor"', required=True)
+        plan = _picture(table, "plan", suffixes=PLAN_SUFFIXES)
+        scale = table.number("plan_m_per_px", minimum=1e-6, maximum=1000, unit="metres per plan pixel", example="0.05")
+        origin = table.pair("plan_origin_m", example="[-60.0, -40.0]")
+        if "plan" in table.values and "plan_m_per_px" not in table.values:
+            table.missing(
+                "plan_m_per_px", "0.05", why="it is a known length in metres / the same length in plan pixels"
+            )
+        table.close()
+        key = floor_id or table.label  # a floor without a good id still lets cameras be checked
+        floors[key] = Floor(key, name or key, plan, scale, origin or (0.0, 0.0))
+    return floors or {"floor": Floor("floor", "Floor")}
+
+
+def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Camera, ...]:
+    """Return the cameras in the order of the file.
+
+    Args:
+        root: Reader of the whole file.
+        floors: Floors they may look at.
+        timezone: Zone of calibration dates without an offset.
+    """
+    if "camera" not in root.values:
+        mend = 'add: [[camera]] with id = "cam-1" and name = "Entrance"'
+        root.mistakes.add((), f"{root.label} has no [[camera]]", code="E123", mend=mend)
+    tables = root.each("camera")
+    cameras: dict[str, Camera] = {}
+    for table in tables:
+        camera_id = _unique(table, table.id("id", example='"cam-1"'), cameras, kind="camera")
+        name = table.text("name", example='"Entrance"', required=True)
+        floor_id = _floor(table, floors)
+        calibrations = _calibrations(table, camera_id, timezone=timezone)
+        picture = _picture(table, "picture")
+        camera = Camera(
+            camera_id=camera_id or "",
+            name=name or "",
+            floor_id=floor_id,
+            calibrations=calibrations,
+            picture=picture,
+            picture_px=_picture_px(table, picture),
+            hz=table.number("hz", minimum=0.001, maximum=1000, unit="frames per second", example="1.0"),
+            clock=zone(table, "clock") or "UTC",
+            engine_ids=table.texts("engine_ids", example='["entrance-left"]'),
+            view=_polygon(table, "view"),
+        )
+        table.close()
+        if camera_id is not None:
+            cameras[camera_id] = camera
+    _check_engine_ids(tables)
+    return tuple(cameras.values())
+
+
+def read_areas(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Area, ...]:
+    """Return the areas in the order of the file."""
+    areas: dict[str, Area] = {}
+    for table in root.each("area"):
+        area_id = _unique(table, table.id("id", example='"checkout-queue"'), areas, kind="area")
+        name = table.text("name", example='"Checkout queue"', required=True)
+        floor_id = _floor(table, floors)
+        polygon = _polygon(table, "polygon", required=True)
+        ask = table.text("ask", example='"Could the queue end at the other wall?"')
+        table.close()
+        if area_id is not None:
+            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask)
+    return tuple(areas.values())
+
+
+def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Fixture, ...]:
+    """Return the fixtures in the order of the file: what nobody walks through, and the maps show."""
+    fixtures: dict[str, Fixture] = {}
+    for table in root.each("fixture"):
+        fixture_id = _unique(table, table.id("id", example='"shelf-1"'), fixtures, kind="fixture")
+        name = table.text("name", example='"Shelf 1"', required=True)
+        floor_id = _floor(table, floors)
+        polygon = _polygon(table, "polygon", required=True)
+        kind = _fixture_kind(table)
+        is_movable = table.flag("movable") or False
+        height_m = table.number("height_m", minimum=0.01, maximum=100, unit="metres", example="1.6")
+        table.close()
+        if fixture_id is not None:
+            fixtures[fixture_id] = Fixture(fixture_id, name or "", floor_id, polygon or (), kind, is_movable, height_m)
+    return tuple(fixtures.values())
+
+
+def _fixture_kind(table: TableReader) -> FixtureKind:
+    value = table.text("kind", example='"shelf"')
+    known: tuple[FixtureKind, ...] = get_args(FixtureKind)
+    for kind in known:
+        if value in (None, kind):
+            return kind
+    close = nearest(str(value), known)
+    table.fault(
+        "kind",
+        f"{table.label} kind {value!r} is not one of {', '.join(known)}",
+        note=f"did you mean {close}?" if close else None,
+        mend=f'kind = "{close or "other"}"',
+    )
+    return known[0]
+
+
+def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind: str) -> str | None:
+    if value is not None and value in taken:
+        table.fault(
+            "id",
+            f"two {kind}s have the id {value!r}",
+            code="E125",
+            why="every id stands for one thing",
+            mend="give one of them another id",
+        )
+        return None
+    return value
+
+
+def _floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
+    """Return the floor a camera, area or fixture is on; with one floor nothing need be said."""
+    only = next(iter(floors))
+    value = table.text("floor", example=f'"{only}"')
+    if value is None:
+        if "floor" not in table.values and len(floors) > 1:
+            table.missing("floor", f'"{only}"', why=f"the site has {len(floors)} floors")
+        return only
+    if value not in floors:
+        close = nearest(value, floors)
+        table.fault(
+            "floor",
+            f"{table.label} is on floor {value!r}, which is not described",
+            code="E125",
+            note=f"did you mean {close}?" if close else None,
+            mend=f'floor = "{close}"' if close else f"known floors: {', '.join(floors)}; or describe it with [[floor]]",
+        )
+        return only
+    return value
+
+
+def _picture(table: TableReader, key: str, *, suffixes: tuple[str, ...] | None = None) -> Path | None:
+    """Return a picture file that can be read."""
+    path = table.file(key, example=f'"{key}s/example.png"')
+    if path is None:
+        return None
+    if suffixes is not None and path.suffix.lower() not in suffixes:
+        table.fault(
+            key, f"{table.label} {key} must be an SVG, PNG or JPG picture", code="E126", mend="export it as PNG"
+        )
+    elif picture_size(path) is None:
+        what = f"{table.label} {key} {table.values[key]!r} is not a readable picture"
+        table.fault(key, what, code="E126", mend="export it as PNG again")
+    return path
+
+
+def _picture_px(table: TableReader, picture: Path | None) -> tuple[int, int] | None:
+    """Return the picture size given, else that of the picture file."""
+    given: tuple[int, int] | None = table.parsed("picture_px", example="[1920, 1080]", parse=parse_picture_px)
+    if given is not None or picture is None:
+        return given
+    found = picture_size(picture)
+    return (round(found[0]), round(found[1])) if found else None
+
+
+def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[Point, ...] | None:
+    """Return the corners of a simple polygon in floor metres."""
+    points = table.points(key, least=3, example=_POLYGON)
+    if points is None:
+        if required and key not in table.values:
+            table.missing(key, _POLYGON)
+        return None
+    xs, ys = zip(*points, strict=True)
+    box_m2 = (max(xs) - min(xs)) * (max(ys) - min(ys))
+    if max(map(abs, (*xs, *ys))) > _CORNER_MAX_M or box_m2 > _BOX_MAX_M2:
+        table.fault(
+            key,
+            f"{table.label} {key} is too large: {box_m2:g} m2 from corner to corner",
+            code="E128",
+            why=f"at most {_BOX_MAX_M2:,.0f} m2, and no corner beyond {_CORNER_MAX_M:,.0f} m; corners are in metres",
+            mend="give the corners in floor metres, not millimetres or pixels; split a very large area",
+        )
+        return None
+    from shapely import Polygon
+    from shapely.validation import explain_validity
+
+    shape = Polygon(points)
+    if not shape.is_valid or shape.area <= 0:
+        table.fault(
+            key,
+            f"{table.label} {key} crosses or touches itself, or has no area",
+            code="E128",
+            why=explain_validity(shape).replace("[", " at (").replace("]", ")").replace("Valid Geometry", "no area"),
+            mend="list the corners once, in the order in which you would walk around it",
+        )
+        return None
+    return points
+
+
+def _check_engine_ids(tables: Iterable[TableReader]) -> None:
+    """Note engine ids that stand at two cameras, or are the id of another camera."""
+    owners = {str(table.values.get("id")): table.values.get("id") for table in tables}
+    for table in tables:
+        given = table.values.get("engine_ids")
+        for engine_id in given if isinstance(given, list) else ():
+            owner = table.values.get("id")
+            if isinstance(engine_id, str) and owners.setdefault(engine_id, owner) != owner:
+                table.fault(
+                    "engine_ids",
+                    f"engine id {engine_id!r} also means camera {owners[engine_id]!r}",
+                    code="E125",
+                    why="records of one engine id belong to one camera",
+                    mend="name each engine id at one camera",
+                )
+
+
+# calibrations -------------------------------------------------------------------------------------------------------
+
+
+def _calibrations(table: TableReader, camera_id: str | None, *, timezone: str) -> tuple[Calibration, ...]:
+    """Return the camera's calibrations, from its own keys and from calibration/<camera>.toml, by date."""
+    own = _calibration(table, timezone=timezone, from_key="calibrated_from")
+    found = [own] if own else []
+    history = table.folder / HISTORY_FOLDER / f"{camera_id}.toml"
+    if camera_id is not None and history.is_file():
+        found += _history(history, table=table, timezone=timezone)
+    found.sort(key=lambda c: (c.valid_from is not None, c.valid_from or datetime.min.replace(tzinfo=UTC)))
+    for one, other in pairwise(found):
+        if one.valid_from == other.valid_from:
+            since = one.valid_from.isoformat() if one.valid_from else "the beginning"
+            table.fault(
+                next((kind for kind in _KINDS if kind in table.values), "id"),
+                f"{table.label} has two calibrations from {since}",
+                code="E129",
+                why=f"one is {_shown(one, table.folder)}, the other {_shown(other, table.folder)}",
+                mend=f"keep one of the two in vsd.toml or calibration/{camera_id}.toml, or give one a later date",
+            )
+    return tuple(found)
+
+
+def _history(path: Path, *, table: TableReader, timezone: str) -> list[Calibration]:
+    """Return the `[[calibration]]` entries of a camera's own file; mistakes carry that file's lines."""
+    name = path.relative_to(table.folder).as_posix()
+    text, problem = read_toml(path, name=name)
+    if problem is not None:
+        table.mistakes.take([problem])
+        return []
+    apart = Mistakes(text)
+    root = TableReader(tomllib.loads(text.text), path=(), label=name, mistakes=apart, folder=table.folder)
+    found = []
+    for entry in root.each("calibration"):
+        if not _KINDS.keys() & entry.values.keys():
+            entry.missing("homography", f'"calibration/{path.stem}.txt"')
+        found.append(_calibration(entry, timezone=timezone, from_key="from"))
+        entry.close()
+    root.close()
+    table.mistakes.take(apart.all)
+    return [calibration for calibration in found if calibration is not None]
+
+
+def _calibration(table: TableReader, *, timezone: str, from_key: str) -> Calibration | None:
+    """Return the calibration a table names by `homography` or `points`, if any."""
+
+    def instant(value: Any) -> datetime:
+        return parse_instant(value, timezone=timezone)
+
+    valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=instant)
+    make = f"take this line out and make it: vsd calibrate {table.values.get('id', 'CAMERA')} --points FILE.csv"
+    files = {kind: table.file(kind, example=example, mend=make) for kind, example in _KINDS.items()}
+    named = table.values.keys() & files.keys()
+    if len(named) == 2:
+        table.fault("points", f"{table.label} has both homography and points", code="E129", mend="keep one of the two")
+        return None
+    if not named and "calibrated_from" in table.values:
+        what = f"{table.label} has calibrated_from without homography or points"
+        table.fault("calibrated_from", what, code="E129", mend="name the calibration, or take this line out")
+    for kind, path in files.items():
+        if path is not None:
+            try:
+                return load_calibration(path, kind=kind, valid_from=valid_from)
+            except CalibrationError as error:
+                _note(table, kind, error)
+    return None
+
+
+def _note(table: TableReader, key: str, error: CalibrationError) -> None:
+    """Note what is wrong in a calibration file at the line that names it."""
+    line = f"line {error.where.line}: {error.where.text}" if error.where and error.where.line else None
+    why = "; ".join(part for part in (error.why, line) if part)
+    table.fault(key, f"{table.label}: {error.what}", code=error.code, why=why or None, mend=error.mend)
+
+
+def _shown(calibration: Calibration, folder: Path) -> str:
+    source = calibration.source or folder
+    return source.relative_to(folder).as_posix() if source.is_relative_to(folder) else str(source)

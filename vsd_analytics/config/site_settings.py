@@ -1,0 +1,121 @@
+"""The settings of `vsd.toml` and of the environment, checked against the table of `vsd_analytics.settings`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from vsd_analytics.config.reader import Mistakes, TableReader
+from vsd_analytics.config.toml_lines import TomlText
+from vsd_analytics.settings import CHOICES, SETTINGS, Setting
+
+ENVIRONMENT_PREFIX = "VSD_"
+
+
+@dataclass
+class Overrides:
+    """What differs from the defaults.
+
+    Attributes:
+        values: New value by setting name.
+        sources: "vsd.toml line 7" or the environment variable, by setting name.
+    """
+
+    values: dict[str, Any] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+
+
+def read_settings(tables: Mapping[str, TableReader], *, environ: Mapping[str, str], mistakes: Mistakes) -> Overrides:
+    """Return the settings given in the file, and those of the environment, which win.
+
+    Args:
+        tables: Reader of each section named in the settings table.
+        environ: Environment in which `VSD_<SETTING>` overrides a setting.
+        mistakes: Where to note.
+    """
+    found = Overrides()
+    for setting in SETTINGS:
+        table = tables[setting.section]
+        value = _read(table, setting)
+        if value is not None:
+            found.values[setting.name] = value
+            line = mistakes.text.where((setting.section, setting.name)).line
+            found.sources[setting.name] = f"{mistakes.text.file} line {line}"
+        variable = ENVIRONMENT_PREFIX + setting.name.upper()
+        if variable in environ:
+            value = _from_environment(setting, variable, environ[variable], mistakes)
+            if value is not None:
+                found.values[setting.name], found.sources[setting.name] = value, variable
+    _check_together(found.values, tables)
+    return found
+
+
+def _read(table: TableReader, setting: Setting) -> Any:
+    default = setting.default
+    if isinstance(default, bool):
+        return table.flag(setting.name)
+    if isinstance(default, str):
+        return table.parsed(setting.name, example=f'"{default}"', parse=lambda value: _choice(value, setting))
+    assert setting.minimum is not None
+    assert setting.maximum is not None
+    if isinstance(default, tuple):
+        return table.parsed(setting.name, example=str(list(default)), parse=lambda value: _steps(value, setting))
+    value = table.number(
+        setting.name,
+        minimum=setting.minimum,
+        maximum=setting.maximum,
+        unit=setting.unit,
+        example=str(default),
+        whole=isinstance(default, int),
+    )
+    return None if value is None else type(default)(value)
+
+
+def _from_environment(setting: Setting, variable: str, text: str, mistakes: Mistakes) -> Any:
+    try:
+        values = tomllib.loads(f"{setting.name} = {text}")
+    except tomllib.TOMLDecodeError:
+        values = {setting.name: text}
+    apart = Mistakes(TomlText(f"environment variable {variable}", ""))
+    value = _read(TableReader(values, path=(), label=variable, mistakes=apart, folder=Path()), setting)
+    mistakes.take(apart.all)
+    return value
+
+
+def _choice(value: Any, setting: Setting) -> str:
+    """Return one of the words a setting may be."""
+    if value not in CHOICES[setting.name]:
+        raise ValueError(f"must be {' or '.join(CHOICES[setting.name])}")
+    return str(value)
+
+
+def _steps(value: Any, setting: Setting) -> tuple[float, ...]:
+    """Return rising numbers within the setting's range, as many as its default has."""
+    count, low, high = len(setting.default), setting.minimum or 0.0, setting.maximum or 0.0
+    if not (isinstance(value, list) and len(value) == count and all(type(v) in (int, float) for v in value)):
+        raise ValueError(f"must be a list of {count} numbers")
+    if not all(low <= v <= high for v in value) or any(a >= b for a, b in pairwise(value)):
+        raise ValueError(f"the numbers must rise and stay between {low:g} and {high:g}")
+    return tuple(float(v) for v in value)
+
+
+def _check_together(overrides: Mapping[str, Any], tables: Mapping[str, TableReader]) -> None:
+    """Note settings that are fine alone and impossible together."""
+    value = {s.name: overrides.get(s.name, s.default) for s in SETTINGS}
+    if value["pair_max_m"] < value["distance_m"]:
+        in_rule = "pair_max_m" in tables["rule"].values
+        tables["rule" if in_rule else "site"].fault(
+            "pair_max_m" if in_rule else "distance_m",
+            f"pair_max_m = {value['pair_max_m']:g} is less than distance_m = {value['distance_m']:g}",
+            why="pairs farther apart than pair_max_m are not kept, so violations would be lost",
+            mend=f"[rule] pair_max_m = {value['distance_m'] + 0.5:g}",
+        )
+    if value["partial_hour_share"] > value["full_hour_share"]:
+        key = "partial_hour_share" if "partial_hour_share" in tables["rule"].values else "full_hour_share"
+        tables["rule"].fault(
+            key, "partial_hour_share is more than full_hour_share", mend="give the partial hour the smaller share"
+        )

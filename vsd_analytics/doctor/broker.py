@@ -1,0 +1,268 @@
+"""The checks of `vsd doctor` for live operation: the listener's heartbeat, the broker and its configuration."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from vsd_analytics.doctor.finding import Finding
+from vsd_analytics.errors import LiveError
+from vsd_analytics.live.mqtt import CONNECT_S, SESSION_MIN_S, WINDOW, connect_properties, make_client, password_of
+from vsd_analytics.live.process import is_alive
+from vsd_analytics.live.status import read_status
+from vsd_analytics.site.model import Broker, Site
+
+USUAL_CONFIG = Path("/etc/mosquitto/mosquitto.conf")
+LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
+OLD_STATUS_S = 60.0
+AUTOSAVE_MAX_S = 10
+_ANSWER_S = 2.0
+_UNITS = {"h": 1 / 24, "d": 1.0, "w": 7.0, "m": 30.0, "y": 365.0}
+_PRINT = "vsd listen --broker-config"
+_EXPLAINED = {"clocks disagree": "E708", "cannot store": "E304"}
+
+
+def examine_live(
+    site: Site, *, now: datetime, environ: Mapping[str, str], config: Path | None = None
+) -> Iterator[Finding]:
+    """Check the listener and the broker; yields nothing for a site without `[mqtt]`.
+
+    Args:
+        site: The site.
+        now: The clock.
+        environ: Environment, for the password.
+        config: The broker's configuration; None = the usual file when the broker is on this machine.
+    """
+    if site.broker is None:
+        return
+    yield from examine_listener(site, status=read_status(site.root), now=now)
+    yield from _examine_broker(site.broker, environ=environ)
+    if config is None and site.broker.host in LOCAL_HOSTS and USUAL_CONFIG.exists():
+        config = USUAL_CONFIG
+    if config is not None:
+        yield from examine_config(config)
+
+
+def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datetime) -> Iterator[Finding]:
+    """Check a heartbeat (`read_status`): is the listener running, connected, able to store; is a camera silent."""
+    name = "listener"
+    if status is None:
+        yield Finding(name, "note", "it never ran in this project", "vsd listen (as a service: docs/live.md)")
+        return
+    try:
+        at = datetime.fromisoformat(status["at"])
+        state, error, pid = status["state"], status["error"], status["pid"]
+        counts = f"{status['received']:,} messages received, {sum(status['stored'].values()):,} records stored"
+        rejected, cameras, lag_s = dict(status["rejected"]), dict(status["cameras"]), status["lag_s"]
+        last = {camera: datetime.fromisoformat(c["last"]) for camera, c in cameras.items()}
+        n_missing = sum(c["missing"] or 0 for c in cameras.values())
+        n_qos0 = int(status["qos0"])
+    except (KeyError, TypeError, ValueError, AttributeError):
+        yield Finding(name, "needs you", "status/listen.json cannot be read", "remove it; a listener writes it again")
+        return
+    if state == "stopped":
+        yield Finding(name, "note", f"stopped since {status['at']}: {counts}", "vsd listen")
+        return
+    if not is_alive(pid):
+        yield Finding(name, "needs you", f"process {pid} is gone since about {status['at']}", "vsd listen")
+        return
+    if (now - at).total_seconds() > OLD_STATUS_S:
+        yield Finding(name, "needs you", f"process {pid} wrote no status since {status['at']}", "look at its log")
+        return
+    if error or state != "listening":
+        mend = f"vsd explain {_EXPLAINED.get(state, 'E701')}"
+        yield Finding(name, "needs you", f"{state}: {error or 'no reason given'} ({counts})", mend)
+    else:
+        lag = "" if lag_s is None else f", newest message {lag_s:,.0f} s old"
+        yield Finding(name, "ok", f"listening since {status['connected_since']}: {counts}{lag}")
+    silence = timedelta(seconds=site.settings.coverage_gap_s)
+    silent = [c.camera_id for c in site.cameras if c.camera_id not in last or at - last[c.camera_id] > silence]
+    if silent and (at - datetime.fromisoformat(status["started"])) > silence:
+        detail = f"silent for more than {silence.total_seconds() / 60:g} min: {', '.join(silent)}"
+        yield Finding("live cameras", "needs you", detail, "look at their engines: each processed frame is a message")
+    if rejected:
+        reasons = ", ".join(f"{n:,} {reason}" for reason, n in sorted(rejected.items()))
+        detail = f"{reasons}, since {status['started']}"
+        yield Finding("live records in quarantine", "note", detail, "vsd quarantine list")
+    if n_missing:
+        yield Finding("live messages", "note", f"{n_missing:,} numbers skipped; exactly: vsd coverage")
+    if n_qos0:
+        mend = "let the engine publish with QoS 1"
+        yield Finding("live delivery", "needs you", f"{n_qos0:,} messages came with QoS 0, which may be lost", mend)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a broker grants to a client that connects.
+
+    Attributes:
+        error: Why there is no connection; None = there was one.
+        session_s: Seconds it stores a session that asked for a day or more.
+        qos_max: Highest quality of service it takes.
+        keeps_retained: Whether it stores retained messages, such as the heartbeat.
+        version: Its version from $SYS; None = unknown.
+    """
+
+    error: str | None = None
+    session_s: int = SESSION_MIN_S
+    qos_max: int = 2
+    keeps_retained: bool = True
+    version: str | None = None
+
+
+def _examine_broker(broker: Broker, *, environ: Mapping[str, str]) -> Iterator[Finding]:
+    name = f"broker {broker.host}:{broker.port}"
+    try:
+        answer = ask(broker, password=password_of(broker, environ=environ))
+    except LiveError as error:
+        yield Finding(name, "needs you", f"{error.what}: {error.why}", error.mend)
+        return
+    if answer.error is not None:
+        mend = "is it running, are address, user and certificates right? more: vsd explain E701"
+        yield Finding(name, "needs you", f"no connection: {answer.error}", mend)
+        return
+    shown = f"answers{f' ({answer.version})' if answer.version else ''}"
+    if answer.qos_max < 1:
+        yield Finding(name, "needs you", f"{shown}, but accepts only QoS 0: it may lose messages", _PRINT)
+    elif answer.session_s < SESSION_MIN_S:
+        detail = f"{shown}, but keeps sessions for {answer.session_s:,} s only: longer absences lose messages"
+        yield Finding(name, "needs you", detail, _PRINT)
+    else:
+        yield Finding(name, "ok", f"{shown}, QoS {answer.qos_max}, keeps sessions for a day or more")
+    if broker.status_topic is not None and not answer.keeps_retained:
+        detail = "it stores no retained messages: only clients that listen already get the heartbeat"
+        yield Finding(name, "note", detail)
+    if broker.password_file is not None and broker.password_file.stat().st_mode & 0o077:
+        mend = f"chmod 600 {broker.password_file}"
+        yield Finding("password of the broker", "needs you", "others on this machine may read it", mend)
+
+
+def ask(broker: Broker, *, password: str | None, timeout_s: float = _ANSWER_S) -> Answer:
+    """Connect for a moment with a client id of its own, read what the broker grants, and leave no session behind.
+
+    Args:
+        broker: The broker.
+        password: Password of its user.
+        timeout_s: Longest time to wait for answers, after the connection of at most `CONNECT_S`.
+
+    Raises:
+        LiveError: E705, the certificates cannot be used.
+    """
+    from paho.mqtt.packettypes import PacketTypes
+    from paho.mqtt.properties import Properties
+
+    client = make_client(broker, client_id=f"vsd-doctor-{os.urandom(4).hex()}", password=password)
+    client.connect_timeout = min(CONNECT_S, timeout_s)
+    heard: dict[str, Any] = {}
+
+    def on_connect(_client: Any, _data: Any, _flags: Any, reason: Any, properties: Any) -> None:
+        heard["reason"], heard["properties"] = reason, properties
+        if not reason.is_failure:
+            client.subscribe("$SYS/broker/version")
+
+    def on_message(_client: Any, _data: Any, message: Any) -> None:
+        heard["version"] = message.payload.decode("utf-8", "replace")[:100]
+
+    client.on_connect, client.on_message = on_connect, on_message
+    client.on_disconnect = lambda *_: heard.setdefault("gone", True)
+    try:
+        properties = connect_properties(session_s=SESSION_MIN_S, window=WINDOW)
+        client.connect(broker.host, broker.port, keepalive=30, clean_start=True, properties=properties)
+        until_s = time.monotonic() + timeout_s
+        while "version" not in heard and "gone" not in heard and time.monotonic() < until_s:
+            client.loop(0.05)
+            if "properties" in heard:
+                until_s = min(until_s, time.monotonic() + 0.5)
+    except (OSError, ValueError) as error:
+        return Answer(error=str(error))
+    if "reason" not in heard:
+        return Answer(error="it does not answer like an MQTT 5 broker")
+    if heard["reason"].is_failure:
+        return Answer(error=str(heard["reason"]))
+    leaving = Properties(PacketTypes.DISCONNECT)  # type: ignore[no-untyped-call]
+    leaving.SessionExpiryInterval = 0
+    client.disconnect(properties=leaving)
+    client.loop(0.05)
+    granted = heard["properties"]
+    return Answer(
+        session_s=getattr(granted, "SessionExpiryInterval", SESSION_MIN_S),
+        qos_max=getattr(granted, "MaximumQoS", 2),
+        keeps_retained=bool(getattr(granted, "RetainAvailable", 1)),
+        version=heard.get("version"),
+    )
+
+
+def examine_config(path: Path) -> Iterator[Finding]:
+    """Check that a mosquitto.conf has the settings without which the broker may lose messages."""
+    name = f"broker configuration {path}"
+    try:
+        values = parse_config(path)
+    except (OSError, UnicodeDecodeError) as error:
+        yield Finding(name, "needs you", f"it cannot be read: {error}", "name the right file: --broker-config FILE")
+        return
+    faults = config_faults(values)
+    if faults:
+        yield Finding(name, "needs you", "; ".join(faults), f"{_PRINT}  prints what to write and why")
+    else:
+        yield Finding(name, "ok", "sessions and queues survive a restart")
+    if values.get("autosave_on_changes") == "true":
+        detail = "autosave_on_changes writes the whole queue at every message: a long queue makes the broker slow"
+        yield Finding(name, "note", f"{detail} (docs/live.md)")
+
+
+def parse_config(path: Path) -> dict[str, str]:
+    """Return the settings of a mosquitto.conf and of its `include_dir`; of several with one name the last.
+
+    Raises:
+        OSError: A file cannot be read.
+        UnicodeDecodeError: It is not text.
+    """
+    values: dict[str, str] = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        key, _, value = line.strip().partition(" ")
+        if not key or key.startswith("#"):
+            continue
+        values[key] = value.strip()
+        if key == "include_dir":
+            for included in sorted(Path(value.strip()).glob("*.conf")):
+                values.update(parse_config(included))
+    return values
+
+
+def config_faults(values: Mapping[str, str]) -> list[str]:
+    """Return what is wrong with the settings of a mosquitto.conf, as sentences."""
+    faults = []
+    if values.get("persistence", "false") != "true":
+        faults.append("persistence is not true: a restart forgets sessions and queues")
+    else:
+        interval = _whole(values.get("autosave_interval", "1800"))
+        on_changes = values.get("autosave_on_changes", "false") == "true"
+        if interval is None or not 1 <= interval <= (1 if on_changes else AUTOSAVE_MAX_S):
+            unit = "changes" if on_changes else "s"
+            faults.append(f"autosave_interval is {interval} {unit}: a crash loses what came since (1 is recommended)")
+    queued = _whole(values.get("max_queued_messages", "1000"))
+    flying = _whole(values.get("max_inflight_messages", "20"))
+    if queued != 0:
+        faults.append(f"max_queued_messages is {queued}: what comes beyond while the listener is away is lost (0)")
+    if _whole(values.get("max_queued_bytes", "0")) != 0:
+        faults.append("max_queued_bytes is set: what comes beyond it is lost (0)")
+    if flying is None or 0 < flying < WINDOW:
+        faults.append(f"max_inflight_messages is {flying}: the listener catches up slowly (0, or {WINDOW} and more)")
+    expiry = values.get("persistent_client_expiration")
+    if expiry is not None and _days(expiry) < 1:
+        faults.append(f"persistent_client_expiration is {expiry}: absences beyond it lose messages (1d or more)")
+    return faults
+
+
+def _whole(text: str) -> int | None:
+    return int(text) if text.isdecimal() else None
+
+
+def _days(text: str) -> float:
+    number = _whole(text[:-1])
+    return 0.0 if number is None else number * _UNITS.get(text[-1:], 0.0)

@@ -1,0 +1,336 @@
+"""Did a change at the site work: its area before and after, beside areas that were left alone (M27).
+
+The arithmetic is `vsd_analytics.stats.before_after`, the weeks are those of `change_weeks`. This file finds the areas
+to compare with and refuses what would be no comparison: another calibration, engine or rule, too little recorded. Days
+are paired by weekday over the camera-hours recorded in both (`vsd_analytics.figures.panels`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime
+from typing import Final, Literal
+
+import numpy as np
+import shapely
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.figures import rates
+from vsd_analytics.figures.change_weeks import WEEKS, Windows, changed_areas, log_entry, other_changes, windows_of
+from vsd_analytics.figures.compare import Days, known_area, known_floor, span, why_not
+from vsd_analytics.figures.panels import FloorHours, Ints, Panel, Period, Place, TwoPeriods, positions
+from vsd_analytics.result import Reason, State
+from vsd_analytics.site.model import Area, LogEntry, Site
+from vsd_analytics.stats import before_after as test
+from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+APART_M: Final = 5.0
+"""Comparison areas are at least this far from the changed one."""
+RING_M: Final = (2.0, 5.0)
+"""How far around the changed area people are looked for who only moved on."""
+
+Design = Literal["comparison areas", "area alone"]
+Per = Literal["exposure_h", "x_h"]
+
+ASSUMPTIONS: Final = tuple(
+    Reason(f"redesign.assumes_{name}") for name in ("parallel", "left_alone", "nothing_else", "no_bad_spell")
+)
+ASSUMPTIONS_ALONE: Final = (Reason("redesign.assumes_as_it_was"), Reason("redesign.assumes_no_chance"))
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbours:
+    """What happened around the changed area: violations that only moved on.
+
+    Attributes:
+        risky: Change of violations per person-hour, 2 to 5 m around it.
+        people: Change of people there.
+        effect: Its change relative to the comparison areas; None without any.
+    """
+
+    risky: ChangeEstimate
+    people: ChangeEstimate
+    effect: test.BeforeAfter | None
+
+
+@dataclass(frozen=True, slots=True)
+class BeforeAfterFigure:
+    """What a change of the site's log did to an area (M27).
+
+    Attributes:
+        number: The entry's place in the log, from 1.
+        at, text: When and what was changed.
+        area_id, area_name: The area looked at.
+        state: "ok" when a change can be given, whatever its design.
+        reason: Why not.
+        design: "comparison areas", or "area alone" when there are none: then only `alone` is given.
+        is_credible: False when something speaks against the comparison: `doubts`.
+        doubts: What.
+        windows: The days; None when there are none.
+        effect: The effect on violations per person-hour relative to the comparison areas; None without them.
+        often: The effect on violations per open hour, likewise: what moved people away lowers this alone.
+        alone: Violations per person-hour in the area, after / before.
+        comparison: The same in the comparison areas together; None without them.
+        people: People in the area, after / before: fewer people is not a safer layout.
+        neighbours: 2 to 5 m around the area; None when nobody was seen there.
+        comparison_areas: Ids of the areas compared with.
+        areas_left_out: Why the other areas of the floor are not, by id.
+        assumptions: What must hold for the effect to be that of the change.
+        notes: What a reader must know beside.
+    """
+
+    number: int
+    at: datetime
+    text: str
+    area_id: str
+    area_name: str
+    state: State
+    reason: Reason | None
+    design: Design
+    is_credible: bool = True
+    doubts: tuple[Reason, ...] = ()
+    windows: Windows | None = None
+    effect: test.BeforeAfter | None = None
+    often: test.BeforeAfter | None = None
+    alone: ChangeEstimate | None = None
+    comparison: ChangeEstimate | None = None
+    people: ChangeEstimate | None = None
+    neighbours: Neighbours | None = None
+    comparison_areas: tuple[str, ...] = ()
+    areas_left_out: tuple[tuple[str, Reason], ...] = ()
+    assumptions: tuple[Reason, ...] = ()
+    notes: tuple[Reason, ...] = ()
+
+
+def before_after(
+    warehouse: Warehouse, number: int, *, area_id: str | None = None, weeks: int = WEEKS
+) -> BeforeAfterFigure:
+    """Return what a change of the log did to an area.
+
+    Args:
+        warehouse: Opened over `days_needed`.
+        number: The entry's place in the log (`vsd log list`), from 1.
+        area_id: The area to look at; None = the entry's.
+        weeks: Whole weeks to look at on either side, at most.
+
+    Raises:
+        UsageError: E101, there is no such entry or area, or the entry names none.
+    """
+    site = warehouse.site
+    entry = log_entry(site, number)
+    if (area_id or entry.area_id) is None:
+        raise UsageError(
+            f"entry {number} of the log concerns the whole site, so there is nothing to compare it with",
+            mend=f"vsd compare --change {number} --area ID",
+        )
+    area = known_area(site, area_id or str(entry.area_id))
+    windows, why = windows_of(warehouse, entry, weeks=weeks)
+    if windows is None:
+        return _refused(number, entry, area, "not_enough_data", why, None)
+    data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
+    pair = TwoPeriods(Period(data, *windows.before), Period(data, *windows.after))
+    state, why = _guard(pair, area)
+    if state != "ok":
+        return _refused(number, entry, area, state, why, windows)
+    chosen, left_out = _comparison_areas(pair, area, windows, site)
+    doubts = other_changes(site, entry, area, windows)
+    place = pair.now.area(area.area_id)
+    alone, people = rates.change_risky(pair, place), rates.change_people(pair, place)
+    few = Reason("redesign.stored", n=windows.n_weeks, weeks=weeks)
+    notes = (few,) if windows.n_weeks < weeks else ()
+    if not chosen:
+        if (why := _too_few(alone)) is not None:
+            return _refused(number, entry, area, "not_enough_data", why, windows)
+        return BeforeAfterFigure(
+            number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
+            reason=None, design="area alone", is_credible=False,
+            doubts=(Reason("redesign.weak"), *doubts),
+            windows=windows, alone=alone, people=people, neighbours=_neighbours(pair, area, []),
+            areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS_ALONE, notes=notes,
+        )  # fmt: skip
+    others = [pair.now.area(a.area_id) for a in chosen]
+    effect = _effect(pair, place, others, trend=windows.trend)
+    often = _effect(pair, place, others, trend=windows.trend, per="x_h")
+    if effect.theta is None and often.theta is None:
+        return _refused(number, entry, area, "not_enough_data", effect.reason, windows, left_out)
+    trend = effect.trend or often.trend
+    if trend is not None and not trend.is_flat:
+        doubts = [Reason("redesign.trend", per_week=trend.per_week, lo=trend.lo, hi=trend.hi), *doubts]
+    if trend is None:
+        notes = (*notes, Reason("redesign.no_trend"))
+    return BeforeAfterFigure(
+        number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
+        reason=None, design="comparison areas", is_credible=not doubts, doubts=tuple(doubts), windows=windows,
+        effect=effect, often=often, alone=alone, comparison=rates.change_risky(pair, _together(others)), people=people,
+        neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
+        areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS, notes=notes,
+    )  # fmt: skip
+
+
+def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
+    """Return "ok", or why before and after were not measured alike or not enough."""
+    state, why = why_not(pair)
+    if state != "ok":
+        return state, why
+    for period in (pair.before, pair.now):
+        if (why := period.why_no_exposure or period.why_no_places) is not None:
+            return "not_measurable", Reason("during", reason=why, days=span((period.first, period.last)))
+    cameras = _cameras(pair, area)
+    anew = [r for r in pair.recalibrated if r.camera_id in cameras]
+    if anew or not pair.is_comparable[_at(pair, cameras)].all():
+        cameras_on = tuple(
+            Reason("redesign.camera_on", camera=r.camera_id, day=f"{pair.data.local(r.at_ms):%Y-%m-%d}")
+            for r in anew or pair.recalibrated
+        )
+        why = Reason("redesign.calibrated", cameras=cameras_on)
+        return "not_measurable", why if cameras_on else Reason("redesign.not_alike")
+    least, at = pair.data.site.settings.min_coverage, _at(pair, cameras)
+    for period in (pair.before, pair.now):
+        recorded_s, open_s = pair.data.hours.recorded_s[:, period.is_inside], pair.data.hours.open_s[period.is_inside]
+        share = float(recorded_s[at].sum() / (len(at) * open_s.sum())) if len(at) else 1.0
+        if share < least:
+            days = span((period.first, period.last))
+            return "not_enough_data", Reason("redesign.coverage", share=share, days=days, least=least)
+    return "ok", None
+
+
+def _comparison_areas(
+    pair: TwoPeriods, area: Area, windows: Windows, site: Site
+) -> tuple[list[Area], dict[str, Reason]]:
+    """Return the areas of the floor that were left alone, and why the others are no comparison."""
+    changed, shape = changed_areas(site, windows), shapely.Polygon(area.polygon)
+    chosen, left_out = [], dict[str, Reason]()
+    for other in pair.data.areas:
+        if other.area_id == area.area_id:
+            continue
+        apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
+        at = _at(pair, _cameras(pair, other))
+        if apart_m < APART_M:
+            left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=APART_M)
+        elif other.area_id in changed:
+            left_out[other.area_id] = Reason("redesign.changed_too", day=str(changed[other.area_id]))
+        elif not pair.is_comparable[at].all():
+            left_out[other.area_id] = Reason("redesign.calibrated_there")
+        elif not len(at):
+            left_out[other.area_id] = Reason("redesign.nobody_there")
+        else:
+            chosen.append(other)
+    return chosen, left_out
+
+
+def _effect(
+    pair: TwoPeriods, place: Place, others: Sequence[Place], *, trend: Days | None = None, per: Per = "exposure_h"
+) -> test.BeforeAfter:
+    """Return the effect on a place relative to others, per person-hour or recorded open hour.
+
+    Args:
+        pair: Before and after.
+        place: The changed place.
+        others: Places left alone.
+        trend: The days whose trend is told; None = those before.
+        per: What violations are divided by.
+    """
+    settings, panels = pair.data.site.settings, [pair.compared(p) for p in (place, *others)]
+    paired = [[days[k] for days in pair.pairs] for k in (0, 1)]
+    before, after = (_period([p[k] for p in panels], days=paired[k], per=per) for k in (0, 1))
+    history = None
+    if trend is not None:
+        days = Period(pair.data, *trend).days
+        history = _period([pair.data.panel(p, days) for p in (place, *others)], days=days, per=per)
+    least = settings.min_exposure_h if per == "exposure_h" else 0.0
+    return test.before_after(before, after, history=history, confidence=settings.confidence, min_exposure_h=least)
+
+
+def _period(panels: Sequence[Panel], *, days: Sequence[date], per: Per) -> test.PeriodDays:
+    """Return panels of the changed place and the comparison areas, summed over cameras."""
+    n, x_h = (np.array([getattr(p, name).sum(axis=0) for p in panels]) for name in ("n", per))
+    first = min(days)
+    return test.PeriodDays(
+        n=n[0],
+        x_h=x_h[0],
+        comparison_n=n[1:],
+        comparison_x_h=x_h[1:],
+        weekday=np.array([d.weekday() for d in days], dtype=np.int64),
+        week=np.array([(d - first).days // 7 for d in days], dtype=np.int64),
+    )
+
+
+def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighbours | None:
+    """Return what happened 2 to 5 m around an area, or None where nobody was seen there."""
+    place = _ring(pair.data, area)
+    if not place.exposure_h.any():
+        return None
+    return Neighbours(
+        risky=rates.change_risky(pair, place),
+        people=rates.change_people(pair, place),
+        effect=_effect(pair, place, others) if others else None,
+    )
+
+
+def _ring(data: FloorHours, area: Area) -> Place:
+    """Return what was counted in the cells whose middle lies 2 to 5 m outside an area."""
+    cell_m, shape = data.site.settings.cell_m, shapely.Polygon(area.polygon)
+    x0, y0, x1, y1 = shape.buffer(RING_M[1]).bounds
+    cx, cy = np.meshgrid(
+        np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)), np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m))
+    )
+    apart_m = shapely.distance(shape, shapely.points((cx + 0.5) * cell_m, (cy + 0.5) * cell_m))
+    inside = (apart_m >= RING_M[0]) & (apart_m <= RING_M[1])
+    rows = data.warehouse.table(
+        "with ring as (select unnest($cx::int[]) as cx, unnest($cy::int[]) as cy) "
+        "select camera_id, hour_start_ms, sum(n_violations_open)::double as n, "
+        "sum(exposure_open_s)::double / 3600 as exposure_h from cell_hours semi join ring using (cx, cy) "
+        "where floor_id = $floor group by all",
+        {"cx": cx[inside].astype(int).tolist(), "cy": cy[inside].astype(int).tolist(), "floor": data.floor.floor_id},
+    )
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+    n, exposure_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
+    n[camera, hour], exposure_h[camera, hour] = rows["n"].to_numpy(), rows["exposure_h"].to_numpy()
+    return Place(n, exposure_h, np.asarray((n + exposure_h).any(axis=1)))
+
+
+def _together(places: Sequence[Place]) -> Place:
+    n, exposure_h = (np.sum([getattr(p, name) for p in places], axis=0) for name in ("n", "exposure_h"))
+    return Place(n, exposure_h, np.any([p.cameras for p in places], axis=0))
+
+
+def _cameras(pair: TwoPeriods, area: Area) -> set[str]:
+    """Return the cameras that count anybody in an area, in either period."""
+    n, exposure_h = pair.data.counted_in(area.area_id)
+    inside = pair.before.is_inside | pair.now.is_inside
+    counts = np.flatnonzero((n + exposure_h)[:, inside].any(axis=1))
+    return {pair.data.ids[i] for i in counts.tolist()}
+
+
+def _at(pair: TwoPeriods, cameras: set[str]) -> Ints:
+    """Return the places of some cameras among the floor's."""
+    return np.array([i for i, c in enumerate(pair.data.ids) if c in cameras], dtype=np.int64)
+
+
+def _too_few(alone: ChangeEstimate) -> Reason | None:
+    """Return why an area by itself has too little for before and after, or None."""
+    if alone.n_days < test.MIN_DAYS:
+        return Reason("redesign.pairs", least=test.MIN_DAYS, has=alone.n_days)
+    for name, n in (("before", alone.n_a or 0.0), ("after", alone.n_b or 0.0)):
+        if n < test.MIN_EVENTS:
+            return Reason(f"redesign.events_{name}", least=test.MIN_EVENTS, has=n)
+    return None if alone.state == "ok" else alone.reason
+
+
+def _refused(
+    number: int,
+    entry: LogEntry,
+    area: Area,
+    state: State,
+    reason: Reason | None,
+    windows: Windows | None,
+    left_out: Mapping[str, Reason] | None = None,
+) -> BeforeAfterFigure:
+    return BeforeAfterFigure(
+        number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state=state,
+        reason=reason, design="comparison areas", is_credible=False, windows=windows,
+        areas_left_out=tuple((left_out or {}).items()),
+    )  # fmt: skip

@@ -1,0 +1,165 @@
+"""Who with whom and why: clusters (M21), gatherings (M22), crowding, layout and behaviour (M23), redesigns (M27)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, held_back, missing, row
+from vsd_analytics.figures.gatherings import FloorGatherings
+from vsd_analytics.figures.week.redesigns import is_held_back
+from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.result import Reason
+from vsd_analytics.stats.decomposition import Mixing, MixingChange
+
+SIZES: Final = "share of the time people spent in clusters, by number of people in the cluster"
+GATHERINGS: Final = "gatherings per 100 recorded open hours"
+CAUSES: Final = "crowding, layout and behaviour behind the time that pairs spend too close"
+REDESIGNS: Final = "violations per person-hour after a change over before, beside areas that were left alone"
+
+
+def figures(asked: Asked) -> dict[str, Figure]:
+    """Return M21, M22, M23 and M27."""
+    return {
+        "M21": _sizes(asked),
+        "M22": _gatherings(asked),
+        "M23": _causes(asked),
+        "M27": _redesigns(asked),
+    }
+
+
+def _own(asked: Asked) -> FloorGatherings | None:
+    floor_id = asked.data.floor.floor_id
+    return next((f for f in asked.found.gatherings.floors if f.floor_id == floor_id), None)
+
+
+def _sizes(asked: Asked) -> Figure:
+    found = _own(asked)
+    if found is None or found.sizes.state != "ok":
+        state = "not_enough_data" if found is None else found.sizes.state
+        return missing(SIZES, state, NOTHING if found is None else found.sizes.reason)
+    rows = tuple(row(s, "least", "most", "share") for s in found.sizes.sizes)
+    return Figure(unit=SIZES, rows=rows, denominator=found.sizes.person_s / 3600)
+
+
+def _gatherings(asked: Asked) -> Figure:
+    found = _own(asked)
+    if found is None or found.n is None or found.per_100_h.rate is None:
+        state = "not_enough_data" if found is None else found.per_100_h.state
+        return missing(GATHERINGS, state, NOTHING if found is None else found.per_100_h.reason)
+    if asked.small(found.n):
+        return missing(GATHERINGS, "not_enough_data", Reason("hidden.gatherings", least=asked.below))
+    rate = found.per_100_h
+    names = ("start", "end", "duration_s", "n_people", "person_s", "x_m", "y_m", "diameter_m")
+    rows = tuple(row(g, *names) for g in found.top) if asked.is_ranked else ()
+    return Figure(
+        unit=GATHERINGS,
+        value=rate.rate,
+        lo=rate.lo,
+        hi=rate.hi,
+        denominator=asked.recorded_h,
+        rows=rows,
+        reason=rate.reason if rate.lo is None else None,
+        note=Reason("note.gatherings", n=found.n) if rows else None,
+    )
+
+
+def _causes(asked: Asked) -> Figure:
+    """Return the three factors of the week, and how each moved since the week before."""
+    found = asked.found.mixing_now
+    if found.layout is None or found.behaviour is None:
+        return missing(CAUSES, found.state, found.reason)
+    change = asked.found.mixing if asked.level.often.verdict is not None else None
+    is_compared = change is not None and change.state == "ok"
+    rows = _factors(found, change if is_compared else None)
+    reason = found.reason if found.lo is None else None
+    if change is not None and not is_compared:
+        reason = change.reason
+    return Figure(
+        unit=CAUSES, value=found.behaviour, lo=found.lo, hi=found.hi, rows=tuple(rows), denominator=found.copresent_h,
+        reason=reason, note=Reason("note.behaviour"),
+    )  # fmt: skip
+
+
+def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
+    uniform = found.layout_uniform
+    behaviour = None if change is None else change.behaviour
+    moved: tuple[tuple[float | None, float | None], ...] = ((None, None),) * 3
+    if change is not None:
+        moved = (
+            (change.crowding, change.crowding_share),
+            (change.layout, change.layout_share),
+            (None if behaviour is None else behaviour.theta, change.behaviour_share),
+        )
+    values = (
+        ("crowding", "pair-hours of any two people in view at once", found.copresent_h),
+        ("layout", "chance that two independent people are too close", found.layout),
+        ("behaviour", "time too close over what crowding and layout explain", found.behaviour),
+    )
+    rows: list[Row] = []
+    for (what, unit, value), (ratio, share) in zip(values, moved, strict=True):
+        is_behaviour = what == "behaviour"
+        rows.append(
+            {
+                "what": what,
+                "unit": unit,
+                "value": value,
+                "over_uniform": found.layout / uniform if what == "layout" and found.layout and uniform else None,
+                "change": None if ratio is None else ratio - 1,
+                "change_lo": behaviour.change_lo if is_behaviour and behaviour is not None else None,
+                "change_hi": behaviour.change_hi if is_behaviour and behaviour is not None else None,
+                "share_of_change": share,
+            }
+        )
+    return rows
+
+
+def _redesigns(asked: Asked) -> Figure:
+    found = asked.found.redesigns
+    if not found:
+        return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))
+    rows = [_redesign(asked, one) for one in found]
+    told = [r for r in rows if r["state"] == "ok"]
+    if told:
+        return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(told))
+    state = found[-1].state if found[-1].state != "ok" else "not_enough_data"
+    return Figure(unit=REDESIGNS, rows=tuple(rows), state=state, reason=found[-1].reason)
+
+
+def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
+    effect = found.effect
+    head: Row = {
+        "entry": found.number,
+        "at": found.at.isoformat(),
+        "area": found.area_id,
+        "name": found.area_name,
+        "design": found.design,
+    }
+    ratio = effect if effect is not None else found.alone
+    state, reason = found.state, found.reason
+    if state == "ok" and is_held_back(asked.data, found):
+        state, reason, ratio = "not_enough_data", held_back("", asked.below).reason, None
+    if state == "ok" and (ratio is None or ratio.theta is None):
+        state, reason = "not_enough_data", None if ratio is None else ratio.reason
+    is_told = state == "ok" and ratio is not None
+    often = found.often if is_told else None
+    shrunken = effect.shrunken if effect is not None and is_told else None
+    return {
+        **head,
+        "ratio": ratio.theta if is_told and ratio is not None else None,
+        "lo": ratio.lo if is_told and ratio is not None else None,
+        "hi": ratio.hi if is_told and ratio is not None else None,
+        "verdict": ratio.verdict if is_told and ratio is not None else None,
+        "often_ratio": often.theta if often is not None else None,
+        "often_lo": often.lo if often is not None else None,
+        "often_hi": often.hi if often is not None else None,
+        "placebo_lo": effect.placebo_lo if effect is not None and is_told else None,
+        "placebo_hi": effect.placebo_hi if effect is not None and is_told else None,
+        "shrunken": None if shrunken is None else shrunken.theta,
+        "comparison_areas": len(found.comparison_areas),
+        "is_credible": found.is_credible if is_told else None,
+        "doubts": Reason("joined", reasons=found.doubts) if found.doubts else None,
+        "assumes": Reason("joined", reasons=found.assumptions) if found.assumptions else None,
+        "state": state,
+        "reason": reason,
+    }

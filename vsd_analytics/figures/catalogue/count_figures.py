@@ -1,0 +1,155 @@
+"""What is counted: how often, risky, many, and between whom (M0, M7 to M9); how long, how close (M10 to M12, M26)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
+from vsd_analytics.figures.sensitivity import ThresholdSensitivity
+from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.result import Reason
+
+COUNT: Final = "violations counted in the hours that enter rates"
+BETWEEN: Final = "share of violations that are between groups"
+DURATION: Final = "how long violations last"
+DISTANCE: Final = "share of person-time in violation, by distance to the nearest person"
+CONTACTS: Final = "pairs of people too close for 15 minutes within 24 hours"
+
+
+def figures(asked: Asked) -> dict[str, Figure]:
+    """Return M0, M7 to M12 and M26."""
+    return {
+        "M0": figure("violations per open hour", asked.level.often, asked.recorded_h),
+        "M7": figure("violations per person-hour", asked.level.risky, asked.level.exposure_h),
+        "M8": _count(asked),
+        "M9": _between(asked),
+        "M10": _durations(asked),
+        "M11": _distances(asked),
+        "M12": _contacts(asked),
+        "M26": _sensitivity(asked),
+    }
+
+
+def _count(asked: Asked) -> Figure:
+    n = asked.level.violations
+    if n is None:
+        return asked.not_told(COUNT)
+    data = asked.data
+    n_all = data.warehouse.rows(
+        "select count(*) as n from episodes inner join cameras using (camera_id) "
+        "where floor_id = $floor and is_open and is_owned and local_date between $first and $last",
+        {"floor": data.floor.floor_id, "first": data.monday, "last": data.sunday},
+    )[0]["n"]
+    least = f"episodes of at least {data.site.settings.episode_min_s:g} s: violations"
+    rows: list[Row] = [{"what": least, "n": n}]
+    if not asked.small(n_all):
+        rows.append({"what": "episodes of any length, in all recorded open hours", "n": n_all})
+    note = Reason("note.recorded", share=asked.coverage.share)
+    return Figure(unit=COUNT, value=n, denominator=asked.recorded_h, rows=tuple(rows), note=note)
+
+
+def _between(asked: Asked) -> Figure:
+    found, data = asked.found.groups, asked.data
+    if not asked.is_counted:
+        return asked.not_told(BETWEEN)
+    own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
+    if found.state != "ok" or own is None:
+        here = {c.camera_id: c.lives for c in found.cameras if c.camera_id in data.ids}
+        why = next((lives for lives in here.values() if lives.state != "ok"), None)
+        state, reason = (found.state, found.reason) if why is None else (why.state, why.reason)
+        return missing(BETWEEN, state, reason)
+    n, n_between = own.often.n_events or 0, own.often_between.n_events or 0
+    if asked.small(n, n_between, n - n_between):
+        return held_back(BETWEEN, asked.below)
+    rows: list[Row] = []
+    for reading, often, risky in (
+        ("all", own.often, own.risky),
+        ("between groups", own.often_between, own.risky_between),
+    ):
+        told = asked.rate(often), asked.rate(risky)
+        rows.append(
+            {
+                "reading": reading,
+                **{
+                    f"{name}{end}": getattr(e, field)
+                    for name, e in zip(("often", "risky"), told, strict=True)
+                    for end, field in (("", "value"), ("_lo", "lo"), ("_hi", "hi"))
+                },
+                "n": often.n_events,
+            }
+        )
+    if not n:
+        return missing(BETWEEN, "not_enough_data", Reason("violations.none"))
+    known = found.accuracy
+    lo, hi = known.time_recall
+    note = Reason("note.groups", scenes=known.scenes, lo=lo, hi=hi, weakness=known.weakness)
+    share = found.between
+    is_whole_site = len(data.site.floors) == 1
+    return Figure(
+        unit=BETWEEN,
+        value=share.value if is_whole_site else n_between / n,
+        lo=share.lo if is_whole_site else None,
+        hi=share.hi if is_whole_site else None,
+        denominator=n,
+        rows=tuple(rows),
+        reason=share.reason if is_whole_site else Reason("violations.one_floor"),
+        note=note,
+    )
+
+
+def _durations(asked: Asked) -> Figure:
+    found = asked.found.episodes.durations
+    if not asked.is_counted:
+        return asked.not_told(DURATION)
+    if found.median.value_s is None:
+        return missing(DURATION, found.state, found.reason)
+    rows: list[Row] = [
+        {"what": what, "unit": "s", "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s}
+        for what, q in (("median", found.median), ("90 % last at most", found.p90))
+    ]
+    share = found.long_share
+    is_told = not asked.small(share.n, share.of - share.n)
+    rows.append(
+        {
+            "what": "30 s or longer",
+            "unit": "share",
+            "value": share.value if is_told else None,
+            "lo": share.lo if is_told else None,
+            "hi": share.hi if is_told else None,
+        }
+    )
+    note = None
+    if found.is_at_least and found.cut_share is not None:
+        note = Reason("note.at_least", share=found.cut_share)
+    return Figure(unit=DURATION, rows=tuple(rows), denominator=found.n, reason=found.reason, note=note)
+
+
+def _distances(asked: Asked) -> Figure:
+    found = asked.found.episodes.distances
+    if found.state != "ok":
+        return missing(DISTANCE, found.state, found.reason)
+    rows = tuple(row(s, "from_m", "to_m", "share") for s in found.shares)
+    return Figure(unit=DISTANCE, rows=rows, denominator=found.person_s / 3600)
+
+
+def _contacts(asked: Asked) -> Figure:
+    found = asked.found.episodes.contacts
+    if found.n is None or found.state != "ok":
+        return missing(CONTACTS, found.state, found.reason)
+    if asked.small(found.n):
+        return missing(CONTACTS, "not_enough_data", Reason("hidden.pairs", least=asked.below))
+    note = Reason("note.contacts")
+    return Figure(unit=CONTACTS, value=found.n, denominator=found.n_pairs, note=note)
+
+
+def _sensitivity(asked: Asked) -> Figure:
+    unit = "share of person-time closer to somebody than each distance"
+    found: ThresholdSensitivity = asked.found.sensitivity
+    legal = next((p for p in found.points if abs(p.distance_m - found.distance_m) < 1e-6), None)
+    if legal is None or legal.share is None:
+        return missing(unit, found.state, found.reason or NOTHING)
+    note = None if found.engine is None else found.engine.note
+    if found.engine is not None and asked.small(found.engine.violation_records):
+        note = None
+    rows = tuple(row(p, "distance_m", "share", "state", "reason") for p in found.points)
+    return Figure(unit=unit, value=legal.share, rows=rows, denominator=found.exposure_h, note=note)

@@ -1,0 +1,129 @@
+"""What every family of figures is made from, and the few words they share."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime
+from typing import Any, Final
+
+from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
+from vsd_analytics.figures.week import page_estimates
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.week.results import AreaRow, Figure, Level, When
+from vsd_analytics.result import Reason, State
+from vsd_analytics.stats.estimates import RateEstimate
+
+Plain = str | float | int | bool | Reason | None
+Row = Mapping[str, Plain]
+NOTHING: Final = Reason("recorded.nothing_open")
+DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """One week of one floor, ready to be told.
+
+    Attributes:
+        data: The week.
+        found: The answers of the analysis room, each computed when asked for.
+        coverage: Recorded hours.
+        level: Headline numbers, already without what must be held back.
+        areas: Areas, likewise.
+        when: The timetable, likewise.
+        is_ranked: The week was recorded well enough to say what is highest.
+    """
+
+    data: WeekData
+    found: Findings
+    coverage: Coverage
+    level: Level
+    areas: Sequence[AreaRow]
+    when: When
+    is_ranked: bool
+
+    @property
+    def below(self) -> int:
+        """Return the count below which none is told."""
+        return int(self.data.site.settings.mask_below)
+
+    @property
+    def recorded_h(self) -> float:
+        """Return the recorded open camera-hours that enter rates."""
+        return float(self.data.panel(self.data.everyone, self.data.week_days).x_h.sum())
+
+    @property
+    def is_counted(self) -> bool:
+        """Tell whether the week's violations may be told at all."""
+        return self.level.violations is not None
+
+    def small(self, *counts: float | None) -> bool:
+        """Tell whether any of some counts is too small to be told."""
+        return any(n is not None and is_small(n, below=self.below) for n in counts)
+
+    def not_told(self, unit: str) -> Figure:
+        """Return a figure of violations in a week whose violations may not be told."""
+        return missing(unit, self.level.often.state, self.level.often.reason)
+
+    def not_ranked(self, unit: str) -> Figure:
+        """Return a ranking in a week that was recorded too little for one."""
+        least = self.data.site.settings.min_coverage
+        why = Reason("ranking.nothing", least=least)
+        if self.coverage.recorded_h:
+            why = Reason("ranking.coverage", share=self.coverage.share, least=least)
+        return missing(unit, "not_enough_data", why)
+
+    def rate(self, rate: RateEstimate | None) -> Estimate:
+        """Return a rate as an estimate without what is too small to be told."""
+        none = Estimate(value=None, state="not_enough_data", reason=NOTHING)
+        return page_estimates.level(rate, below=self.below) or none
+
+
+def row(found: object, *names: str, **more: Plain) -> Row:
+    """Return some attributes of a dataclass as a row; dates and instants as ISO text."""
+    assert dataclasses.is_dataclass(found)
+    return {name: plain(getattr(found, name)) for name in names} | more
+
+
+def plain(value: Any) -> Plain:
+    """Return a value as JSON can hold it."""
+    return value.isoformat() if isinstance(value, date | datetime) else value
+
+
+def missing(unit: str, state: State, reason: Reason | None) -> Figure:
+    """Return a figure that cannot be given, and why."""
+    return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING)
+
+
+def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:
+    """Return reasons of several things as one, each after the name of its thing; None for none."""
+    found = tuple(Reason("of", name=name, reason=reason) for name, reason in reasons if reason is not None)
+    return Reason("joined", reasons=found) if found else None
+
+
+def figure(
+    unit: str, estimate: Estimate, denominator: float | None, *, rows: Sequence[Row] | None = None, **more: Any
+) -> Figure:
+    """Return an estimate as a figure."""
+    if estimate.value is None:
+        return missing(unit, estimate.state, estimate.reason)
+    return Figure(
+        unit=unit,
+        value=estimate.value,
+        lo=estimate.lo,
+        hi=estimate.hi,
+        verdict=estimate.verdict,
+        denominator=denominator,
+        rows=None if rows is None else tuple(rows),
+        reason=estimate.reason,
+        **more,
+    )
+
+
+def held_back(unit: str, below: int, *, is_other: bool = False) -> Figure:
+    """Return a figure that is too small to be told, or would tell one that is."""
+    return missing(unit, "not_enough_data", GIVES_AWAY if is_other else too_few(below))

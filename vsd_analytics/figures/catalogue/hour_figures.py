@@ -1,0 +1,156 @@
+"""When: hours of the week (M13), the highest (M14), unusual ones (M24), next week (M25), the weeks so far (M28)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, joined, missing, row
+from vsd_analytics.figures.forecast import SeriesForecast
+from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS, PeakHours
+from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.week.estimates import without_figures
+from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.result import Reason
+
+PROFILE: Final = "violations per person-hour and per recorded open hour, and people in view, by hour of the week"
+PEAKS: Final = "highest hours of the week"
+UNUSUAL: Final = "hours with far more or fewer violations than usual"
+OUTLOOK: Final = "people in view, violations per open hour, and the chance of a gathering, by hour of next week"
+TREND: Final = "violations per open hour and per person-hour, by week"
+_LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_hi")
+
+
+def figures(asked: Asked) -> dict[str, Figure]:
+    """Return M13, M14, M24, M25 and M28."""
+    return {
+        "M13": _profile(asked),
+        "M14": _peaks(asked),
+        "M24": _unusual(asked),
+        "M25": _outlook(asked),
+        "M28": _trend(asked),
+    }
+
+
+def _profile(asked: Asked) -> Figure:
+    found = asked.found.profile
+    is_told = any(h.state == "ok" for h in found.rows)
+    if not is_told:
+        return missing(PROFILE, found.state, found.reason)
+    hidden = _hidden_slots(asked)
+    rows = []
+    for hour in found.rows:
+        same = row(hour, *_LIMITS, "people", "recorded_h", "n_weeks", "state")
+        if asked.small(hour.violations) or (hour.weekday, hour.hour) in hidden:
+            same = {**same, **dict.fromkeys(_LIMITS), "state": "masked"}
+        rows.append({"weekday": DAYS[hour.weekday], "hour": hour.hour, **same})
+    denominator = sum(h.recorded_h for h in found.rows)
+    return Figure(unit=PROFILE, rows=tuple(rows), denominator=denominator, reason=found.reason)
+
+
+def _hidden_slots(asked: Asked) -> set[tuple[int, int]]:
+    """Return the hours of the week of which one in the profile's four weeks is held back in its own week's report."""
+    hours, weeks = asked.data.hours, range(PROFILE_WEEKS)
+    held = (asked.data.hidden_in(asked.data.monday - k * WEEK).hours for k in weeks)
+    return {(int(hours.weekday[i]), int(hours.hour[i])) for week in held for i in (*week.small, *week.others)}
+
+
+def _peaks(asked: Asked) -> Figure:
+    if not asked.is_ranked:
+        return asked.not_ranked(PEAKS)
+    found = asked.found.profile
+    rows: list[Row] = []
+    for by, peaks in (("per open hour", found.by_burden), ("per person-hour", found.by_risk)):
+        rows += _ranked(asked, by, peaks)
+    if not rows:
+        return missing(PEAKS, found.by_burden.state, found.by_burden.reason)
+    reasons = joined([(p.unit, p.reason) for p in (found.by_burden, found.by_risk) if p.state != "ok"])
+    return Figure(unit=PEAKS, rows=tuple(rows), reason=reasons)
+
+
+def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
+    rows: list[Row] = []
+    hidden = _hidden_slots(asked)
+    top = [p for p in peaks.top if not asked.small(p.violations) and (p.weekday, p.hour) not in hidden]
+    for rank, hour in enumerate(top, 1):
+        at: Row = {"by": by, "rank": rank, "weekday": DAYS[hour.weekday], "hour": hour.hour, "is_tied": False}
+        rows.append({**at, **row(hour, "value", "lo", "hi", "n_weeks")})
+    if top:
+        none = dict.fromkeys(("value", "lo", "hi", "n_weeks"))
+        for weekday, of_day in peaks.tied:
+            rows.append({"by": by, "rank": None, "weekday": DAYS[weekday], "hour": of_day, "is_tied": True, **none})
+    return rows
+
+
+def _unusual(asked: Asked) -> Figure:
+    found = asked.found.unusual
+    if not asked.is_ranked:
+        return asked.not_ranked(UNUSUAL)
+    if found.state != "ok":
+        return missing(UNUSUAL, found.state, found.reason)
+    hidden = {(c.day, c.hour) for c in asked.when.cells if c.is_masked or c.is_held_back}
+    rows = []
+    for hour in found.rows:
+        told = row(hour, "day", "hour", "violations", "recorded_h", "usual", "lo", "hi", "ratio", "q", "n_weeks")
+        if asked.small(hour.violations) or (hour.day, hour.hour) in hidden:
+            told = {**told, "violations": None, "ratio": None, "q": None}
+        rows.append({"weekday": DAYS[hour.weekday], **told})
+    return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
+
+
+def _outlook(asked: Asked) -> Figure:
+    found = asked.found.outlook
+    series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
+    if not found.is_told:
+        worst = found.people if found.people.state != "not_measurable" else found.violations
+        return missing(OUTLOOK, worst.state, worst.reason)
+    rows: list[Row] = []
+    for name, one in series.items():
+        rows += _hours(name, one)
+    reasons = joined([(name, one.reason) for name, one in series.items() if one.state != "ok"])
+    return Figure(unit=OUTLOOK, rows=tuple(rows), reason=reasons, note=_score(found.people))
+
+
+def _hours(name: str, one: SeriesForecast) -> list[Row]:
+    return [{"series": name, **row(h, "day", "hour", "open_h", "value", "lo", "hi", "n_weeks")} for h in one.rows]
+
+
+def _score(one: SeriesForecast) -> Reason | None:
+    """Return how good the forecast for the week just over was."""
+    score = one.score
+    if score is None or score.wape is None or score.hit_rate is None:
+        return None
+    known = {"error": score.wape, "hit_rate": score.hit_rate, "share": score.share}
+    if score.wape_naive is None:
+        return Reason("note.score", **known)
+    return Reason("note.score_naive", **known, naive=score.wape_naive)
+
+
+def _trend(asked: Asked) -> Figure:
+    found = asked.found.trend
+    if not found.weeks or found.state != "ok":
+        return missing(TREND, found.state, found.reason)
+    rows: list[Row] = []
+    for week in found.weeks:
+        is_this = week.monday == asked.data.monday
+        often, risky = asked.rate(week.often), asked.rate(week.risky)
+        if is_this and not asked.is_counted:
+            often, risky = asked.level.often, asked.level.risky
+        elif (why := asked.data.hidden_in(week.monday).why_floor) is not None:
+            often, risky = (without_figures(e, why) for e in (often, risky))
+        reason = week.reason if week.state != "ok" else often.reason if often.value is None else None
+        rows.append(
+            {
+                "week": week.week,
+                "often": often.value,
+                "often_lo": often.lo,
+                "often_hi": often.hi,
+                "risky": risky.value,
+                "risky_lo": risky.lo,
+                "risky_hi": risky.hi,
+                "coverage": week.coverage,
+                "n_changes": sum(m.week == week.week for m in found.marks),
+                "state": week.state if often.value is not None or week.state != "ok" else "not_enough_data",
+                "reason": reason,
+            }
+        )
+    return Figure(unit=TREND, rows=tuple(rows), denominator=len(rows), reason=found.risky_reason)

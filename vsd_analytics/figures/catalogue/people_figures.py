@@ -1,0 +1,85 @@
+"""People in view: how much (M3), how many at once (M5), and how much of their time too close (M6)."""
+
+from __future__ import annotations
+
+from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, missing
+from vsd_analytics.figures.week.results import Figure
+
+EXPOSURE = "person-hours"
+MEAN = "people in view, mean over recorded open hours"
+
+
+def figures(asked: Asked) -> dict[str, Figure]:
+    """Return M3, M5 and M6."""
+    return {"M3": _exposure(asked), "M5": _people(asked), "M6": _close(asked)}
+
+
+def _exposure(asked: Asked) -> Figure:
+    """Return person-hours; the interval is that of the mean number of people, over the same hours."""
+    people, found = asked.level.people, asked.found.person_time
+    exposure_h = found.exposure_h
+    if exposure_h is None:
+        return missing(EXPOSURE, people.state, people.reason)
+    level = asked.rate(found.people)
+    scale = exposure_h / level.value if level.value else None
+    limits = (None if v is None or scale is None else v * scale for v in (level.lo, level.hi))
+    lo, hi = limits
+    return Figure(
+        unit=EXPOSURE,
+        value=exposure_h,
+        lo=lo,
+        hi=hi,
+        verdict=people.verdict,
+        denominator=asked.recorded_h,
+        reason=level.reason if lo is None else None,
+    )
+
+
+def _people(asked: Asked) -> Figure:
+    people = asked.level.people
+    if people.value is None:
+        return missing(MEAN, people.state, people.reason)
+    found = asked.found.person_time
+    rows: list[Row] = [
+        {"what": "mean", "people": people.value, "start": None, "recorded_share": None},
+    ]
+    if found.peak is not None:
+        peak = found.peak
+        rows.append(
+            {
+                "what": "fullest quarter-hour",
+                "people": peak.people,
+                "start": peak.start.isoformat(),
+                "recorded_share": peak.recorded_share,
+            }
+        )
+    return Figure(
+        unit=MEAN,
+        value=people.value,
+        lo=found.people.lo,
+        hi=found.people.hi,
+        verdict=people.verdict,
+        denominator=asked.recorded_h,
+        rows=tuple(rows),
+        reason=found.people.reason if found.people.lo is None else None,
+    )
+
+
+def _close(asked: Asked) -> Figure:
+    """Return the share of person-time too close, of all people and between groups."""
+    distance_m = asked.data.site.settings.distance_m
+    unit = f"share of person-time closer than {distance_m:g} m to somebody"
+    if (why := asked.data.why_no_exposure) is not None:
+        return missing(unit, "not_measurable", why)
+    found = asked.found.person_time
+    level = asked.rate(found.close)
+    if level.value is None:
+        return missing(unit, level.state, level.reason or NOTHING)
+    rows: list[Row] = []
+    for name, reading in (("all", found.close), ("between groups", found.close_between)):
+        told = asked.rate(reading)
+        state = "ok" if told.value is not None else told.state
+        rows.append(
+            {"reading": name, "value": told.value, "lo": told.lo, "hi": told.hi, "state": state, "reason": told.reason}
+        )
+    return figure(unit, level, found.close.exposure_h, rows=rows)

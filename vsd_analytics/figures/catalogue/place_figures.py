@@ -1,0 +1,174 @@
+"""Where: areas (M15), the four maps (M16 to M19), hotspots (M20)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.catalogue.form import Asked, Plain, Row, missing
+from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
+from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
+from vsd_analytics.figures.week.results import AreaRow, Figure
+from vsd_analytics.result import Reason
+from vsd_analytics.stats.shrinkage import MIN_PLACES, pull
+
+AREAS: Final = "violations per open hour and per person-hour, by area"
+SPOTS: Final = "places where a person-hour is riskier than elsewhere on the floor"
+NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
+MIN_CELL_S: Final = 60.0
+"""Person-seconds a square metre needs to be told: of less, it would be the way of a few people."""
+
+_NO_CELL: Final = {
+    "M16": Reason("map.no_cell_seconds", least=MIN_CELL_S),
+    "M17": Reason("map.no_cell_seconds", least=MIN_CELL_S),
+    "M18": Reason("map.no_cell_hours", least=MIN_EXPOSURE_H),
+    "M19": Reason("map.no_cell_expected", least=MIN_EXPECTED_S),
+}
+
+
+def figures(asked: Asked) -> dict[str, Figure]:
+    """Return M15 to M20."""
+    maps = asked.found.maps
+    drawn = {m.metric: _map(asked, m) for m in (maps.exposure, maps.burden, maps.risk, maps.excess)}
+    return {"M15": _areas(asked), **drawn, "M20": _hotspots(asked)}
+
+
+def _areas(asked: Asked) -> Figure:
+    data = asked.data
+    if not asked.areas:
+        if (reason := data.why_no_violations or data.why_no_places) is not None:
+            return missing(AREAS, "not_measurable", reason)
+        return missing(AREAS, "not_enough_data", Reason("areas.none"))
+    borders = {b.area_id: b for b in asked.found.borders}
+    order = [a.area_id for a in data.areas]
+    areas = list(asked.areas)
+    if not asked.is_ranked:
+        areas.sort(key=lambda a: len(order) if a.area_id is None else order.index(a.area_id))
+    rows = [_area(a, borders[a.area_id].note if a.area_id in borders else None) for a in areas]
+    _pull(asked, rows, areas)
+    ranks = iter(range(1, len(rows) + 1))
+    for one, area in zip(rows, areas, strict=True):
+        can = asked.is_ranked and area.area_id is not None and area.often.value is not None
+        one["rank"] = next(ranks) if can else None
+    reason = None if asked.is_ranked else asked.not_ranked(AREAS).reason
+    note = None if any(row["pulled"] is not None for row in rows) else NOT_PULLED
+    return Figure(unit=AREAS, rows=tuple(rows), denominator=asked.recorded_h, reason=reason, note=note)
+
+
+def _pull(asked: Asked, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
+    """Add each area's rate per person-hour pulled towards the mean of all, and what it has above the floor's rate."""
+    known = [
+        (row, area.risky, area.exposure_h)
+        for row, area in zip(rows, areas, strict=True)
+        if area.area_id is not None and area.risky is not None and area.risky.value and area.risky.lo and area.risky.hi
+    ]
+    limits = ([getattr(risky, name) for _, risky, _ in known] for name in ("value", "lo", "hi"))
+    pulled = pull(*limits, confidence=asked.data.site.settings.confidence) if asked.is_ranked else None
+    floor = asked.level.risky.value
+    for row in rows:
+        row |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
+    for (row, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
+        row |= {"pulled": found.rate, "pulled_lo": found.lo, "pulled_hi": found.hi}
+        if floor is not None and exposure_h is not None:
+            row["excess_per_week"] = (found.rate - floor) * exposure_h
+
+
+def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
+    often, risky = area.often, area.risky
+    is_told = often.value is not None
+    return {
+        "area": area.area_id,
+        "name": area.name,
+        "often": often.value,
+        "often_lo": often.lo,
+        "often_hi": often.hi,
+        "risky": None if risky is None else risky.value,
+        "risky_lo": None if risky is None else risky.lo,
+        "risky_hi": None if risky is None else risky.hi,
+        "verdict": often.verdict,
+        "share": area.share if is_told else None,
+        "exposure_h": area.exposure_h,
+        "state": often.state,
+        "reason": often.reason,
+        "border_note": border_note,
+    }
+
+
+def _map(asked: Asked, found: CellMap) -> Figure:
+    """Return a map as a row for each square metre on which people spent a minute or more."""
+    if found.grid is None or found.values is None or found.exposure_h is None:
+        return missing(found.unit, found.state, found.reason)
+    is_told = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
+    if not is_told.any():
+        return missing(found.unit, "not_enough_data", _NO_CELL[found.metric])
+    at = list(zip(*np.nonzero(is_told), strict=True))
+    clear = found.is_clear if isinstance(found, ExcessMap) else None
+    rows: list[Row] = []
+    for r, c in at:
+        one: dict[str, float | bool | None] = {
+            "x_m": float(found.grid.x_m(c)),
+            "y_m": float(found.grid.y_m(r)),
+            "value": float(found.values[r, c]),
+        }
+        if isinstance(found, ExcessMap):
+            one["is_clear"] = None if clear is None else bool(clear[r, c])
+        rows.append(one)
+    note = Reason("note.cells", side_m=found.grid.cell_m)
+    return Figure(unit=found.unit, rows=tuple(rows), denominator=found.denominator, note=note)
+
+
+def _hotspots(asked: Asked) -> Figure:
+    if not asked.is_ranked:
+        return asked.not_ranked(SPOTS)
+    found = asked.found.hotspots
+    if found.state != "ok":
+        return missing(SPOTS, found.state, found.reason)
+    rows = [_spot(asked, s) for s in found.spots] + [_resolved(asked, s) for s in found.resolved]
+    note = Reason("joined", reasons=found.notes) if found.notes else None
+    return Figure(unit=SPOTS, rows=tuple(rows), denominator=found.n_days, note=note)
+
+
+def _spot(asked: Asked, spot: FloorSpot) -> Row:
+    is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
+    told: Row = {
+        "ratio": spot.ratio,
+        "lo": spot.lo,
+        "hi": spot.hi,
+        "n": spot.n,
+        "expected": spot.expected,
+        "excess_per_week": spot.excess_per_week,
+        "excess_lo": spot.excess_lo,
+        "excess_hi": spot.excess_hi,
+        "q": spot.q,
+    }
+    return {
+        "number": spot.number,
+        "spot_id": spot.spot_id,
+        "state": spot.state,
+        "since": spot.since.isoformat(),
+        "place": spot.place.name,
+        "area": spot.place.area_id,
+        "x_m": spot.place.x_m,
+        "y_m": spot.place.y_m,
+        "area_m2": spot.place.area_m2,
+        **(told if is_told else dict.fromkeys(told)),
+    }
+
+
+def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
+    is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
+    none = dict.fromkeys(("number", "since", "expected", "excess_per_week", "excess_lo", "excess_hi", "q"))
+    told = {"ratio": spot.ratio, "lo": spot.lo, "hi": spot.hi, "n": spot.n}
+    return {
+        **none,
+        "spot_id": spot.spot_id,
+        "state": "resolved",
+        "place": spot.place.name,
+        "area": spot.place.area_id,
+        "x_m": spot.place.x_m,
+        "y_m": spot.place.y_m,
+        "area_m2": spot.place.area_m2,
+        **(told if is_told else dict.fromkeys(told)),
+    }

@@ -1,0 +1,106 @@
+"""What was recorded and how good it is: coverage (M1), outages (M2), tracks (M4), data quality (M29)."""
+
+from __future__ import annotations
+
+from vsd_analytics.figures.catalogue.form import Asked, Row, missing
+from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.result import Reason
+
+OUTAGES = "outages of 10 minutes or more"
+TRACKS = "track ids, one of a camera and site day each; not visitors"
+QUALITY = "how good the records are"
+
+
+def figures(asked: Asked) -> dict[str, Figure]:
+    """Return M1, M2, M4 and M29."""
+    return {
+        "M1": _coverage(asked.coverage),
+        "M2": _outages(asked.coverage),
+        "M4": _tracks(asked),
+        "M29": Figure(unit=QUALITY, rows=tuple(_quality(asked))),
+    }
+
+
+def _coverage(coverage: Coverage) -> Figure:
+    unit = "share of open camera-hours"
+    if not coverage.scheduled_h:
+        return missing(unit, "not_enough_data", Reason("site.closed"))
+    return Figure(unit=unit, value=coverage.share, denominator=coverage.scheduled_h)
+
+
+def _outages(coverage: Coverage) -> Figure:
+    rows = tuple(
+        {
+            "cameras": ", ".join(o.camera_ids),
+            "start": o.start.isoformat(),
+            "end": o.end.isoformat(),
+            "open_h": o.open_h,
+            "is_inferred": o.is_inferred,
+        }
+        for o in coverage.outages
+    )
+    return Figure(unit=OUTAGES, rows=rows)
+
+
+def _tracks(asked: Asked) -> Figure:
+    found = asked.found.episodes.tracks
+    if found.n is None:
+        return missing(TRACKS, found.state, found.reason)
+    if asked.small(found.n):
+        return missing(TRACKS, "not_enough_data", Reason("hidden.tracks", least=asked.below))
+    return Figure(unit=TRACKS, value=found.n, denominator=found.n_records)
+
+
+def _quality(asked: Asked) -> list[Row]:
+    """Return one row for each thing that is known of the records, missing ones with their reason."""
+    data, coverage = asked.data, asked.coverage
+    tracks = asked.found.episodes.tracks
+    first, end = data.this.span_ms
+    told = data.warehouse.rows(
+        "select sum(person_records)::double as n, sum(n_doubled)::double as n_doubled, "
+        "sum(n_unlocated)::double as n_unlocated from exposure inner join cameras using (camera_id) "
+        "where floor_id = $floor and quarter * 900000 >= $first and quarter * 900000 < $end",
+        {"floor": data.floor.floor_id, "first": first, "end": end},
+    )[0]
+    n_seen = (told["n"] or 0) + (told["n_doubled"] or 0)
+
+    def share(part: float | None) -> float | None:
+        return (part or 0) / n_seen if n_seen else None
+
+    nobody = Reason("nobody.seen")
+    n_told = None if asked.small(n_seen) else n_seen
+    rows: list[Row] = [
+        _row("person records", n_told, "records", Reason("hidden.records", least=asked.below)),
+        _row("without a track id", tracks.without_id_share, "share of person records", tracks.reason),
+        _row("median life of a track id", tracks.median_life_s, "s", tracks.reason),
+        _row("seen by two cameras, counted once", share(told["n_doubled"]), "share of person records", nobody),
+        _row("without a place on the floor", share(told["n_unlocated"]), "share of person records", nobody),
+        _row("messages that never arrived", coverage.missing_messages, "messages", Reason("engine.no_numbers")),
+        _row("gaps these are in", coverage.message_gaps, "gaps", None),
+        _row("recorded time is concluded from silences", coverage.is_inferred, "yes or no", None),
+        _row("cameras calibrated anew since the week before", len(data.recalibrated), "cameras", None),
+        _row("purged hours computed by other rules", len(data.warehouse.other_rules()), "stretches", None),
+        _row(
+            "frame intervals in the week",
+            ", ".join(f"{ms / 1000:g}" for ms in _intervals(asked)) or None,
+            "s",
+            Reason("recorded.nothing"),
+        ),
+    ]
+    return rows
+
+
+def _row(what: str, value: float | str | bool | None, unit: str, reason: Reason | None) -> Row:
+    return {"what": what, "value": value, "unit": unit, "reason": reason if value is None else None}
+
+
+def _intervals(asked: Asked) -> list[int]:
+    data = asked.data
+    first, end = data.this.span_ms
+    rows = data.warehouse.rows(
+        "select distinct camera_days.interval_ms::bigint as ms from camera_days inner join cameras using (camera_id) "
+        "where floor_id = $floor and utc_day between $first and $last order by ms",
+        {"floor": data.floor.floor_id, "first": first // 86_400_000, "last": (end - 1) // 86_400_000},
+    )
+    return [int(r["ms"]) for r in rows]

@@ -1,0 +1,206 @@
+"""What next week will be like, hour by hour, and how good last week's forecast was (M25)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vsd_analytics.figures.slots import Floats, Slots, iso_week, load_slots, open_hours
+from vsd_analytics.result import Reason, State
+from vsd_analytics.stats.forecast import (
+    MIN_WEEKS,
+    Chances,
+    ForecastScore,
+    WeekForecast,
+    chances,
+    forecast_week,
+    score_forecast,
+)
+from vsd_analytics.stats.hour_of_week import Weeks
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+HISTORY_WEEKS: Final = 12
+"""Weeks a forecast looks back, so that eight recorded ones are found across holidays and outages."""
+NO_GATHERINGS: Final = Reason("gatherings.not_counted")
+
+
+@dataclass(frozen=True, slots=True)
+class HourForecast:
+    """One open hour of the week to come.
+
+    Attributes:
+        day: Local date.
+        weekday: 0 Monday to 6 Sunday.
+        hour: Local hour, 0 to 23.
+        open_h: Open hours in it.
+        value: Expected, in the unit of the forecast; None where too few weeks recorded the hour.
+        lo, hi: Range of that.
+        n_weeks: Recorded weeks it comes from.
+    """
+
+    day: date
+    weekday: int
+    hour: int
+    open_h: float
+    value: float | None
+    lo: float | None
+    hi: float | None
+    n_weeks: int
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesForecast:
+    """The forecast of one quantity.
+
+    Attributes:
+        unit: In words.
+        denominator: What it is divided by, in words.
+        rows: The open hours of the week, in order; empty without a forecast.
+        range_share: Share of hours the ranges are to hold.
+        level: How far late weeks are above the usual, 1.1 = 10 %; None without a forecast.
+        n_weeks: Recorded weeks it comes from.
+        score: Of the forecast for the week just over, made the same way from the weeks before it; None where nothing is
+            measurable.
+        state: "ok" when at least one hour is forecast.
+        reason: Why not.
+    """
+
+    unit: str
+    denominator: str
+    rows: tuple[HourForecast, ...]
+    range_share: float | None
+    level: float | None
+    n_weeks: int
+    score: ForecastScore | None
+    state: State
+    reason: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
+class FloorForecast:
+    """The forecast of a week.
+
+    Attributes:
+        week: ISO week forecast.
+        monday: Its first day.
+        last_week: ISO week it was made after, and whose own forecast is scored.
+        floor_id: Floor it is for; None = the whole site.
+        closed: Days of the week on which the site is closed though it opens on that weekday.
+        left_out: Cameras without one recorded hour in the weeks used.
+        people: Mean number of people in view.
+        violations: Violations per open hour.
+        gatherings: Probability of at least one gathering; `lo` and `hi` are None.
+    """
+
+    week: str
+    monday: date
+    last_week: str
+    floor_id: str | None
+    closed: tuple[date, ...]
+    left_out: tuple[str, ...]
+    people: SeriesForecast
+    violations: SeriesForecast
+    gatherings: SeriesForecast
+
+    @property
+    def is_told(self) -> bool:
+        """Tell whether anything is forecast."""
+        return "ok" in (self.people.state, self.violations.state, self.gatherings.state)
+
+
+def first_day(monday: date) -> date:
+    """Return the first day a warehouse must hold for `forecast` after the week from `monday`, and for its score."""
+    return monday - timedelta(weeks=HISTORY_WEEKS)
+
+
+def forecast(
+    warehouse: Warehouse,
+    monday: date,
+    *,
+    floor_id: str | None = None,
+    gatherings: tuple[ArrayLike, ArrayLike] | None = None,
+) -> FloorForecast:
+    """Forecast the week after the one that starts on `monday`, and score the forecast of that one.
+
+    Closed days are neither trained on nor forecast; hours recorded for less than half are missing, which is not 0; a
+    camera that is down does not lower the count (`vsd_analytics.stats.hour_of_week.recorded_hours`).
+
+    Args:
+        warehouse: Opened from `first_day(monday)`, or from wherever records begin, to the end of the week.
+        monday: First day of the last week the forecast knows.
+        floor_id: Only the cameras of this floor; None = all.
+        gatherings: Gatherings that began, and the open hours they were recorded in, each of shape (13, 168), this week
+            last; None = not counted.
+
+    Raises:
+        UsageError: E101, `monday` is no Monday, or the site has no such floor.
+    """
+    slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
+    next_monday = monday + timedelta(days=7)
+    open_h = open_hours(warehouse.site, next_monday)
+    return FloorForecast(
+        week=iso_week(next_monday),
+        monday=next_monday,
+        last_week=iso_week(monday),
+        floor_id=floor_id,
+        closed=tuple(
+            day for day in (next_monday + timedelta(days=i) for i in range(7)) if day in warehouse.site.closed
+        ),
+        left_out=slots.left_out,
+        people=_series(slots, slots.people, open_h, why=slots.why_no_people, is_count=False),
+        violations=_series(slots, slots.violations, open_h, why=slots.why_no_violations, is_count=True),
+        gatherings=_gatherings(slots, gatherings, open_h),
+    )
+
+
+def _series(slots: Slots, weeks: Weeks, open_h: Floats, *, why: Reason | None, is_count: bool) -> SeriesForecast:
+    unit, denominator = ("violations", "open hour") if is_count else ("people in view, mean", "recorded open hours")
+    if why is not None:
+        return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", why)
+    n, x_h = weeks.n, weeks.x_h
+    made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h)
+    before = forecast_week(n[:-1], x_h[:-1], is_count=is_count, open_h=slots.open_h[-1])
+    score = score_forecast(before, n[-1], x_h[-1])
+    rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
+    level = made.level if made.state == "ok" else None
+    return SeriesForecast(
+        unit, denominator, rows, made.share, level, made.n_recorded_weeks, score, made.state, made.reason
+    )
+
+
+def _gatherings(slots: Slots, counted: tuple[ArrayLike, ArrayLike] | None, open_h: Floats) -> SeriesForecast:
+    unit, denominator = "probability of at least one gathering", "open hour"
+    if counted is None:
+        return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", NO_GATHERINGS)
+    n, x_h = (np.asarray(a, dtype=np.float64)[1:] for a in counted)
+    made = chances(n, x_h, open_h=open_h, min_weeks=MIN_WEEKS)
+    rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
+    return SeriesForecast(unit, denominator, rows, None, None, made.n_recorded_weeks, None, made.state, made.reason)
+
+
+def _rows(monday: date, open_h: Floats, made: WeekForecast | Chances) -> tuple[HourForecast, ...]:
+    """Return a row for each open hour of the week after the one from `monday`."""
+    nothing = np.full(len(open_h), np.nan)
+    if isinstance(made, WeekForecast):
+        value, lo, hi, n_weeks = made.mean, made.lo, made.hi, made.n_weeks
+    else:
+        value, lo, hi, n_weeks = made.chance, nothing, nothing, made.n_weeks
+    number: Callable[[float], float | None] = lambda v: None if np.isnan(v) else float(v)  # noqa: E731
+    return tuple(
+        HourForecast(
+            day=monday + timedelta(days=7 + int(s) // 24),
+            weekday=int(s) // 24,
+            hour=int(s) % 24,
+            open_h=float(open_h[s]),
+            value=number(value[s]),
+            lo=number(lo[s]),
+            hi=number(hi[s]),
+            n_weeks=int(n_weeks[s]),
+        )
+        for s in np.flatnonzero(open_h > 0)
+    )

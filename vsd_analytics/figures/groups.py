@@ -1,0 +1,353 @@
+"""People together: the groups of a range, and its violations in two readings, all and between groups (R4, M9).
+
+A violation is within a group when the marts `track_groups` put both its tracks into one; every other is between groups.
+Nothing is taken away: both readings stand side by side. Where track ids are cut, the filter says that it is not
+applicable, and nothing is told between groups.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime
+from typing import Any, Final
+
+import numpy as np
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS
+from vsd_analytics.figures.operator_counts import local_instant
+from vsd_analytics.figures.panels import FloorHours, Period, Place
+from vsd_analytics.figures.rates import level_often, level_risky
+from vsd_analytics.result import Reason, State
+from vsd_analytics.site.model import Camera
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.groups import KNOWN_ACCURACY, Accuracy, ShareEstimate, TrackLives, share_by_days, track_lives
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+PURGED: Final = Reason("purged.groups")
+NOTHING: Final = Reason("recorded.nothing")
+_RECORDED: Final = """
+select
+    camera_id,
+    coalesce(bool_or(recorded_s > 0), false) as is_recorded,
+    coalesce(bool_or(exposure_s is not null), false) as knows_people,
+    coalesce(bool_or(violation_records is not null), false) as knows_distances,
+    coalesce(bool_or(n_violations is not null), false) as knows_violations,
+    sum(person_records)::bigint as person_records
+from camera_hours
+where local_date between $first and $last
+group by camera_id
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """People who moved together in one camera's view.
+
+    Attributes:
+        day: Site day.
+        camera_id: The camera.
+        tracks: Their track ids (pseudonyms that end with the site day), in order.
+        start, end: First and last record of any of them, site's zone.
+    """
+
+    day: date
+    camera_id: str
+    tracks: tuple[str, ...]
+    start: datetime
+    end: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class CameraLives:
+    """What one camera's track ids allow.
+
+    Attributes:
+        camera_id: The camera.
+        lives: Whether its ids last; its state and reason decide whether the camera takes part.
+        exposure_h: Person-hours in view of tracks, also where another camera counts.
+        together_h: Those of people in groups.
+        violation_h: Hours that pairs were in violation, all records of the camera.
+        within_h: Those within groups.
+    """
+
+    camera_id: str
+    lives: TrackLives
+    exposure_h: float
+    together_h: float
+    violation_h: float
+    within_h: float
+
+
+@dataclass(frozen=True, slots=True)
+class GroupReadings:
+    """The headline numbers of one floor in two readings, over the cameras that take part.
+
+    Attributes:
+        floor_id: The floor.
+        often, often_between: How often, M0, of all violations and of those between groups.
+        risky, risky_between: How risky, M7, likewise.
+    """
+
+    floor_id: str
+    often: RateEstimate
+    often_between: RateEstimate
+    risky: RateEstimate
+    risky_between: RateEstimate
+
+
+@dataclass(frozen=True, slots=True)
+class Groups:
+    """Who moved together in a range, and what is left between groups.
+
+    Attributes:
+        first, last: First and last local day.
+        groups: Every group found, also of cameras where the filter is not applicable: there many are missing.
+        n_by_size: Number of groups by number of tracks, of cameras that take part.
+        cameras: Every camera asked for, with what its ids allow.
+        left_out: Why, by camera that takes no part.
+        people_share: Share of person-time in groups, 0 to 1; None when not told.
+        time_share: Share of the time pairs were in violation that is within groups; None when not told.
+        between: Share of violations that are between groups (M9), of those in opening hours; of, n and interval.
+        n_unknown: Violations of which it cannot be known, left out of `between`.
+        readings: M0 and M7 by floor.
+        accuracy: What the rule is known to find.
+        state, reason: "ok" where any camera takes part; else why none does.
+    """
+
+    first: date
+    last: date
+    groups: tuple[Group, ...]
+    n_by_size: Mapping[int, int]
+    cameras: tuple[CameraLives, ...]
+    left_out: Mapping[str, Reason | None]
+    people_share: float | None
+    time_share: float | None
+    between: ShareEstimate
+    n_unknown: int
+    readings: tuple[GroupReadings, ...]
+    accuracy: Accuracy
+    state: State
+    reason: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Days:
+    first: date
+    last: date
+
+
+def groups(
+    warehouse: Warehouse, *, camera_id: str | None = None, first: date | None = None, last: date | None = None
+) -> Groups:
+    """Return who moved together in a range, and its violations between groups.
+
+    Args:
+        warehouse: Its days; those before `first` serve as history of the intervals.
+        camera_id: Only this camera; None = all.
+        first: First local day; None = the warehouse's.
+        last: Last local day; None = the warehouse's.
+
+    Raises:
+        UsageError: E101, the site has no such camera.
+    """
+    cameras = _cameras(warehouse, camera_id)
+    days = _Days(first or warehouse.first, last or warehouse.last)
+    lives = camera_lives(warehouse, cameras, first=days.first, last=days.last)
+    able = {c.camera_id for c in lives if c.lives.state == "ok"}
+    found = _groups(warehouse, [c.camera_id for c in cameras], days)
+    between, n_unknown = _between(warehouse, able, days)
+    exposure_h, together_h, violation_h, within_h = (
+        sum(getattr(c, name) for c in lives if c.camera_id in able)
+        for name in ("exposure_h", "together_h", "violation_h", "within_h")
+    )
+    state, reason = _state(lives)
+    if reason is not None:
+        between = ShareEstimate(None, None, None, 0, 0, 0, state, reason)
+    return Groups(
+        first=days.first,
+        last=days.last,
+        groups=found,
+        n_by_size=dict(sorted(Counter(len(g.tracks) for g in found if g.camera_id in able).items())),
+        cameras=lives,
+        left_out={c.camera_id: c.lives.reason for c in lives if c.camera_id not in able},
+        people_share=together_h / exposure_h if able else None,
+        time_share=within_h / violation_h if able and violation_h > 0 else None,
+        between=between,
+        n_unknown=n_unknown,
+        readings=_readings(warehouse, able, days),
+        accuracy=KNOWN_ACCURACY,
+        state=state,
+        reason=reason,
+    )
+
+
+def camera_lives(
+    warehouse: Warehouse, cameras: Sequence[Camera], *, first: date | None = None, last: date | None = None
+) -> tuple[CameraLives, ...]:
+    """Return what the track ids of each camera allow in a range, and how much of its time is in groups.
+
+    Args:
+        warehouse: Its days.
+        cameras: Which.
+        first: First day; None = the warehouse's.
+        last: Last day; None = the warehouse's.
+    """
+    settings = warehouse.site.settings
+    days = {"first": first or warehouse.first, "last": last or warehouse.last}
+    tracks = warehouse.table(
+        "select camera_id, life_s::double as life_s, exposure_s::double as exposure_s, n_ends, n_goes_on, "
+        "n_came_before from track_days where site_day between $first and $last",
+        days,
+    )
+    of_camera = tracks["camera_id"].to_numpy()
+    values = {name: tracks[name].to_numpy() for name in tracks.column_names[1:]}
+    counted = warehouse.rows(
+        "select camera_id, sum(n_pairs)::bigint as n_pairs, sum(n_unknown)::bigint as n_unknown, "
+        "sum(exposure_s)::double as exposure_s, sum(together_s)::double as together_s, "
+        "sum(violation_s)::double as violation_s, sum(within_s)::double as within_s from together_days "
+        "where site_day between $first and $last group by camera_id",
+        days,
+    )
+    sums = {row["camera_id"]: row for row in counted}
+    recorded = {row["camera_id"]: row for row in warehouse.rows(_RECORDED, days)}
+    made = []
+    for camera in (c.camera_id for c in cameras):
+        own, row = of_camera == camera, sums.get(camera, {})
+        lives = track_lives(
+            values["life_s"][own],
+            values["exposure_s"][own],
+            **{k: int(values[k][own].sum()) for k in ("n_ends", "n_goes_on", "n_came_before")},
+            min_life_s=settings.together_life_s,
+            max_cut_share=settings.together_cut_share,
+        )
+        if (why := _why_unknown(recorded[camera], row)) is not None:
+            state: State = "not_enough_data" if why == NOTHING else "not_measurable"
+            lives = replace(lives, state=state, reason=why)
+        hours = (row.get(k, 0.0) / 3600 for k in ("exposure_s", "together_s", "violation_s", "within_s"))
+        made.append(CameraLives(camera, lives, *hours))
+    return tuple(made)
+
+
+def between_groups(period: Period, able: set[str] | None = None) -> Place:
+    """Return the whole floor of a period with the violations between groups only: for `level_often` and its like.
+
+    Args:
+        period: The days.
+        able: Cameras that take part; None = asked of the warehouse's range (`camera_lives`).
+    """
+    data = period.data
+    if able is None:
+        able = {c.camera_id for c in camera_lives(data.warehouse, data.cameras) if c.lives.state == "ok"}
+    whole = _of_cameras(period, able)
+    rows = data.warehouse.rows(
+        "select camera_id, hour_start_ms, count(*)::double as n from violations "
+        "where is_open and is_together and floor_id = $floor group by camera_id, hour_start_ms",
+        {"floor": data.floor.floor_id},
+    )
+    n = whole.n.copy()
+    for row in rows:
+        if row["camera_id"] in able:
+            hour = int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))
+            n[data.ids.index(row["camera_id"]), hour] -= row["n"]
+    return Place(np.maximum(n, 0.0), whole.exposure_h, whole.cameras)
+
+
+def _of_cameras(period: Period, able: set[str]) -> Place:
+    whole = period.whole
+    chosen = whole.cameras & np.array([c in able for c in period.data.ids], dtype=np.bool_)
+    return Place(whole.n * chosen[:, None], whole.exposure_h * chosen[:, None], chosen)
+
+
+def _cameras(warehouse: Warehouse, camera_id: str | None) -> list[Camera]:
+    known = [c.camera_id for c in warehouse.site.cameras]
+    if camera_id is not None and camera_id not in known:
+        raise UsageError(
+            f"no camera has the id {camera_id!r}", why=f"this site has {', '.join(known)}", mend=f"--camera {known[0]}"
+        )
+    return [c for c in warehouse.site.cameras if camera_id in (None, c.camera_id)]
+
+
+def _groups(warehouse: Warehouse, ids: Sequence[str], days: _Days) -> tuple[Group, ...]:
+    rows = warehouse.rows(
+        "select site_day, camera_id, list(track_id order by track_id) as tracks, min(first_ms) as first_ms, "
+        "max(last_ms) as last_ms from track_groups inner join track_days using (camera_id, site_day, track_id) "
+        "where group_id is not null and camera_id in (select unnest($cameras)) and site_day between $first and $last "
+        "group by site_day, camera_id, group_id order by first_ms, camera_id, group_id",
+        {"cameras": list(ids), "first": days.first, "last": days.last},
+    )
+    return tuple(
+        Group(
+            day=row["site_day"],
+            camera_id=row["camera_id"],
+            tracks=tuple(row["tracks"]),
+            start=local_instant(warehouse, row["first_ms"]),
+            end=local_instant(warehouse, row["last_ms"]),
+        )
+        for row in rows
+    )
+
+
+def _between(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[ShareEstimate, int]:
+    """Return the share of violations between groups, and the number of those of which it cannot be known."""
+    rows = warehouse.rows(
+        "select local_date, count(*) filter (where not is_together) as n, count(is_together) as of, "
+        "count(*) filter (where is_together is null) as n_unknown from violations "
+        "where is_open and camera_id in (select unnest($cameras)) and local_date between $first and $last "
+        "group by local_date order by local_date",
+        {"cameras": sorted(able), "first": days.first, "last": days.last},
+    )
+    settings = warehouse.site.settings
+    share = share_by_days(
+        [r["n"] for r in rows],
+        [r["of"] for r in rows],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+    return share, sum(r["n_unknown"] for r in rows)
+
+
+def _readings(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[GroupReadings, ...]:
+    made = []
+    for floor in warehouse.site.floors:
+        if not any(c.camera_id in able for c in warehouse.site.cameras if c.floor_id == floor.floor_id):
+            continue
+        period = Period(FloorHours(warehouse, floor=floor), days.first, days.last)
+        whole, between = _of_cameras(period, able), between_groups(period, able)
+        made.append(
+            GroupReadings(
+                floor_id=floor.floor_id,
+                often=level_often(period, whole),
+                often_between=level_often(period, between),
+                risky=level_risky(period, whole),
+                risky_between=level_risky(period, between),
+            )
+        )
+    return tuple(made)
+
+
+def _state(lives: Sequence[CameraLives]) -> tuple[State, Reason | None]:
+    """Return "ok" where any camera takes part, else the state and reason of the camera with most person-time."""
+    if any(c.lives.state == "ok" for c in lives):
+        return "ok", None
+    if not lives:
+        return "not_enough_data", Reason("site.no_camera")
+    worst = max(lives, key=lambda c: (c.lives.state == "not_measurable", c.exposure_h))
+    return worst.lives.state, worst.lives.reason
+
+
+def _why_unknown(recorded: Mapping[str, Any], counted: Mapping[str, Any]) -> Reason | None:
+    """Return why it cannot be known who moves together at a camera, whatever its track ids are; None if it can."""
+    if not recorded["is_recorded"]:
+        return NOTHING
+    if not recorded["knows_people"]:
+        return NO_POSITIONS
+    if not recorded["knows_distances"]:
+        return NO_FLOOR
+    if not recorded["knows_violations"]:
+        return NO_IDS
+    if recorded["person_records"] and not counted:
+        return PURGED
+    return NO_POSITIONS if counted and 2 * counted["n_unknown"] > counted["n_pairs"] else None

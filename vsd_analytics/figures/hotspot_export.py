@@ -1,0 +1,145 @@
+"""Hotspots for other programs: one dictionary, GeoJSON in floor metres, one row per hotspot."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, replace
+from datetime import date
+from typing import Any, Final
+
+import numpy as np
+
+from vsd_analytics.figures.cell_places import CellPlace
+from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
+from vsd_analytics.result import Reason
+
+DIGITS: Final = 6
+PLANE: Final = "floor metres on a local plane: x to the right, y up; not longitude and latitude"
+UNIT: Final = "times the floor's violations per person-hour"
+COLUMNS: Final = (
+    *("number", "id", "state", "since", "area_id", "place", "x_m", "y_m", "peak_x_m", "peak_y_m", "area_m2"),
+    *("ratio", "lo", "hi", "n", "expected", "exposure_h", "excess_per_week", "excess_lo", "excess_hi", "q"),
+)
+
+
+def without_small(found: FloorHotspots, *, below: int, telling: Collection[str]) -> FloorHotspots:
+    """Return hotspots for a table that leaves your hands: those of fewer than `below` violations are left out.
+
+    So are those that would tell a small count of one week, the cells, whose counts would tell them, and the total.
+
+    Args:
+        found: The hotspots.
+        below: Counts from 1 to just under this are small.
+        telling: Ids of hotspots that would tell a small count (`report.hidden.telling_spots`).
+    """
+    spots = tuple(s for s in found.spots if s.n >= below and s.spot_id not in telling)
+    large = (r for r in found.resolved if r.n is None or r.n == 0 or r.n >= below)
+    resolved = tuple(r for r in large if r.spot_id not in telling)
+    n_held = len(found.spots) + len(found.resolved) - len(spots) - len(resolved)
+    notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=below)) if n_held else found.notes
+    return replace(found, spots=spots, resolved=resolved, notes=notes, n=None, grid=None, cells=None)
+
+
+def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]:
+    """Return everything as dictionaries, lists, texts and numbers; a missing number is None, floats have 6 digits."""
+    told: dict[str, Any] = {
+        "floor_id": found.floor_id,
+        "floor_name": found.floor_name,
+        "first": found.first,
+        "last": found.last,
+        "state": found.state,
+        "reason": found.reason,
+        "unit": UNIT,
+        "n_days": found.n_days,
+        "n": found.n,
+        "exposure_h": found.exposure_h,
+        "compared_with": found.compared_with,
+        "hotspots": [{**spot_row(s), "polygons": s.place.polygons} for s in found.spots],
+        "resolved": [{**_resolved_row(r), "polygons": r.place.polygons} for r in found.resolved],
+        "notes": list(found.notes),
+    }
+    if with_cells:
+        told["cells"] = cell_rows(found)
+    return {key: _plain(value) for key, value in told.items()}
+
+
+def as_geojson(found: FloorHotspots) -> dict[str, Any]:
+    """Return a GeoJSON FeatureCollection (RFC 7946 but for its plane: floor metres), one feature per hotspot.
+
+    Properties are those of a row; the hotspots that are gone follow with state "resolved". The plane is told in
+    `coordinate_system`, of the collection and of each feature.
+    """
+    rows = [(spot_row(s), s.place) for s in found.spots] + [(_resolved_row(r), r.place) for r in found.resolved]
+    features = [
+        {
+            "type": "Feature",
+            "id": row["id"],
+            "properties": _plain({**row, "floor_id": found.floor_id, "coordinate_system": PLANE}),
+            "geometry": {"type": "MultiPolygon", "coordinates": _plain(_closed(place))},
+        }
+        for row, place in rows
+    ]
+    told = {"floor_id": found.floor_id, "first": found.first, "last": found.last, "coordinate_system": PLANE}
+    state = {"state": found.state, "reason": found.reason, "notes": list(found.notes)}
+    return {"type": "FeatureCollection", **_plain({**told, **state}), "features": features}
+
+
+def spot_row(spot: FloorSpot) -> dict[str, Any]:
+    """Return a hotspot as one row, keys as in `COLUMNS`."""
+    told = asdict(replace(spot, place=replace(spot.place, polygons=())))
+    place = told.pop("place")
+    row = {**told, **place, "id": spot.spot_id, "place": spot.place.name}
+    return {key: _plain(row[key]) for key in COLUMNS}
+
+
+def cell_rows(found: FloorHotspots) -> list[dict[str, Any]]:
+    """Return every tested cell: cx, cy (floor(x / cell), floor(y / cell)) and what the test says of it."""
+    if found.cells is None or found.grid is None:
+        return []
+    rows, columns = np.nonzero(found.cells.is_tested)
+    names = ("observed", "expected", "ratio", "t", "q")
+    values = [getattr(found.cells, name)[rows, columns].tolist() for name in names]
+    hot = found.cells.is_hot[rows, columns].tolist()
+    return [
+        {
+            "cx": found.grid.cx + int(column),
+            "cy": found.grid.cy + int(row),
+            **{name: _plain(v) for name, v in zip(names, told, strict=True)},
+            "is_hot": is_hot,
+        }
+        for row, column, is_hot, *told in zip(rows, columns, hot, *values, strict=True)
+    ]
+
+
+def _resolved_row(spot: ResolvedSpot) -> dict[str, Any]:
+    return {
+        "id": spot.spot_id,
+        "state": "resolved",
+        "area_id": spot.place.area_id,
+        "place": spot.place.name,
+        "x_m": _plain(spot.place.x_m),
+        "y_m": _plain(spot.place.y_m),
+        "ratio_before": _plain(spot.ratio_before),
+        "ratio": _plain(spot.ratio),
+        "lo": _plain(spot.lo),
+        "hi": _plain(spot.hi),
+        "n": spot.n,
+    }
+
+
+def _closed(place: CellPlace) -> Sequence[Any]:
+    return [[[*ring, ring[0]] for ring in polygon] for polygon in place.polygons]
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case float():
+            return float(f"{value:.{DIGITS}g}")
+        case date():
+            return value.isoformat()
+        case dict():
+            return {k: _plain(v) for k, v in value.items()}
+        case list() | tuple():
+            return [_plain(v) for v in value]
+        case _:
+            return value

@@ -1,0 +1,203 @@
+"""When it is risky: the hours of the week over the last four weeks, and the highest of them (M13, M14)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.slots import Floats, Slots, iso_week, load_slots
+from vsd_analytics.result import Reason, State
+from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, Peaks, SlotRates, peaks, slot_rates
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+PROFILE_WEEKS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class HourProfile:
+    """One open hour of the week.
+
+    Attributes:
+        weekday: 0 Monday to 6 Sunday.
+        hour: Local hour, 0 to 23.
+        risk: Violations per person-hour, pulled towards the mean hour as far as chance may have made it; None =
+            unknown.
+        risk_lo, risk_hi: Its interval.
+        burden: Violations per recorded open hour, likewise.
+        burden_lo, burden_hi: Its interval.
+        people: Mean number of people in view, as measured; None = unknown.
+        violations: Counted; None = unknown.
+        person_h: Person-hours; None = unknown.
+        recorded_h: Recorded open hours.
+        n_weeks: Weeks that recorded the hour for at least half.
+        state: "ok" when at least three of the four weeks recorded it.
+    """
+
+    weekday: int
+    hour: int
+    risk: float | None
+    risk_lo: float | None
+    risk_hi: float | None
+    burden: float | None
+    burden_lo: float | None
+    burden_hi: float | None
+    people: float | None
+    violations: float | None
+    person_h: float | None
+    recorded_h: float
+    n_weeks: int
+    state: State
+
+
+@dataclass(frozen=True, slots=True)
+class PeakHour:
+    """One of the highest hours.
+
+    Attributes:
+        weekday: 0 Monday to 6 Sunday.
+        hour: Local hour, 0 to 23.
+        value: Rate, in the unit of its list.
+        lo, hi: Its interval.
+        violations: Counted.
+        n_weeks: Weeks that recorded the hour.
+    """
+
+    weekday: int
+    hour: int
+    value: float
+    lo: float
+    hi: float
+    violations: int
+    n_weeks: int
+
+
+@dataclass(frozen=True, slots=True)
+class PeakHours:
+    """The highest hours by one measure.
+
+    Attributes:
+        unit: Of the rates.
+        top: At most three, highest first.
+        tied: Weekday and hour of all others whose interval reaches that of the first: not to be told apart from it.
+        state: "ok" when there is a first.
+        reason: Why not.
+    """
+
+    unit: str
+    top: tuple[PeakHour, ...]
+    tied: tuple[tuple[int, int], ...]
+    state: State
+    reason: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
+class WeekProfile:
+    """The hours of the week over four weeks.
+
+    Attributes:
+        last_week: ISO week of the last of them.
+        floor_id: Floor; None = the whole site.
+        rows: Open hours, Monday first.
+        by_burden: Highest hours by violations per recorded open hour.
+        by_risk: Highest hours by violations per person-hour.
+        state: "ok" when at least one hour has a rate per person-hour.
+        reason: Why not.
+    """
+
+    last_week: str
+    floor_id: str | None
+    rows: tuple[HourProfile, ...]
+    by_burden: PeakHours
+    by_risk: PeakHours
+    state: State
+    reason: Reason | None
+
+
+def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) -> WeekProfile:
+    """Return the hours of the week over the four weeks that end with the one from `monday`.
+
+    Args:
+        warehouse: Opened over the four weeks, or from wherever records begin.
+        monday: First day of the last week.
+        floor_id: Only the cameras of this floor; None = all.
+
+    Raises:
+        UsageError: E101, `monday` is no Monday, or the site has no such floor.
+    """
+    slots = load_slots(warehouse, monday, n_weeks=PROFILE_WEEKS, floor_id=floor_id)
+    confidence = float(warehouse.site.settings.confidence)
+    violations, people = slots.violations, slots.people
+    n_weeks = (violations.x_h > 0).sum(axis=0)
+    is_told = n_weeks >= MIN_PROFILE_WEEKS
+    burden = slot_rates(violations.n, np.where(is_told, violations.x_h, 0), min_weeks=1, confidence=confidence)
+    # an hour that was recorded with nobody in view is recorded, but nobody was at risk
+    both = (violations.x_h > 0) & (people.x_h > 0) & is_told
+    exposure = np.where(both, people.n * _same_hours(violations.x_h, people.x_h), 0)
+    risk = slot_rates(np.where(exposure > 0, violations.n, 0), exposure, min_weeks=1, confidence=confidence)
+    why_often, why_risky = slots.why_no_violations, slots.why_no_violations or slots.why_no_people
+    return WeekProfile(
+        last_week=iso_week(monday),
+        floor_id=floor_id,
+        rows=_rows(slots, burden, risk),
+        by_burden=_peaks(burden, "violations per recorded open hour", why_often),
+        by_risk=_peaks(risk, "violations per person-hour", why_risky),
+        state=risk.state if why_risky is None else "not_measurable",
+        reason=_reason(risk) if why_risky is None else why_risky,
+    )
+
+
+def _same_hours(x_h: Floats, of_h: Floats) -> Floats:
+    """Return by what to multiply sums over hours `of_h` so that they are over hours `x_h`; 1 almost always."""
+    return np.divide(x_h, of_h, out=np.zeros(x_h.shape), where=of_h > 0)
+
+
+def _reason(rates: SlotRates) -> Reason | None:
+    if rates.state == "ok" or (rates.n.sum() == 0 and rates.x.sum() > 0):
+        return rates.reason
+    return Reason("hours.open_weeks", least=MIN_PROFILE_WEEKS, of=PROFILE_WEEKS)
+
+
+def _rows(slots: Slots, burden: SlotRates, risk: SlotRates) -> tuple[HourProfile, ...]:
+    violations, people = slots.violations, slots.people
+    n_weeks = np.maximum((violations.x_h > 0).sum(axis=0), (people.x_h > 0).sum(axis=0))
+    people_h, person_h = people.x_h.sum(axis=0), people.n.sum(axis=0)
+    knows_n, knows_p = slots.why_no_violations is None, slots.why_no_people is None
+    rows = []
+    for s in np.flatnonzero((slots.open_h > 0).any(axis=0)).tolist():
+        is_told = n_weeks[s] >= MIN_PROFILE_WEEKS
+        rows.append(
+            HourProfile(
+                weekday=s // 24,
+                hour=s % 24,
+                risk=_number(risk.rate[s]),
+                risk_lo=_number(risk.lo[s]),
+                risk_hi=_number(risk.hi[s]),
+                burden=_number(burden.rate[s]),
+                burden_lo=_number(burden.lo[s]),
+                burden_hi=_number(burden.hi[s]),
+                people=float(person_h[s] / people_h[s]) if is_told and people_h[s] > 0 else None,
+                violations=float(violations.n[:, s].sum()) if knows_n and n_weeks[s] else None,
+                person_h=float(person_h[s]) if knows_p and people_h[s] > 0 else None,
+                recorded_h=float(max(violations.x_h[:, s].sum(), people_h[s])),
+                n_weeks=int(n_weeks[s]),
+                state="ok" if is_told else "not_enough_data",
+            )
+        )  # fmt: skip
+    return tuple(rows)
+
+
+def _peaks(rates: SlotRates, unit: str, why: Reason | None) -> PeakHours:
+    if why is not None:
+        return PeakHours(unit, (), (), "not_measurable", why)
+    found: Peaks = peaks(rates)
+    top = tuple(PeakHour(p.slot // 24, p.slot % 24, p.rate, p.lo, p.hi, round(p.n), p.n_weeks) for p in found.top)
+    tied = tuple((s // 24, s % 24) for s in found.tied)
+    reason = found.reason if found.state == "ok" or rates.state == "ok" else _reason(rates)
+    return PeakHours(unit, top, tied, found.state, reason)
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)

@@ -1,0 +1,419 @@
+"""What the marts say about one floor as arrays: cameras x hours, panels of cameras x days, two periods side by side.
+
+A camera-hour enters rates when it was recorded for at least `partial_hour_share` of its opening time; it enters a
+comparison when that holds in both periods, and the camera measured alike in both. Report and `vsd compare` share this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from functools import cached_property
+from typing import Any, Final, Literal
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, recalibrations
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, Camera, Floor, Site
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+WEEK: Final = timedelta(days=7)
+HISTORY_WEEKS: Final = 5
+"""Weeks before a period that tell the usual rates of its weekdays."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hours:
+    """The local hours of a range and what each camera recorded in them.
+
+    Attributes:
+        start_ms: UTC instant each starts, milliseconds, shape (n_hours,), rising.
+        day: Local date as days since year 1 (`date.toordinal`), same shape.
+        hour: Local hour, 0 to 23, same shape.
+        fold: 1 for the second of two equal local hours, same shape.
+        open_s: Opening time, same shape.
+        recorded_s: Recorded opening time, shape (n_cameras, n_hours).
+        is_counted: Camera-hours that enter rates, same shape.
+        is_inferred: Recorded time is concluded from silences, same shape.
+        knows_people: Exposure is known, same shape.
+    """
+
+    start_ms: Ints
+    day: Ints
+    hour: Ints
+    fold: Ints
+    open_s: Array
+    recorded_s: Array
+    is_counted: Flags
+    is_inferred: Flags
+    knows_people: Flags
+
+    @property
+    def weekday(self) -> Ints:
+        """Return the weekday of each hour, 0 Monday to 6 Sunday."""
+        return (self.day - 1) % 7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """What was counted in a place: the whole floor, an area, or the rest of the floor.
+
+    Attributes:
+        n: Violations that started in opening hours, shape (n_cameras, n_hours); 0 where nothing was recorded.
+        exposure_h: Person-hours in opening hours, same shape.
+        cameras: Which cameras count anybody there, shape (n_cameras,).
+    """
+
+    n: Array
+    exposure_h: Array
+    cameras: Flags
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """Counts and what they are divided by, one row per camera, one column per day.
+
+    Attributes:
+        n: Violations, shape (n_cameras, n_days).
+        x_h: Recorded open hours, same shape.
+        exposure_h: Person-hours, same shape.
+    """
+
+    n: Array
+    x_h: Array
+    exposure_h: Array
+
+
+class FloorHours:
+    """The marts of a floor over the range of a warehouse.
+
+    Args:
+        warehouse: Opened over all days that are to be used.
+        floor: The floor.
+    """
+
+    def __init__(self, warehouse: Warehouse, *, floor: Floor) -> None:
+        self.warehouse, self.floor = warehouse, floor
+        self.site: Site = warehouse.site
+        self.cameras: Sequence[Camera] = [c for c in self.site.cameras if c.floor_id == floor.floor_id]
+        self.areas: Sequence[Area] = [a for a in self.site.areas if a.floor_id == floor.floor_id]
+        self.ids = [c.camera_id for c in self.cameras]
+        self.hours, self.everyone = self._hours()
+
+    def inside(self, first: date, last: date) -> Flags:
+        """Return which hours lie in local days from `first` to `last`."""
+        return np.asarray((self.hours.day >= first.toordinal()) & (self.hours.day <= last.toordinal()))
+
+    def local(self, ms: int) -> datetime:
+        """Return an instant (UTC milliseconds) in the site's zone, to the second."""
+        return datetime.fromtimestamp(ms // 1000, tz=UTC).astimezone(self.site.zone)
+
+    def midnight(self, day: date) -> datetime:
+        """Return the start of a local day."""
+        return datetime(day.year, day.month, day.day, tzinfo=self.site.zone)
+
+    def span_ms(self, first: date, last: date) -> tuple[int, int]:
+        """Return the start of a local day and the end of another, UTC milliseconds."""
+        ends = (self.midnight(first), self.midnight(last + timedelta(days=1)))
+        return round(ends[0].timestamp() * 1000), round(ends[1].timestamp() * 1000)
+
+    def panel(self, place: Place, days: Sequence[date], *, since: int | None = None, until: int | None = None) -> Panel:
+        """Return sums by camera and day over the camera-hours that enter rates; what was not recorded is 0 hours.
+
+        Args:
+            place: What to sum.
+            days: The columns.
+            since: Only hours that start at this instant or later (UTC milliseconds).
+            until: Only hours that start before it.
+        """
+        low = self.hours.start_ms >= (since if since is not None else -np.inf)
+        high = self.hours.start_ms < (until if until is not None else np.inf)
+        chosen = np.flatnonzero(low & high)
+        return self.sums(place, chosen, self.hours.is_counted[:, chosen], days)
+
+    def sums(self, place: Place, chosen: Ints, counted: Flags, days: Sequence[date]) -> Panel:
+        """Return sums by day over hours `chosen`, of camera-hours `counted`, shape (n_cameras, n_chosen)."""
+        ordinals = np.array([d.toordinal() for d in days], dtype=np.int64)
+        of_day = (self.hours.day[chosen, None] == ordinals).astype(np.float64)
+        used = counted & place.cameras[:, None]
+        return Panel(
+            *(
+                np.where(used, values[:, chosen], 0.0) @ of_day
+                for values in (place.n, self.hours.recorded_s / 3600, place.exposure_h)
+            )
+        )
+
+    def counted_in(self, area_id: str | None) -> tuple[Array, Array]:
+        """Return violations and person-hours in an area, each (n_cameras, n_hours); None is the rest of the floor."""
+        k = len(self.areas) if area_id is None else [a.area_id for a in self.areas].index(area_id)
+        n, exposure_h, _ = self._by_area
+        return n[k], exposure_h[k]
+
+    @cached_property
+    def violation_h(self) -> Array:
+        """Return person-hours in violation in opening hours, shape (n_cameras, n_hours)."""
+        return np.asarray(self._by_area[2].sum(axis=0))
+
+    @cached_property
+    def _by_area(self) -> tuple[Array, Array, Array]:
+        """Return violations, person-hours, those in violation, (n_areas + 1, n_cameras, n_hours); last is the rest."""
+        rows = self.warehouse.table(
+            "select area_id, camera_id, hour_start_ms, n_violations_open::double as n, "
+            "exposure_open_s::double / 3600 as exposure_h, violation_open_s::double / 3600 as violation_h "
+            "from area_hours where floor_id = $floor",
+            {"floor": self.floor.floor_id},
+        )
+        area = positions(rows["area_id"], [a.area_id for a in self.areas], otherwise=len(self.areas))
+        camera = positions(rows["camera_id"], self.ids, otherwise=-1)
+        hour = np.searchsorted(self.hours.start_ms, rows["hour_start_ms"].to_numpy())
+
+        def cube(name: str) -> Array:
+            made = np.zeros((len(self.areas) + 1, *self.everyone.n.shape))
+            made[area, camera, hour] = rows[name].to_numpy()
+            return made
+
+        return cube("n"), cube("exposure_h"), cube("violation_h")
+
+    def _hours(self) -> tuple[Hours, Place]:
+        rows = self.warehouse.table(
+            "select hour_start_ms, local_date, local_hour, fold, open_s::double as open_s, "
+            "recorded_open_s::double as recorded_s, coalesce(is_inferred, false) as is_inferred, "
+            "coalesce(n_violations_open, 0)::double as n, exposure_open_s is not null as knows_people, "
+            "coalesce(exposure_open_s, 0)::double / 3600 as exposure_h "
+            "from camera_hours where floor_id = $floor order by hour_start_ms, camera_no",
+            {"floor": self.floor.floor_id},
+        )
+        n_cameras = max(1, len(self.ids))
+
+        def grid(name: str) -> NDArray[Any]:
+            values: NDArray[Any] = rows[name].to_numpy()
+            return values.reshape(-1, n_cameras).T
+
+        first = [grid(name)[0] for name in ("hour_start_ms", "local_date", "local_hour", "fold", "open_s")]
+        start_ms, day, hour, fold, open_s = first
+        recorded_s = grid("recorded_s")
+        is_counted = (open_s > 0) & (recorded_s > 0) & (recorded_s >= self.site.settings.partial_hour_share * open_s)
+        epoch = date(1970, 1, 1).toordinal()
+        hours = Hours(
+            start_ms=start_ms.astype(np.int64),
+            day=day.astype("datetime64[D]").astype(np.int64) + epoch,
+            hour=hour.astype(np.int64),
+            fold=fold.astype(np.int64),
+            open_s=open_s,
+            recorded_s=recorded_s,
+            is_counted=is_counted,
+            is_inferred=grid("is_inferred"),
+            knows_people=grid("knows_people"),
+        )
+        return hours, Place(grid("n"), grid("exposure_h"), np.ones(len(self.ids), dtype=np.bool_))
+
+
+class Period:
+    """Days of a floor in a row, and what can be counted in them.
+
+    Args:
+        data: The floor.
+        first, last: First and last local day.
+    """
+
+    def __init__(self, data: FloorHours, first: date, last: date) -> None:
+        self.data, self.first, self.last = data, first, last
+        self.days = data.warehouse.days(first, last)
+        self.span_ms = data.span_ms(first, last)
+        self.is_inside = data.inside(first, last)
+
+    @cached_property
+    def scheduled_h(self) -> float:
+        """Return the opening hours of its cameras."""
+        return float(self.data.hours.open_s[self.is_inside].sum()) * len(self.data.ids) / 3600
+
+    @cached_property
+    def recorded_h(self) -> float:
+        """Return the recorded opening hours of its cameras."""
+        return float(self.data.hours.recorded_s[:, self.is_inside].sum()) / 3600
+
+    @cached_property
+    def history_days(self) -> list[date]:
+        """Return the days of the five weeks before with counted hours, but for weekdays on which it is closed."""
+        hours = self.data.hours
+        past = self.data.inside(self.first - HISTORY_WEEKS * WEEK, self.first - timedelta(days=1))
+        open_days = set(hours.weekday[self.is_inside & (hours.open_s > 0)].tolist())
+        days = np.unique(hours.day[past & hours.is_counted.any(axis=0)])
+        return [date.fromordinal(d) for d in days.tolist() if (d - 1) % 7 in open_days]
+
+    @cached_property
+    def whole(self) -> Place:
+        """Return the whole floor, as far as its cameras' violations can be counted."""
+        everyone = self.data.everyone
+        able = np.array([c not in self.not_counted for c in self.data.ids], dtype=np.bool_)
+        return Place(everyone.n * able[:, None], everyone.exposure_h, able)
+
+    def area(self, area_id: str | None) -> Place:
+        """Return what was counted in an area; None is the rest of the floor."""
+        n, exposure_h = self.data.counted_in(area_id)
+        return Place(n, exposure_h, np.asarray((n + exposure_h).any(axis=1)) & self.whole.cameras)
+
+    @cached_property
+    def not_counted(self) -> Mapping[str, Reason]:
+        """Return the cameras whose violations cannot be counted, and why."""
+        first, end = self.span_ms
+        rows = self.data.warehouse.rows(
+            "with people as (select camera_id, sum(person_records + n_doubled)::bigint as n, "
+            "sum(n_unlocated)::bigint as n_unlocated from exposure "
+            "where quarter * 900000 >= $first and quarter * 900000 < $end group by camera_id), "
+            "records as (select camera_id, sum(violation_records)::bigint as n from violation_time "
+            "where quarter * 900000 >= $first and quarter * 900000 < $end group by camera_id), "
+            "joined as (select camera_id, sum(n_records)::bigint as n from joined_days "
+            "where local_date between $day and $last_day group by camera_id) "
+            "select cameras.camera_id, coalesce(people.n, 0) as n_persons, "
+            "coalesce(people.n_unlocated, 0) as n_unlocated, coalesce(records.n, 0) as n_records, "
+            "coalesce(joined.n, 0) as n_joined from cameras left join people using (camera_id) "
+            "left join records using (camera_id) left join joined using (camera_id)",
+            {"first": first, "end": end, "day": self.first, "last_day": self.last},
+        )
+        found: dict[str, Reason] = {}
+        for row in rows:
+            if row["n_joined"] * 2 < row["n_records"]:
+                found[row["camera_id"]] = NO_IDS
+            elif row["n_unlocated"] * 2 > row["n_persons"] > 0 and not self._sends_pairs(row["camera_id"]):
+                found[row["camera_id"]] = NO_FLOOR
+        return {c: found[c] for c in self.data.ids if c in found}
+
+    @cached_property
+    def why_no_violations(self) -> Reason | None:
+        """Return why violations cannot be counted on this floor, or None if they can."""
+        recorded = np.asarray(self.data.hours.recorded_s[:, self.is_inside].any(axis=1))
+        able = [c for i, c in enumerate(self.data.ids) if recorded[i] and c not in self.not_counted]
+        return None if able or not self.not_counted else next(iter(self.not_counted.values()))
+
+    @cached_property
+    def why_no_exposure(self) -> Reason | None:
+        """Return why person-time is unknown on this floor, or None if it is known."""
+        hours = self.data.hours
+        is_unknown = hours.is_counted[:, self.is_inside] & ~hours.knows_people[:, self.is_inside]
+        return NO_POSITIONS if is_unknown.any() else None
+
+    @cached_property
+    def why_no_places(self) -> Reason | None:
+        """Return why violations cannot be placed on the floor, or None if they can."""
+        first, end = self.span_ms
+        row = self.data.warehouse.rows(
+            "select count(*) as n, count(*) filter (where x_m is null) as n_unplaced from violations "
+            "where camera_id in (select unnest($ids)) and started_ms >= $first and started_ms < $end",
+            {"ids": self.data.ids, "first": first, "end": end},
+        )[0]
+        return NO_POSITIONS if row["n_unplaced"] * 2 > row["n"] else None
+
+    def _sends_pairs(self, camera_id: str) -> bool:
+        first, end = self.span_ms
+        query = "select 1 from camera_days where camera_id = $id and sends_pairs and utc_day between $first and $last"
+        days = {"first": first // DAY_MS, "last": (end - 1) // DAY_MS}
+        return bool(self.data.warehouse.rows(query, {"id": camera_id, **days}))
+
+
+class TwoPeriods:
+    """A period and the one it is compared with, over the camera-hours that both can answer for.
+
+    Days are paired by weekday in order, hours by local hour and fold, so that a change of the clocks does no harm.
+
+    Args:
+        before: Period A.
+        now: Period B, of the same floor.
+    """
+
+    def __init__(self, before: Period, now: Period) -> None:
+        self.before, self.now, self.data = before, now, now.data
+        self.pairs = pair_days(before.days, now.days)
+        firsts, ends = zip(before.span_ms, now.span_ms, strict=True)
+        self.span_ms = min(firsts), max(ends)
+
+    @cached_property
+    def recalibrated(self) -> Sequence[Recalibration]:
+        """Return the cameras whose facts from one period to the other were computed under several calibrations."""
+        first, end = self.span_ms
+        return recalibrations(self.data.warehouse, cameras=self.data.cameras, first_ms=first, end_ms=end)
+
+    @cached_property
+    def is_comparable(self) -> Flags:
+        """Return which cameras may be compared, shape (n_cameras,), one at least as of `hours`.
+
+        A new calibration that gives cells of the floor to other cameras changes the counts of all. A camera whose
+        violations could not be counted before has nothing to be compared with.
+        """
+        first, end = self.span_ms
+        out = {r.camera_id for r in self.recalibrated}
+        if out and has_other_owners(self.data.warehouse, self.data.floor, first_ms=first, end_ms=end):
+            out = set(self.data.ids)
+        out |= self.before.not_counted.keys()
+        return np.array([c not in out for c in self.data.ids or [""]], dtype=np.bool_)
+
+    def compared(self, place: Place, *, since: int | None = None) -> tuple[Panel, Panel]:
+        """Return the panels of A and B over the comparable camera-hours that count in both, a column per pair of days.
+
+        Args:
+            place: What to compare.
+            since: Only hours of B from this instant on (UTC milliseconds), and the same of A.
+        """
+        then, now = self._matched
+        late = self.data.hours.start_ms[now] >= (since if since is not None else -np.inf)
+        then, now = then[late], now[late]
+        counted = self.data.hours.is_counted
+        both = counted[:, now] & counted[:, then] & self.is_comparable[:, None]
+        before_days, now_days = ([pair[k] for pair in self.pairs] for k in (0, 1))
+        return self.data.sums(place, then, both, before_days), self.data.sums(place, now, both, now_days)
+
+    def used(self, which: Literal[0, 1]) -> Flags:
+        """Return the camera-hours of period A (0) or B (1) that are compared, shape (n_cameras, n_hours)."""
+        then, now = self._matched
+        counted = self.data.hours.is_counted
+        chosen = np.zeros_like(counted)
+        chosen[:, (then, now)[which]] = counted[:, now] & counted[:, then] & self.is_comparable[:, None]
+        return chosen
+
+    @cached_property
+    def _matched(self) -> tuple[Ints, Ints]:
+        """Return hours of A and the same hours of B, those that both have."""
+        hours = self.data.hours
+        numbers = ({pair[k].toordinal(): i for i, pair in enumerate(self.pairs)} for k in (0, 1))
+
+        def keyed(number: Mapping[int, int]) -> dict[tuple[int, int, int], int]:
+            inside = np.flatnonzero(np.isin(hours.day, list(number)))
+            return {(number[int(hours.day[i])], int(hours.hour[i]), int(hours.fold[i])): int(i) for i in inside}
+
+        then, now = (keyed(number) for number in numbers)
+        both = [(then[key], i) for key, i in now.items() if key in then]
+        found = np.array(both, dtype=np.int64).reshape(-1, 2)
+        return found[:, 0], found[:, 1]
+
+
+def pair_days(before: Sequence[date], now: Sequence[date]) -> list[tuple[date, date]]:
+    """Return days of equal weekday in pairs: the first Monday of one with the first of the other, and so on.
+
+    Args:
+        before: Days of period A, in order.
+        now: Days of period B, in order.
+
+    Returns:
+        Pairs (A, B) by the day of B; days without a partner are left out.
+    """
+    pairs = []
+    for weekday in range(7):
+        left, right = ([d for d in days if d.weekday() == weekday] for days in (before, now))
+        pairs += list(zip(left, right, strict=False))
+    return sorted(pairs, key=lambda pair: pair[1])
+
+
+def positions(values: pa.ChunkedArray, names: Sequence[str], *, otherwise: int) -> Ints:
+    """Return the place of each value in `names`; `otherwise` for what is missing."""
+    import pyarrow.compute as pc
+
+    found = pc.index_in(values, value_set=pa.array(names, pa.string()))
+    return np.asarray(pc.fill_null(found, otherwise).to_numpy(), dtype=np.int64)

@@ -1,0 +1,234 @@
+"""Time of people: how many are in view (M3, M5) and how much of their time is too close to somebody (M6).
+
+Levels with the interval of M0 and M7: days are the clusters (`vsd_analytics.stats.rates`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Any, Final
+
+import numpy as np
+
+from vsd_analytics.figures.floor_days import NO_FLOOR
+from vsd_analytics.figures.groups import PURGED, camera_lives
+from vsd_analytics.figures.panels import Array, Flags, Period, Place
+from vsd_analytics.figures.rates import not_measured
+from vsd_analytics.result import Reason
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.rates import how_often, how_risky
+
+NOTHING: Final = Reason("recorded.nothing_open")
+NO_GROUPS: Final = Reason("ids.no_groups")
+QUARTER_MS: Final = 900_000
+
+
+@dataclass(frozen=True, slots=True)
+class PeakQuarter:
+    """The quarter-hour with the most people in view.
+
+    Attributes:
+        start: Its start, site's zone.
+        people: Mean number of people in view in it, sum over cameras.
+        recorded_share: Recorded share of it, of the cameras that enter rates in its hour.
+    """
+
+    start: datetime
+    people: float
+    recorded_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class PersonTime:
+    """The people of a period, over the camera-hours that enter rates.
+
+    Attributes:
+        people: Mean number of people in view (M5): sum over cameras of person-hours / recorded open hours, with the
+            interval of M0. Times the recorded hours it is the exposure of M3.
+        exposure_h: Person-hours (M3); None when unknown.
+        peak: The fullest quarter-hour; None without one that was recorded.
+        close: Share of person-time with somebody closer than the legal distance (M6), with the interval of M7.
+        close_between: The same, of somebody the person does not move together with (R4); its reason says why not.
+    """
+
+    people: RateEstimate
+    exposure_h: float | None
+    peak: PeakQuarter | None
+    close: RateEstimate
+    close_between: RateEstimate
+
+
+def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
+    """Return how many people are in view, and the share of their time too close, of a period of a floor.
+
+    Args:
+        period: The days.
+        able: Cameras whose track ids tell who moves together; None = asked of these days (`camera_lives`).
+    """
+    data = period.data
+    if (why := period.why_no_exposure) is not None:
+        none = not_measured(why)
+        return PersonTime(none, None, None, none, none)
+    panel = data.panel(data.everyone, period.days)
+    if not panel.x_h.any():
+        none = replace(not_measured(NOTHING), state="not_enough_data")
+        return PersonTime(none, None, None, none, none)
+    return PersonTime(
+        people=_people(period),
+        exposure_h=float(panel.exposure_h.sum()),
+        peak=_peak(period),
+        close=_close(period, data.violation_h, data.everyone.cameras & _knows_distances(period)),
+        close_between=_close_between(period, able),
+    )
+
+
+def _people(period: Period) -> RateEstimate:
+    """Return the mean number of people; person-seconds stand for events, so that rules for small counts do not bite."""
+    data, settings = period.data, period.data.site.settings
+    now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
+    found = how_often(
+        now.exposure_h * 3600,
+        now.x_h,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        **_history(period, past.exposure_h * 3600, history_x_h=past.x_h),
+    )
+    return _per_second(found, Reason("nobody.seen"))
+
+
+def _close(period: Period, violation_h: Array, cameras: Flags, *, has_history: bool = True) -> RateEstimate:
+    """Return the share of person-time in violation; without history where `violation_h` is of the period only."""
+    data, settings = period.data, period.data.site.settings
+    if not cameras.any():
+        return not_measured(NO_FLOOR)
+    place = Place(violation_h * 3600, data.everyone.exposure_h, cameras)
+    now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
+    found = how_risky(
+        now.n.sum(axis=0),
+        now.exposure_h.sum(axis=0),
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=0.0,
+        **_history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
+    )
+    if found.rate is None:
+        return replace(found, reason=Reason("nobody.seen_open"))
+    found = _per_second(found, Reason("nobody.close"))
+    if found.lo is not None and found.exposure_h < settings.min_exposure_h:
+        reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
+        found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
+    return replace(found, hi=None if found.hi is None else min(1.0, found.hi))
+
+
+def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
+    """Return the share of person-time with somebody of another group too close, where track ids tell who is one."""
+    data = period.data
+    if known is None:
+        lives = camera_lives(data.warehouse, data.cameras, first=period.first, last=period.last)
+        known = {c.camera_id for c in lives if c.lives.state == "ok"}
+    able = np.array([c in known for c in data.ids], dtype=np.bool_)
+    if not able.any():
+        return not_measured(NO_GROUPS)
+    cameras = [c for c, ok in zip(data.ids, able.tolist(), strict=True) if ok]
+    rows = data.warehouse.table(_BETWEEN, {"cameras": cameras, "first": period.first, "last": period.last})
+    violation_h, told_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
+    camera = np.array([data.ids.index(c) for c in rows["camera_id"].to_pylist()], dtype=np.int64)
+    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+    violation_h[camera, hour] = rows["between_h"].to_numpy()
+    told_h[camera, hour] = rows["all_h"].to_numpy()
+    counted = data.hours.is_counted & period.is_inside
+    if (data.violation_h * counted)[able].sum() > 1.001 * (told_h * counted)[able].sum() + 1e-6:
+        return not_measured(PURGED)
+    return _close(period, violation_h, able & _knows_distances(period), has_history=False)
+
+
+def _history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:
+    """Return the arguments that give weeks before to a level; none without any."""
+    days = period.history_days if n.shape[-1] else []
+    weekdays = [np.array([d.weekday() for d in of], dtype=np.int64) for of in (period.days, days)]
+    if not days:
+        return {"weekday": weekdays[0]}
+    return {"weekday": weekdays[0], "history_n": n, "history_weekday": weekdays[1], **divided_by}
+
+
+def _per_second(found: RateEstimate, nothing: Reason) -> RateEstimate:
+    """Return an estimate of person-seconds per hour as one of person-hours per hour."""
+    if found.rate is None:
+        return found
+    if found.n_events == 0:
+        return replace(found, lo=None, hi=None, state="ok", reason=nothing)
+    lo, hi = (None if v is None else v / 3600 for v in (found.lo, found.hi))
+    return replace(found, rate=found.rate / 3600, lo=lo, hi=hi, n_events=None)
+
+
+def _knows_distances(period: Period) -> Flags:
+    """Return the cameras whose distances are known in every hour of the period that they recorded."""
+    data = period.data
+    first, end = period.span_ms
+    rows = data.warehouse.rows(
+        "select camera_id, bool_and(violation_s is not null) as knows from camera_hours "
+        "where recorded_open_s > 0 and hour_start_ms >= $first and hour_start_ms < $end group by camera_id",
+        {"first": first, "end": end},
+    )
+    unknown = {r["camera_id"] for r in rows if not r["knows"]}
+    return np.array([c not in unknown for c in data.ids], dtype=np.bool_)
+
+
+def _peak(period: Period) -> PeakQuarter | None:
+    data = period.data
+    first, end = period.span_ms
+    camera, hour = np.nonzero(data.hours.is_counted & period.is_inside)
+    rows = data.warehouse.rows(
+        _PEAK,
+        {
+            "cameras": [data.ids[k] for k in camera.tolist()],
+            "hours": data.hours.start_ms[hour].tolist(),
+            "first": first // QUARTER_MS,
+            "end": -(-end // QUARTER_MS),
+            "share": data.site.settings.full_hour_share,
+        },
+    )
+    if not rows or rows[0]["people"] is None:
+        return None
+    found = rows[0]
+    return PeakQuarter(data.local(found["quarter"] * QUARTER_MS), found["people"], found["recorded_share"])
+
+
+_PEAK: Final = """
+with used as (select unnest($cameras::varchar[]) as camera_id, unnest($hours::bigint[]) as hour_start_ms),
+
+quarters as (
+    select
+        c.quarter,
+        u.camera_id,
+        coalesce(r.recorded_ms, 0) / 900000.0 as recorded,
+        coalesce(e.exposure_ms, 0)::double / nullif(r.recorded_ms, 0) as people
+    from calendar as c
+    inner join used as u on c.hour_start_ms = u.hour_start_ms
+    left join coverage as r on u.camera_id = r.camera_id and c.quarter = r.quarter
+    left join exposure as e on u.camera_id = e.camera_id and c.quarter = e.quarter
+    where c.is_open and c.quarter >= $first and c.quarter < $end
+)
+
+select
+    quarter,
+    sum(people)::double as people,
+    avg(recorded)::double as recorded_share
+from quarters
+group by quarter
+having avg(recorded) >= $share
+order by people desc, quarter
+limit 1
+"""
+
+_BETWEEN: Final = """
+select
+    camera_id,
+    hour_start_ms,
+    between_s::double / 3600 as between_h,
+    violation_s::double / 3600 as all_h
+from company_hours
+where camera_id in (select unnest($cameras)) and local_date between $first and $last
+order by hour_start_ms, camera_id
+"""

@@ -1,0 +1,145 @@
+"""The headline numbers of a place and their changes (M0, M7, and people M3): one definition for all who print them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.figures.panels import HISTORY_WEEKS, WEEK, Panel, Period, Place, TwoPeriods
+from vsd_analytics.result import Reason
+from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.rates import how_often, how_risky
+
+
+def level_often(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:
+    """Return how often violations happened in a place (M0): sum over cameras of violations / recorded open hours.
+
+    Args:
+        period: The days.
+        place: The whole floor, an area, or the rest.
+        since: Only hours that start at this instant or later (UTC milliseconds); a part of a period has no history.
+        until: Only hours that start before it.
+    """
+    if (why := period.why_no_violations) is not None:
+        return not_measured(why)
+    panel, history = _panels(period, place, since, until)
+    settings = period.data.site.settings
+    has_history = history.n.shape[1] > 0
+    return how_often(
+        panel.n,
+        panel.x_h,
+        weekday=_weekdays(period.days),
+        history_n=history.n if has_history else None,
+        history_x_h=history.x_h if has_history else None,
+        history_weekday=_weekdays(period.history_days) if has_history else None,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+
+
+def level_risky(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:
+    """Return how risky a place is (M7): violations per person-hour; arguments as for `level_often`."""
+    if (why := period.why_no_violations or period.why_no_exposure) is not None:
+        return not_measured(why)
+    panel, history = _panels(period, place, since, until)
+    settings = period.data.site.settings
+    has_history = history.n.shape[1] > 0
+    return how_risky(
+        panel.n.sum(axis=0),
+        panel.exposure_h.sum(axis=0),
+        weekday=_weekdays(period.days),
+        history_n=history.n.sum(axis=0) if has_history else None,
+        history_exposure_h=history.exposure_h.sum(axis=0) if has_history else None,
+        history_weekday=_weekdays(period.history_days) if has_history else None,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=settings.min_exposure_h,
+    )
+
+
+def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
+    """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`."""
+    before, now = pair.compared(place, since=since)
+    settings, past = pair.data.site.settings, _past(pair, place, since)
+    return compare_how_often(
+        before.n,
+        before.x_h,
+        now.n,
+        now.x_h,
+        history_n=[week.n for week in past],
+        history_x_h=[week.x_h for week in past],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+
+
+def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
+    """Return the change in how risky (M7) over the camera-hours compared."""
+    before, now = pair.compared(place, since=since)
+    settings, past = pair.data.site.settings, _past(pair, place, since)
+    return compare_how_risky(
+        before.n.sum(axis=0),
+        before.exposure_h.sum(axis=0),
+        now.n.sum(axis=0),
+        now.exposure_h.sum(axis=0),
+        history_n=[week.n.sum(axis=0) for week in past],
+        history_exposure_h=[week.exposure_h.sum(axis=0) for week in past],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=settings.min_exposure_h,
+    )
+
+
+def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
+    """Return the change of the mean number of people in a place over the camera-hours compared."""
+    before, now = pair.compared(place)
+    settings, past = pair.data.site.settings, _past(pair, place, None)
+    return compare_exposure(
+        before.exposure_h,
+        before.x_h,
+        now.exposure_h,
+        now.x_h,
+        history_h=[week.exposure_h for week in past],
+        history_x_h=[week.x_h for week in past],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+
+
+def mean_people(period: Period, place: Place) -> float | None:
+    """Return the mean number of people in a place, person-hours per recorded open hour; None without any."""
+    panel = period.data.panel(place, period.days)
+    recorded = panel.x_h.sum(axis=1)
+    seen = recorded > 0
+    return float((panel.exposure_h.sum(axis=1)[seen] / recorded[seen]).sum()) if seen.any() else None
+
+
+def not_measured(why: Reason) -> RateEstimate:
+    """Return the estimate of a rate that cannot be known."""
+    return RateEstimate(None, None, None, None, 0.0, 0, None, None, "not_measurable", why, False)
+
+
+def _panels(period: Period, place: Place, since: int | None, until: int | None) -> tuple[Panel, Panel]:
+    is_part = since is not None or until is not None
+    panel = period.data.panel(place, period.days, since=since, until=until)
+    return panel, period.data.panel(place, [] if is_part else period.history_days)
+
+
+def _past(pair: TwoPeriods, place: Place, since: int | None) -> list[Panel]:
+    """Return the weeks before the periods, on the weekdays compared; none for a part of a week or more than one."""
+    days = [before for before, _ in pair.pairs]
+    is_one_week = len({day.weekday() for day in days}) == len(days)
+    if since is not None or not days or not is_one_week:
+        return []
+    earliest = min(days)
+    later = {day for _, day in pair.pairs}
+    weeks = [[day - k * WEEK for day in days] for k in range(1, HISTORY_WEEKS + 1)]
+    return [pair.data.panel(place, week) for week in weeks if max(week) < earliest and not later & set(week)]
+
+
+def _weekdays(days: Sequence[date]) -> NDArray[np.int64]:
+    return np.array([d.weekday() for d in days], dtype=np.int64)

@@ -1,0 +1,156 @@
+"""What the cameras of a site, or of one floor, counted in each hour of each week: arrays of cameras x weeks x 168."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Site
+from vsd_analytics.stats.hour_of_week import SLOTS, Weeks, recorded_hours
+from vsd_analytics.warehouse.dimensions import calendar
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+Floats = NDArray[np.float64]
+
+NO_IDS: Final = Reason("engine.no_ids_or_distances")
+NO_POSITIONS: Final = Reason("engine.no_positions")
+WEEKDAYS: Final = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slots:
+    """Opening hours of some weeks; slot = 24 weekday + hour, 0 Monday 00 to 167 Sunday 23.
+
+    Attributes:
+        monday: First day of the last week.
+        camera_ids: The cameras.
+        open_h: Open hours, shape (n_weeks, 168), oldest week first.
+        recorded_h: Recorded open hours, shape (n_cameras, n_weeks, 168).
+        person_h: Person-hours, same shape; NaN where they are not known.
+        n_violations: Violations, same shape; NaN where they are not known.
+        min_share: Share of its open hours a camera's slot must be recorded for, to enter rates.
+    """
+
+    monday: date
+    camera_ids: tuple[str, ...]
+    open_h: Floats
+    recorded_h: Floats
+    person_h: Floats
+    n_violations: Floats
+    min_share: float
+
+    @property
+    def is_recorded(self) -> NDArray[np.bool_]:
+        """Return the slots of cameras that enter rates, shape (n_cameras, n_weeks, 168)."""
+        return np.asarray((self.recorded_h > 0) & (self.recorded_h >= self.min_share * self.open_h))
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Return the cameras without one recorded hour."""
+        return tuple(c for c, recorded in zip(self.camera_ids, self.is_recorded, strict=True) if not recorded.any())
+
+    @property
+    def people(self) -> Weeks:
+        """Return person-hours of all cameras, and the open hours they were recorded in."""
+        return self._together(self.person_h)
+
+    @property
+    def violations(self) -> Weeks:
+        """Return violations of all cameras, and the open hours they were recorded in."""
+        return self._together(self.n_violations)
+
+    @property
+    def why_no_people(self) -> Reason | None:
+        """Return why people cannot be counted, or None where they can or nothing was recorded."""
+        return NO_POSITIONS if self._is_unknown(self.person_h) else None
+
+    @property
+    def why_no_violations(self) -> Reason | None:
+        """Return why violations cannot be counted, or None where they can or nothing was recorded."""
+        return NO_IDS if self._is_unknown(self.n_violations) else None
+
+    def _together(self, counts: Floats) -> Weeks:
+        return recorded_hours(counts, self.recorded_h, self.open_h, min_share=self.min_share)
+
+    def _is_unknown(self, counts: Floats) -> bool:
+        recorded = self.is_recorded
+        return bool(recorded.any()) and bool(np.isnan(counts[recorded]).all())
+
+
+def load_slots(warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: str | None = None) -> Slots:
+    """Return the hours of the week from `monday` and the weeks before it; days that are not loaded are not recorded.
+
+    Args:
+        warehouse: Its range should hold the weeks.
+        monday: First day of the last week.
+        n_weeks: Weeks, this one included.
+        floor_id: Only the cameras of this floor; None = all.
+
+    Raises:
+        UsageError: E101, `monday` is no Monday, or the site has no such floor.
+    """
+    site = warehouse.site
+    _check(site, monday, floor_id)
+    cameras = tuple(c.camera_id for c in site.cameras if floor_id in (None, c.floor_id))
+    first = monday - timedelta(weeks=n_weeks - 1)
+    rows = warehouse.table(
+        "select camera_id, date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
+        "open_h::double as open_h, recorded_h::double as recorded_h, person_h::double as person_h, "
+        "n_violations::double as n_violations from camera_slots "
+        "where local_date between $first and $last and camera_id in (select unnest($cameras))",
+        {"first": first, "last": monday + timedelta(days=6), "cameras": list(cameras)},
+    )
+    camera = pc.index_in(rows["camera_id"], value_set=pa.array(cameras, pa.string())).to_numpy()
+    slot = rows["day"].to_numpy() * 24 + rows["hour"].to_numpy()
+
+    def grid(name: str, missing: float) -> Floats:
+        made = np.full((len(cameras), n_weeks * SLOTS), missing)
+        made[camera, slot] = rows[name].to_numpy()
+        return made.reshape(len(cameras), n_weeks, SLOTS)
+
+    return Slots(
+        monday=monday,
+        camera_ids=cameras,
+        open_h=grid("open_h", 0.0).max(axis=0, initial=0.0),
+        recorded_h=grid("recorded_h", 0.0),
+        person_h=grid("person_h", np.nan),
+        n_violations=grid("n_violations", np.nan),
+        min_share=float(site.settings.partial_hour_share),
+    )
+
+
+def open_hours(site: Site, monday: date) -> Floats:
+    """Return the open hours of each slot of the week from `monday`, shape (168,), by opening hours and closed days."""
+    quarters = calendar(site, monday, monday + timedelta(days=6))
+    slot = (quarters["weekday"].to_numpy() - 1) * 24 + quarters["local_hour"].to_numpy()
+    is_open = quarters["is_open"].to_numpy(zero_copy_only=False).astype(np.float64)
+    return np.bincount(slot, weights=is_open, minlength=SLOTS) / 4
+
+
+def iso_week(monday: date) -> str:
+    """Return the name of a week: 2026-W46."""
+    year, week, _ = monday.isocalendar()
+    return f"{year}-W{week:02d}"
+
+
+def slot_name(slot: int) -> str:
+    """Return the name of an hour of the week: Tue 12-13."""
+    return f"{WEEKDAYS[slot // 24]} {slot % 24:02d}-{slot % 24 + 1:02d}"
+
+
+def _check(site: Site, monday: date, floor_id: str | None) -> None:
+    if monday.weekday() != 0:
+        raise UsageError(f"{monday} is not a Monday", why="weeks start on Monday")
+    floors = [f.floor_id for f in site.floors]
+    if floor_id is not None and floor_id not in floors:
+        raise UsageError(
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+        )

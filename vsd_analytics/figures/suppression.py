@@ -1,0 +1,105 @@
+"""Which counts a report must hold back: small ones, and others that would give small ones away.
+
+The rule: a reader who knows every number that is shown, in any output of any week, must find at least two possible
+values for each count that is held back for being small. docs/privacy.md says what the rule covers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from vsd_analytics.result import Reason
+
+K = TypeVar("K", bound=Hashable)
+Count = int | Mapping[str, int]
+"""A count, or a count by camera."""
+
+GIVES_AWAY = Reason("hidden.gives_away")
+
+
+@dataclass(frozen=True, slots=True)
+class HeldBack(Generic[K]):
+    """What must not be printed of counts whose total is known.
+
+    Attributes:
+        small: Counts from 1 to just under the limit.
+        others: Counts that are not small but would let a reader work out a small one.
+        is_total_safe: False when even so the total tells a small count, so that it must go too.
+    """
+
+    small: frozenset[K]
+    others: frozenset[K]
+    is_total_safe: bool
+
+    def __contains__(self, key: K) -> bool:
+        return key in self.small or key in self.others
+
+    def why(self, key: K, *, below: int) -> Reason | None:
+        """Return why a count is held back; None where it is not."""
+        return too_few(below) if key in self.small else GIVES_AWAY if key in self.others else None
+
+
+def is_small(n: float, *, below: int) -> bool:
+    """Tell whether a count may not be printed: 1 to `below` - 1."""
+    return 0 < n < below
+
+
+def too_few(below: int) -> Reason:
+    """Return why a small count is not printed."""
+    return Reason("hidden.few", least=below)
+
+
+def in_week_before(why: Reason) -> Reason:
+    """Return why a count of the week before is not printed."""
+    return Reason("hidden.week_before", reason=why)
+
+
+def held_back(counts: Mapping[K, Count], *, below: int, give: Sequence[K], n_others: int = 0) -> HeldBack[K]:
+    """Return which counts of a partition to hold back when a reader may know their sum, by camera where that is given.
+
+    The reader knows which counts held back are small and which are not, and what all of them sum up to for each camera:
+    rates add up violations over recorded hours, and these differ from camera to camera. Others are added, in the order
+    of `give`, until each small count could be one more or one less, with one less or one more of the same camera in
+    another count held back.
+
+    Args:
+        counts: Count by part; by camera, the cameras that count in the part at all, those with 0 too.
+        below: Counts from 1 to `below` - 1 are small.
+        give: Parts in the order in which they are given up.
+        n_others: Others to hold back at least, where the sum a reader knows is itself a small count off.
+    """
+    parts = {key: dict(n) if isinstance(n, Mapping) else {"": n} for key, n in counts.items()}
+    sums = {key: sum(part.values()) for key, part in parts.items()}
+    small = frozenset(k for k, n in sums.items() if is_small(n, below=below))
+    if (not small and not n_others) or below <= 2:  # "<2" says 1 by itself
+        return HeldBack(small, frozenset(), is_total_safe=True)
+    others: list[K] = []
+    spare = [key for key in give if sums[key] >= max(below, 1)]
+    closed = [key for key in parts if key in small]
+    while True:
+        closed = [key for key in closed if not _can_differ(key, [*small, *others], parts, sums, below)]
+        if not closed and len(others) >= n_others:
+            return HeldBack(small, frozenset(others), is_total_safe=True)
+        if not spare:
+            return HeldBack(small, frozenset(others), is_total_safe=False)
+        others.append(spare.pop(0))
+
+
+def _can_differ(
+    key: K, hidden: Iterable[K], parts: Mapping[K, Mapping[str, int]], sums: Mapping[K, int], below: int
+) -> bool:
+    """Tell whether a small count could be one more or less, if another that is held back is one less or more."""
+
+    def fits(part: K, n: int) -> bool:
+        return 0 < n < below if 0 < sums[part] < below else n >= below
+
+    return any(
+        fits(more, sums[more] + 1)
+        and fits(less, sums[less] - 1)
+        and any(camera in parts[more] for camera, n in parts[less].items() if n > 0)
+        for other in hidden
+        if other != key
+        for more, less in ((key, other), (other, key))
+    )

@@ -1,0 +1,107 @@
+"""Which hours of a week had far more or fewer violations than usual (M24)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Final
+
+from vsd_analytics.figures.forecast import HISTORY_WEEKS
+from vsd_analytics.figures.slots import iso_week, load_slots
+from vsd_analytics.result import Reason, State
+from vsd_analytics.stats.unusual import UnusualSlot, unusual_hours
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+UNIT: Final = "violations"
+
+
+@dataclass(frozen=True, slots=True)
+class Unusual:
+    """One unusual hour.
+
+    Attributes:
+        day: Local date.
+        weekday: 0 Monday to 6 Sunday.
+        hour: Local hour, 0 to 23.
+        violations: Counted.
+        recorded_h: Recorded open hours, of all cameras together.
+        usual: Expected in so many hours: the median of the same hour of the weeks before.
+        lo, hi: Usual range: four of five such hours lie in it.
+        ratio: violations / usual; None where there are usually none.
+        q: Chance value, corrected for the number of hours looked at.
+        n_weeks: Weeks the usual comes from.
+    """
+
+    day: date
+    weekday: int
+    hour: int
+    violations: int
+    recorded_h: float
+    usual: float
+    lo: float
+    hi: float
+    ratio: float | None
+    q: float
+    n_weeks: int
+
+
+@dataclass(frozen=True, slots=True)
+class UnusualWeek:
+    """The unusual hours of a week.
+
+    Attributes:
+        week: ISO week.
+        floor_id: Floor; None = the whole site.
+        unit: Of the counts.
+        rows: At most five, least likely first.
+        n_unusual: How many there are.
+        n_tested: Hours that were recorded and have a usual count.
+        state: "ok" when at least one hour could be judged; then no row means nothing unusual.
+        reason: Why not.
+    """
+
+    week: str
+    floor_id: str | None
+    unit: str
+    rows: tuple[Unusual, ...]
+    n_unusual: int
+    n_tested: int
+    state: State
+    reason: Reason | None
+
+
+def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) -> UnusualWeek:
+    """Return the unusual hours of the week that starts on `monday`.
+
+    Args:
+        warehouse: Opened from `analysis.forecast.first_day(monday)`, or from wherever records begin, to the week's end.
+        monday: First day of the week.
+        floor_id: Only the cameras of this floor; None = all.
+
+    Raises:
+        UsageError: E101, `monday` is no Monday, or the site has no such floor.
+    """
+    slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
+    week = iso_week(monday)
+    if (why := slots.why_no_violations) is not None:
+        return UnusualWeek(week, floor_id, UNIT, (), 0, 0, "not_measurable", why)
+    n, x_h = slots.violations.n, slots.violations.x_h
+    found = unusual_hours(n[-1], x_h[-1], before_n=n[:-1], before_x_h=x_h[:-1])
+    rows = tuple(_row(monday, hour) for hour in found.rows)
+    return UnusualWeek(week, floor_id, UNIT, rows, found.n_unusual, found.n_tested, found.state, found.reason)
+
+
+def _row(monday: date, found: UnusualSlot) -> Unusual:
+    return Unusual(
+        day=monday + timedelta(days=found.slot // 24),
+        weekday=found.slot // 24,
+        hour=found.slot % 24,
+        violations=round(found.n),
+        recorded_h=found.x_h,
+        usual=found.usual,
+        lo=found.lo,
+        hi=found.hi,
+        ratio=found.n / found.usual if found.usual > 0 else None,
+        q=found.q,
+        n_weeks=found.n_weeks,
+    )

@@ -1,0 +1,1 @@
+"""The numbers of one floor and week: what the weekly page, its JSON and the planner show."""

@@ -1,0 +1,135 @@
+"""The areas of a floor: how often, how risky, their share, and what of it may be printed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from vsd_analytics.figures.panels import Array, Place
+from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
+from vsd_analytics.figures.week import estimates, recording
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.hidden_counts import by_camera
+from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
+
+MIN_CAMERA_SHARE = 0.01
+"""A camera that counts less of an area than this is not named as one that sees it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Areas:
+    """The areas of a floor, ready to print.
+
+    Attributes:
+        rows: Busiest first by violations per open hour, the rest of the floor last.
+        is_before_safe: False when the floor's own count of the week before would tell a small one.
+    """
+
+    rows: tuple[AreaRow, ...]
+    is_before_safe: bool = True
+
+
+def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
+    """Return the areas of the floor; none where none is drawn or violations cannot be placed.
+
+    Args:
+        data: The week.
+        is_compared: Compare with the week before.
+        rest: Name of the rest of the floor.
+    """
+    if not data.areas or data.why_no_violations is not None or data.why_no_places is not None:
+        return Areas(rows=())
+    keys = [*(a.area_id for a in data.areas), None]
+    places = {key: data.area(key) for key in keys}
+    found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
+    below = data.site.settings.mask_below
+    now = data.hidden.places
+    before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
+    total = sum(m.often.value or 0.0 for m in found.values())
+    rows = []
+    for key in keys:
+        measured, place = found[key], places[key]
+        often, risky = measured.often, measured.risky
+        if (why := now.why(key, below=below)) is not None:
+            often, risky = (estimates.without_figures(e, why) for e in (often, risky))
+        elif (why := before.why(key, below=below)) is not None:
+            why = in_week_before(why) if key in before.small else why
+            often, risky = (estimates.without_change(e, why) for e in (often, risky))
+        elif is_compared and data.is_told_by_comparing:
+            often, risky = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky))
+        weights = camera_weights(data, place)
+        is_known = bool(data.panel(place, data.week_days).x_h.any())
+        rows.append(
+            AreaRow(
+                area_id=key,
+                name=rest if key is None else next(a.name for a in data.areas if a.area_id == key),
+                counted=measured.n if is_known and key not in now else None,
+                is_masked=key in now.small,
+                is_held_back=key in now.others,
+                often=often,
+                risky=risky,
+                exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
+                share=often.value / total if often.value is not None and total else None,
+                recorded_share=_recorded_share(data, weights),
+                cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
+            )
+        )
+    rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
+    return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
+
+
+def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> HeldBack[str | None]:
+    """Return what is held back of the week before: in the hours compared, and what its own report holds back."""
+    keys = list(places)
+    counts = {key: by_camera(data, place, data.compared(place)[0].n) for key, place in places.items()}
+    held = held_back(counts, below=below, give=[None, *reversed(keys[:-1])])
+    own = data.hidden_before.places
+    small = held.small | own.small
+    return HeldBack(small, (held.others | own.others) - small, is_total_safe=held.is_total_safe)
+
+
+def busiest_spot(data: WeekData, rows: Sequence[AreaRow]) -> BusiestSpot | None:
+    """Return the drawn area with most violations per open hour, if any may be printed."""
+    best = next((a for a in rows if a.area_id is not None and a.often.value), None)
+    if best is None:
+        return None
+    polygon = next(a.polygon for a in data.areas if a.area_id == best.area_id)
+    seen = recording.seen_area_m2(data)
+    return BusiestSpot(
+        area_id=best.area_id,
+        name=best.name,
+        share=best.share or 0.0,
+        floor_share=min(1.0, shapely.Polygon(polygon).area / seen) if seen else None,
+    )
+
+
+def camera_weights(data: WeekData, place: Place) -> Mapping[str, float]:
+    """Return how much of a place each camera counts, the largest part first: person-time per recorded hour, sum 1.
+
+    All loaded weeks are used, so that a camera that was down this week keeps its weight; violations stand in where
+    person-time is unknown.
+    """
+    recorded_h = data.hours.recorded_s.sum(axis=1) / 3600
+    exposure, violations = place.exposure_h.sum(axis=1), place.n.sum(axis=1)
+    seen: Array = exposure if exposure.any() else violations
+    weights = np.divide(seen, recorded_h, out=np.zeros_like(seen), where=(recorded_h > 0) & place.cameras)
+    total = float(weights.sum())
+    order = sorted(range(len(data.ids)), key=lambda i: (-weights[i], i))
+    return {data.ids[i]: float(weights[i]) / total for i in order if total and weights[i] > 0}
+
+
+def _recorded_share(data: WeekData, weights: Mapping[str, float]) -> float | None:
+    """Return the share of open hours recorded, each camera weighted by how much of the place it counts."""
+    now = data.week()
+    open_s = float(data.hours.open_s[now].sum())
+    if not open_s or not weights:
+        return None
+    shares = data.hours.recorded_s[:, now].sum(axis=1) / open_s
+    return float(sum(w * min(1.0, shares[data.ids.index(c)]) for c, w in weights.items()))
+
+
+def _exposure_h(data: WeekData, place: Place) -> float:
+    return float(data.panel(place, data.week_days).exposure_h.sum())

@@ -1,0 +1,139 @@
+"""The marts of one floor around one week, and the week beside the week before (`vsd_analytics.figures.panels`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date, timedelta
+from functools import cached_property
+
+import numpy as np
+
+from vsd_analytics.figures.comparable import Recalibration
+from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Floor
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+
+class WeekData(FloorHours):
+    """The marts of a floor around one week.
+
+    Args:
+        warehouse: Opened over the week and the weeks before it that are to be used.
+        floor: The floor.
+        monday: First day of the week.
+
+    Attributes:
+        this: The week.
+        pair: The week before and this week.
+    """
+
+    def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date) -> None:
+        super().__init__(warehouse, floor=floor)
+        self.monday = monday
+        self.this = Period(self, monday, self.sunday)
+        self.pair = TwoPeriods(Period(self, monday - WEEK, self.sunday - WEEK), self.this)
+        self._hidden: dict[date, HiddenWeek] = {}
+
+    @property
+    def sunday(self) -> date:
+        """Return the last day of the week."""
+        return self.monday + timedelta(days=6)
+
+    @property
+    def week_days(self) -> list[date]:
+        """Return Monday to Sunday."""
+        return self.this.days
+
+    def week(self, monday: date | None = None) -> Flags:
+        """Return which hours lie in the week that starts on `monday`; None = this week."""
+        first = monday or self.monday
+        return self.inside(first, first + timedelta(days=6))
+
+    def compared(self, place: Place, *, since: int | None = None) -> tuple[Panel, Panel]:
+        """Return the panels of the week before and of this week; see `TwoPeriods.compared`."""
+        return self.pair.compared(place, since=since)
+
+    @cached_property
+    def hidden(self) -> HiddenWeek:
+        """Return what is held back of this week."""
+        return self.hidden_in(self.monday)
+
+    @property
+    def hidden_before(self) -> HiddenWeek:
+        """Return what is held back of the week it is compared with, whose own report says as little."""
+        return self.hidden_in(self.pair.before.first)
+
+    def hidden_in(self, monday: date) -> HiddenWeek:
+        """Return what is held back of the week that starts on `monday`."""
+        if monday not in self._hidden:
+            self._hidden[monday] = hidden_week(self, Period(self, monday, monday + timedelta(days=6)))
+        return self._hidden[monday]
+
+    @cached_property
+    def is_told_by_comparing(self) -> bool:
+        """Tell whether a count of the hours compared would tell an hour that is held back, in either week.
+
+        The count of all hours less that of the hours compared is the count of those left out, such as a day on which a
+        camera was down: with one of two hours of that day shown, the other would be known.
+        """
+        used = self.pair.used(0) | self.pair.used(1)
+        left_out: Flags = np.asarray((self.hours.is_counted & ~used).any(axis=0))
+        weeks = (self.pair.before, self.hidden_before), (self.pair.now, self.hidden)
+        return any(
+            bool(hidden.hours.small or hidden.hours.others) and bool(left_out[period.is_inside].any())
+            for period, hidden in weeks
+        )
+
+    def is_held_back(self, area_id: str, first: date, last: date) -> bool:
+        """Tell whether the report of any week from one day to another holds an area back."""
+        monday, weeks = first - timedelta(days=first.weekday()), []
+        while monday <= last:
+            weeks.append(self.hidden_in(monday))
+            monday += WEEK
+        return any(week.why_floor is not None or area_id in week.places for week in weeks)
+
+    @property
+    def whole(self) -> Place:
+        """Return the whole floor, as far as its cameras' violations can be counted; `everyone` is all cameras."""
+        return self.this.whole
+
+    def area(self, area_id: str | None) -> Place:
+        """Return what was counted in an area; None is the rest of the floor."""
+        return self.this.area(area_id)
+
+    @property
+    def not_counted(self) -> Mapping[str, Reason]:
+        """Return the cameras whose violations cannot be counted this week, and why."""
+        return self.this.not_counted
+
+    @property
+    def why_no_violations(self) -> Reason | None:
+        """Return why violations cannot be counted on this floor, or None if they can."""
+        return self.this.why_no_violations
+
+    @property
+    def why_no_exposure(self) -> Reason | None:
+        """Return why person-time is unknown on this floor, or None if it is known."""
+        return self.this.why_no_exposure
+
+    @property
+    def why_no_places(self) -> Reason | None:
+        """Return why violations cannot be placed on the floor, or None if they can."""
+        return self.this.why_no_places
+
+    @property
+    def recalibrated(self) -> Sequence[Recalibration]:
+        """Return the cameras whose facts of this week and the week before were computed under several calibrations."""
+        return self.pair.recalibrated
+
+    @property
+    def is_comparable(self) -> Flags:
+        """Return which cameras may be compared with the week before, shape (n_cameras,), one at least as of `hours`."""
+        return self.pair.is_comparable
+
+    @property
+    def both_weeks_ms(self) -> tuple[int, int]:
+        """Return the start of the week before and the end of this one, UTC milliseconds."""
+        return self.pair.span_ms

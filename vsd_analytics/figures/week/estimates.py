@@ -1,0 +1,137 @@
+"""The two headline numbers, and people, of a place: level, interval, change, verdict (M0, M7, M3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from vsd_analytics.figures import rates
+from vsd_analytics.figures.panels import Place
+from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.result import Reason, Verdict
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """Both headline numbers of a place and the counts behind them, which decide what may be printed.
+
+    Attributes:
+        often: How often, M0.
+        risky: How risky, M7.
+        n: Violations in the hours that enter rates.
+        n_before: Violations of the week before in the hours compared; 0 when nothing is compared.
+    """
+
+    often: Estimate
+    risky: Estimate
+    n: int
+    n_before: int
+
+
+def measure(
+    data: WeekData, place: Place, *, is_compared: bool, since: int | None = None, until: int | None = None
+) -> Measured:
+    """Return the two headline numbers of a place.
+
+    Args:
+        data: The week.
+        place: The whole floor, an area, or the rest.
+        is_compared: Compare with the week before.
+        since: Only hours that start at this instant or later (UTC milliseconds, in this week).
+        until: Only hours that start before it; not for comparisons.
+    """
+    panel = data.panel(place, data.week_days, since=since, until=until)
+    return Measured(
+        often=_often(data, place, is_compared=is_compared, since=since, until=until),
+        risky=_risky(data, place, is_compared=is_compared, since=since, until=until),
+        n=int(panel.n.sum()),
+        n_before=int(data.compared(place, since=since)[0].n.sum()) if is_compared else 0,
+    )
+
+
+def people(data: WeekData, *, is_compared: bool) -> Estimate:
+    """Return the mean number of people in view of the floor: person-hours per recorded open hour, and its change."""
+    if (why := data.why_no_exposure) is not None:
+        return Estimate(value=None, state="not_measurable", reason=why)
+    if (value := rates.mean_people(data.this, data.everyone)) is None:
+        return Estimate(value=None, state="not_enough_data", reason=Reason("recorded.nothing_open"))
+    if not is_compared:
+        return Estimate(value=value)
+    level = RateEstimate(value, None, None, None, 0.0, 0, None, None, "ok", None, False)
+    return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))
+
+
+def without_figures(estimate: Estimate, reason: Reason) -> Estimate:
+    """Return an estimate of which nothing is told but why."""
+    if estimate.state == "not_measurable":
+        return estimate
+    verdict: Verdict | None = None if estimate.verdict is None else "too_little_data"
+    return Estimate(value=None, state="not_enough_data", reason=reason, verdict=verdict)
+
+
+def without_change(estimate: Estimate, reason: Reason) -> Estimate:
+    """Return an estimate that keeps its level and its verdict, but not the week before."""
+    if estimate.verdict is None:
+        return estimate
+    return replace(estimate, previous=None, change=None, change_lo=None, change_hi=None, reason=reason)
+
+
+def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
+    level = rates.level_often(data.this, place, since=since, until=until)
+    if level.rate is None and level.state != "not_measurable" and data.hours.recorded_s[:, data.week()].any():
+        why = Reason("level.hour_share", share=data.site.settings.partial_hour_share)
+        return Estimate(value=None, state="not_enough_data", reason=why)
+    if level.state == "not_measurable" or not is_compared:
+        return _estimate(level)
+    change = rates.change_often(data.pair, place, since=since)
+    below = data.site.settings.mask_below
+    return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
+
+
+def _risky(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
+    level = rates.level_risky(data.this, place, since=since, until=until)
+    if level.state == "not_measurable" or not is_compared:
+        return _estimate(level)
+    change = rates.change_risky(data.pair, place, since=since)
+    below = data.site.settings.mask_below
+    return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
+
+
+def _hours(data: WeekData, place: Place, since: int | None) -> float:
+    """Return the recorded open camera-hours of this week that are compared."""
+    return float(data.compared(place, since=since)[1].x_h.sum())
+
+
+def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, hours_compared: float = 0.0) -> Estimate:
+    reason = level.reason if level.lo is None else None
+    if reason is None and change is not None and change.state != "ok":
+        reason = change.reason
+    plain = Estimate(
+        value=level.rate,
+        lo=level.lo,
+        hi=level.hi,
+        state=level.state if level.rate is None else "ok",
+        reason=reason,
+    )
+    if change is None:
+        return plain
+    if level.rate is None:  # without a level no change is told either
+        return replace(plain, verdict="too_little_data")
+    return replace(
+        plain,
+        previous=change.rate_a,
+        change=change.change,
+        change_lo=change.change_lo,
+        change_hi=change.change_hi,
+        verdict=change.verdict,
+        hours_compared=hours_compared,
+    )
+
+
+def _without_small_counts(estimate: Estimate, change: ChangeEstimate, *, below: int) -> Estimate:
+    """Return an estimate whose reason names no count under `below`."""
+    if estimate.reason is None or not any(is_small(n or 0, below=below) for n in (change.n_a, change.n_b)):
+        return estimate
+    return replace(estimate, reason=Reason("change.few"))

@@ -1,0 +1,30 @@
+"""The form of a figure with its interval and change, which every section of the report uses."""
+# ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.result import Reason, State, Verdict
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A figure of this week with its interval, last week's value over the same hours, and the change between them."""
+
+    value: float | None = _f("This week's value over all its recorded open hours; None when `state` is not ok.")
+    lo: float | None = _f("Lower end of the confidence interval of `value`.", default=None)
+    hi: float | None = _f(
+        "Upper end of the confidence interval of `value`; for 0 the rule-of-three bound.", default=None
+    )
+    previous: float | None = _f("The week before; None when it is not compared.", default=None)
+    change: float | None = _f(
+        "Relative change over the hours recorded in both weeks: -0.14 is 14 % fewer.", "share", default=None
+    )
+    change_lo: float | None = _f("Lower end of the interval of `change`.", "share", default=None)
+    change_hi: float | None = _f("Upper end of the interval of `change`.", "share", default=None)
+    verdict: Verdict | None = _f("Read from the interval of `change`; None when nothing is compared.", default=None)
+    hours_compared: float | None = _f("Camera-hours recorded in both weeks that `change` uses.", "h", default=None)
+    state: State = _f("Whether the value can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)

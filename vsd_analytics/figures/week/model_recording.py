@@ -1,0 +1,75 @@
+"""What the cameras of a report's week recorded."""
+# ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date, datetime
+
+from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.result import Reason
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraDay:
+    """What one camera recorded on one local day."""
+
+    day: date = _f("Local date.")
+    scheduled_h: float = _f("Open hours of the day; 0 when closed.", "h")
+    recorded_h: float = _f("Open hours recorded.", "h", "M1")
+    share: float | None = _f("Recorded over scheduled; None when closed all day.", "share", "M1")
+    hourly_share: tuple[float | None, ...] = _f(
+        "24 values, local hours 0 to 23: share of the hour recorded; None where closed.", "share", "M1"
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraRecord:
+    """What one camera recorded in the week."""
+
+    camera_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    label: str = _f("Short label on the map and in tables, such as 1 or C1.")
+    days: tuple[CameraDay, ...] = _f("Monday to Sunday.", metric="M1")
+    scheduled_h: float = _f("Open hours of the week.", "h")
+    recorded_h: float = _f("Open hours recorded.", "h", "M1")
+    share: float | None = _f("Recorded over scheduled.", "share", "M1")
+    last_record: datetime | None = _f(
+        "Instant of the last record up to this week, in the site's zone; None: none in the sixty days before.",
+        default=None,
+    )
+    not_counted: Reason | None = _f("Why its violations cannot be counted, so that rates leave it out.", default=None)
+    not_compared: Reason | None = _f("Why the comparison with the week before leaves it out.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outage:
+    """An interval of open hours without data."""
+
+    camera_ids: tuple[str, ...] = _f("Cameras that were silent together.", metric="M2")
+    start: datetime = _f("First missing instant, in the site's zone.", metric="M2")
+    end: datetime = _f("End of the interval, in the site's zone.", metric="M2")
+    open_h: float = _f("Open hours lost, per camera.", "h", "M2")
+    is_inferred: bool = _f("True when the engine sends no heartbeat.", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coverage:
+    """How much of the open hours was recorded."""
+
+    share: float = _f("Recorded over scheduled camera-hours.", "share", "M1")
+    recorded_h: float = _f("Recorded open camera-hours.", "camera-hours", "M1")
+    scheduled_h: float = _f("Open camera-hours.", "camera-hours", "M1")
+    open_h: float = _f("Open hours of the site in the week.", "h")
+    seen_h: float | None = _f("Open clock hours in which at least one person was seen.", "h", default=None)
+    cameras: tuple[CameraRecord, ...] = _f("In the order of vsd.toml.", default=())
+    outages: tuple[Outage, ...] = _f("In order of start.", metric="M2", default=())
+    is_inferred: bool = _f(
+        "True when any camera's engine sends no heartbeat: coverage is guessed from gaps.", default=False
+    )
+    missing_messages: int | None = _f(
+        "Messages that never arrived or are in quarantine, by the engine's running numbers; None: it numbers nothing.",
+        "messages",
+        default=None,
+    )
+    message_gaps: int = _f("Gaps these are in.", default=0)

@@ -1,0 +1,247 @@
+"""Sections of the weekly report beyond the week and its map: spots, weeks, readings, redesigns, causes, outlook."""
+# ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date, datetime
+from typing import Literal
+
+from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.result import Reason, State
+
+SpotKind = Literal["tested", "busiest"]
+Sureness = Literal["high", "medium", "low"]
+RedesignDesign = Literal["beside", "alone"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsualHours:
+    """When a spot has most of its violations."""
+
+    weekday: int | None = _f("Weekday that stands out, 0 Monday to 6 Sunday; None: none does.", default=None)
+    first_hour: int = _f("First local hour of the part of the day with most.")
+    last_hour: int = _f("Last local hour of it, inclusive.")
+    share: float = _f("Share of the spot's violations in that part of the day, all days.", "share")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What decides how sure a spot is."""
+
+    sureness: Sureness = _f("high: all three hold; medium: one is missed; low: two are, or the camera was down.")
+    recorded_share: float | None = _f("Open hours recorded by the cameras that see it.", "share", "M1", default=None)
+    days_present: int = _f("Days of the week with a violation there.", "days")
+    error_m: float | None = _f("Position error of the camera that sees most of it; None: unknown.", "m", default=None)
+    camera_id: str | None = _f("The camera that counts most of it.", default=None)
+    camera_name: str | None = _f("Its display name; free text.", default=None)
+    lost_h: float = _f("Open hours of its usual hours that this camera did not record.", "h", default=0.0)
+    is_camera_down: bool = _f("True: it missed so many of them that nothing can be said of the spot.", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpotCard:
+    """One numbered spot."""
+
+    number: int = _f("As on the map, 1 first.")
+    name: str = _f("Area, or where it is; free text.")
+    at: tuple[float, float] | None = _f("Its middle, floor metres; None when it has no place on a map.", default=None)
+    area_id: str | None = _f("Area it lies in; None for none.", default=None)
+    often: Estimate | None = _f(
+        "Violations per open hour of that area, and its change.", "per open hour", "M0", default=None
+    )
+    ratio: Estimate | None = _f(
+        "Tested spots: violations over those expected at the floor's rate.", "ratio", "M20", default=None
+    )
+    excess_per_week: float | None = _f("Tested spots: violations above the expected.", "per week", "M20", default=None)
+    is_new: bool | None = _f("Tested spots: it did not stand out a week earlier; None: not known.", default=None)
+    since: date | None = _f("Tested spots: last day of the first window from which on it stood out.", default=None)
+    is_since_first: bool = _f("True: that window is the first looked at, so it may be older.", default=False)
+    usual: UsualHours | None = _f("When; None where too few violations have a time.", default=None)
+    evidence: Evidence | None = _f("How sure; None where nothing is known.", default=None)
+    ask: str = _f("What to ask about the room there.", default="")
+    question: str = _f("The same, with the hours it is about; empty where nothing is to be asked.", default="")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spots:
+    """The numbered spots of the map."""
+
+    kind: SpotKind = _f("tested: riskier per person-hour than the floor (M20); busiest: areas with most violations.")
+    reason: Reason | None = _f("Why they are not tested ones; None when they are.", default=None)
+    first: date | None = _f("First day of the test's window.", default=None)
+    last: date | None = _f("Last day of it.", default=None)
+    cards: tuple[SpotCard, ...] = _f("At most three.", metric="M20", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrendWeek:
+    """One week of the trend; without figures it is a gap, over which no line is drawn."""
+
+    iso: str = _f("ISO week.")
+    number: int = _f("Its number in the year.")
+    monday: date = _f("First day.")
+    often: Estimate | None = _f("Violations per recorded open hour.", "per open hour", "M0", default=None)
+    risky: Estimate | None = _f("Violations per person-hour.", "per person-hour", "M7", default=None)
+    coverage: float | None = _f("Recorded over open camera-hours.", "share", "M1", default=None)
+    reason: Reason | None = _f("Why it is a gap.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrendMark:
+    """A change of the site's log, to be marked on the trend."""
+
+    label: str = _f("Letter on the drawing, A first.")
+    at: datetime = _f("Instant in the site's zone.")
+    text: str = _f("Free text.")
+    area_name: str | None = _f("Area it concerns; None for the whole site.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trend:
+    """The last weeks, oldest first, each over all its own recorded hours."""
+
+    weeks: tuple[TrendWeek, ...] = _f("At most ten, up to this one.", metric="M28", default=())
+    marks: tuple[TrendMark, ...] = _f("Logged changes in these weeks.", default=())
+    state: State = _f("ok: enough weeks to call it a trend.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+    risky_reason: Reason | None = _f("Why there is no rate per person-hour.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """The headline numbers by one reading."""
+
+    often: Estimate = _f("Violations per recorded open hour.", "per open hour", "M9")
+    risky: Estimate = _f("Violations per person-hour.", "per person-hour", "M9")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AreaReading:
+    """An area by the second reading."""
+
+    area_id: str | None = _f("Area; None for the rest of the floor.")
+    often: Estimate = _f("Violations between groups per recorded open hour.", "per open hour", "M9")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """Violations of all people, and those between groups of people who move together."""
+
+    all: Reading | None = _f("All violations, over the cameras that take part.", metric="M9", default=None)
+    between: Reading | None = _f("Only those between groups, over the same cameras.", metric="M9", default=None)
+    between_share: float | None = _f("Share of violations that are between groups.", "share", "M9", default=None)
+    between_lo: float | None = _f("Lower end of its interval.", "share", "M9", default=None)
+    between_hi: float | None = _f("Upper end of its interval.", "share", "M9", default=None)
+    areas: tuple[AreaReading, ...] = _f("Areas whose cameras all take part.", metric="M9", default=())
+    left_out: tuple[str, ...] = _f("Names of cameras that take no part; free text.", default=())
+    precision_lo: float | None = _f(
+        "Share of time called within groups that is so, in the poorest of the scenes checked.", "share", default=None
+    )
+    recall_lo: float | None = _f("Share of time within groups that is found, likewise.", "share", default=None)
+    state: State = _f("Whether the second reading can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Redesign:
+    """What a logged change did to its area (M27)."""
+
+    number: int = _f("Its place in the log, from 1.")
+    at: datetime = _f("Instant in the site's zone.")
+    text: str = _f("Free text.")
+    area_name: str = _f("Area looked at; free text.")
+    design: RedesignDesign = _f("Beside areas that were left alone, or the area by itself.")
+    is_credible: bool = _f("False: something speaks against the comparison, see `doubts`.")
+    n_weeks: int | None = _f("Whole weeks on either side.", "weeks", default=None)
+    before: tuple[date, date] | None = _f("First and last day of the weeks before.", default=None)
+    after: tuple[date, date] | None = _f("First and last day of the weeks after.", default=None)
+    effect: Estimate | None = _f(
+        "Change of violations per person-hour, beside the comparison areas where there are any.",
+        "per person-hour", "M27", default=None,
+    )  # fmt: skip
+    often: Estimate | None = _f(
+        "The same of violations per open hour; None where the area is looked at by itself.",
+        "per open hour", "M27", default=None,
+    )  # fmt: skip
+    people: Estimate | None = _f("Change of people in the area.", metric="M27", default=None)
+    compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
+    doubts: tuple[Reason, ...] = _f("What speaks against the comparison.", default=())
+    assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the redesign's.", default=())
+    state: State = _f("Whether a change can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Causes:
+    """What moved the time that pairs spend close, from the week before to this one (M23)."""
+
+    close: float | None = _f("Change of the time pairs spend closer than the distance.", "share", "M23", default=None)
+    people: float | None = _f("Change that more or fewer people made by themselves.", "share", "M23", default=None)
+    layout: float | None = _f("Change that the use of the floor made by itself.", "share", "M23", default=None)
+    behaviour: float | None = _f("Change left over: queueing, walking together.", "share", "M23", default=None)
+    behaviour_lo: float | None = _f("Lower end of its interval.", "share", "M23", default=None)
+    behaviour_hi: float | None = _f("Upper end of its interval.", "share", "M23", default=None)
+    state: State = _f("Whether it can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutlookHour:
+    """One open hour of the week to come."""
+
+    day: date = _f("Local date.")
+    hour: int = _f("Local hour, 0 to 23.")
+    value: float = _f("Expected violations per open hour.", "per open hour", "M25")
+    lo: float | None = _f("Lower end of its range.", "per open hour", "M25", default=None)
+    hi: float | None = _f("Upper end of its range.", "per open hour", "M25", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutlookScore:
+    """How good last week's forecast was, beside repeating the week before."""
+
+    error: float = _f("Sum of absolute errors over what happened.", "share", "M25")
+    error_naive: float = _f("The same of the hours of the week before.", "share", "M25")
+    hit_rate: float | None = _f("Share of hours inside the range.", "share", "M25", default=None)
+    n_hours: int = _f("Hours scored.", "hours")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """The week to come."""
+
+    iso: str = _f("ISO week forecast.")
+    number: int = _f("Its number in the year.")
+    monday: date = _f("Its first day.")
+    mean: float | None = _f("Mean of the hours forecast.", "per open hour", "M25", default=None)
+    highest: tuple[OutlookHour, ...] = _f("The three highest hours, highest first.", metric="M25", default=())
+    range_share: float | None = _f("Share of hours the ranges are to hold.", "share", default=None)
+    n_weeks: int = _f("Recorded weeks it comes from.", "weeks", default=0)
+    score: OutlookScore | None = _f("Of the forecast for the week just over; None without one.", default=None)
+    state: State = _f("Whether a forecast can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnusualHour:
+    """One hour far from usual."""
+
+    day: date = _f("Local date.")
+    hour: int = _f("Local hour, 0 to 23.")
+    violations: int | None = _f("Counted; None if held back.", "violations", "M24", default=None)
+    usual: float = _f("Expected in so many recorded hours.", "violations", "M24")
+    lo: float = _f("Lower end of the usual range.", "violations", "M24")
+    hi: float = _f("Upper end of the usual range.", "violations", "M24")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnusualHours:
+    """The hours of the week far from usual."""
+
+    rows: tuple[UnusualHour, ...] = _f("At most five, least likely first.", metric="M24", default=())
+    n_unusual: int = _f("How many there are.", "hours", "M24", default=0)
+    n_tested: int = _f("Hours that were recorded and have a usual count.", "hours", default=0)
+    state: State = _f("Whether any hour could be judged.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)

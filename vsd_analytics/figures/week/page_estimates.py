@@ -1,0 +1,72 @@
+"""Answers of the analysis room as estimates of the report, without what is too small to print."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from vsd_analytics.figures.suppression import is_small, too_few
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.stats.estimates import RateEstimate
+
+
+class Ratio(Protocol):
+    """Any ratio of after to before: `ChangeEstimate`, `BeforeAfter`."""
+
+    @property
+    def theta(self) -> float | None:
+        """The ratio."""
+
+    @property
+    def lo(self) -> float | None:
+        """Lower limit."""
+
+    @property
+    def hi(self) -> float | None:
+        """Upper limit."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """What it says."""
+
+    @property
+    def state(self) -> State:
+        """Whether it can be given."""
+
+    @property
+    def reason(self) -> Reason | None:
+        """Why not."""
+
+
+def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
+    """Return a rate as an estimate; None for none. A count under `below` takes the rate with it.
+
+    Args:
+        rate: A rate of the analysis room.
+        below: `mask_below`.
+    """
+    if rate is None:
+        return None
+    if rate.n_events is not None and is_small(rate.n_events, below=below):
+        return Estimate(value=None, state="not_enough_data", reason=too_few(below))
+    if rate.rate is None:
+        return Estimate(value=None, state=_missing(rate.state), reason=rate.reason)
+    return Estimate(value=rate.rate, lo=rate.lo, hi=rate.hi, reason=rate.reason if rate.lo is None else None)
+
+
+def change(ratio: Ratio) -> Estimate:
+    """Return a ratio as an estimate that has a change and no level."""
+    if ratio.theta is None:
+        return Estimate(value=None, verdict="too_little_data", state=_missing(ratio.state), reason=ratio.reason)
+    return Estimate(
+        value=None,
+        change=ratio.theta - 1,
+        change_lo=None if ratio.lo is None else ratio.lo - 1,
+        change_hi=None if ratio.hi is None else ratio.hi - 1,
+        verdict=ratio.verdict,
+        reason=ratio.reason if ratio.lo is None else None,
+    )
+
+
+def _missing(state: State) -> State:
+    return state if state != "ok" else "not_enough_data"

@@ -1,0 +1,97 @@
+"""Violations in two readings, all of them and those between groups of people who move together (M9)."""
+
+from __future__ import annotations
+
+from vsd_analytics.figures.group_areas import between_groups_by_area
+from vsd_analytics.figures.groups import GroupReadings as Found
+from vsd_analytics.figures.groups import Groups
+from vsd_analytics.figures.rates import level_often
+from vsd_analytics.figures.suppression import held_back, is_small, too_few
+from vsd_analytics.figures.week import page_estimates
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import AreaReading, Reading, Readings
+from vsd_analytics.figures.week.results import AreaRow, Level
+
+
+def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRow, ...]) -> Readings:
+    """Return both readings of the floor and its areas, or why there is no second one.
+
+    A count within groups can be worked out from the two readings, so it is held back like any other small count.
+
+    Args:
+        data: The week.
+        found: Who moved together.
+        level: The headline numbers, without what must be held back.
+        areas: The areas, likewise.
+    """
+    below = int(data.site.settings.mask_below)
+    own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
+    names = {c.camera_id: c.name for c in data.cameras}
+    left_out = tuple(names[c] for c in found.left_out if c in names)
+    if own is None or found.state != "ok":
+        here = [c.lives for c in found.cameras if c.camera_id in names and c.lives.state != "ok"]
+        why = here[0].reason if here and found.state == "ok" else found.reason
+        is_unknown = any(lives.state == "not_measurable" for lives in here[:1])
+        return Readings(state="not_measurable" if is_unknown else "not_enough_data", reason=why, left_out=left_out)
+    if level.often.value is None or _is_told_apart(own, below=below):
+        return Readings(state="not_enough_data", reason=too_few(below), left_out=left_out)
+    share = found.between
+    is_floor = len(data.site.floors) == 1
+    return Readings(
+        all=_all(own, level, is_whole=not left_out, below=below),
+        between=_between(own, below=below),
+        between_share=share.value if is_floor else None,
+        between_lo=share.lo if is_floor else None,
+        between_hi=share.hi if is_floor else None,
+        areas=_areas(data, found, areas, below=below),
+        left_out=left_out,
+        precision_lo=found.accuracy.time_precision[0],
+        recall_lo=found.accuracy.time_recall[0],
+    )
+
+
+def _is_told_apart(own: Found, *, below: int) -> bool:
+    """Tell whether the count between or within groups is too small to print."""
+    n, n_between = own.often.n_events or 0, own.often_between.n_events or 0
+    return any(is_small(v, below=below) for v in (n, n_between, n - n_between))
+
+
+def _all(own: Found, level: Level, *, is_whole: bool, below: int) -> Reading:
+    """Return the first reading: the headline numbers themselves where all cameras take part."""
+    if is_whole:
+        return Reading(often=level.often, risky=level.risky)
+    often, risky = (page_estimates.level(r, below=below) or _none() for r in (own.often, own.risky))
+    return Reading(often=often, risky=risky)
+
+
+def _between(own: Found, *, below: int) -> Reading:
+    often, risky = (page_estimates.level(r, below=below) or _none() for r in (own.often_between, own.risky_between))
+    return Reading(often=often, risky=risky)
+
+
+def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: int) -> tuple[AreaReading, ...]:
+    able = {c.camera_id for c in found.cameras if c.lives.state == "ok"}
+    places = between_groups_by_area(data.this, able)
+    rates = {key: level_often(data.this, place) for key, place in places.items()}
+    between = {key: int(rate.n_events or 0) for key, rate in rates.items()}
+    within = {a.area_id: (a.counted or 0) - between[a.area_id] for a in areas if a.area_id in between}
+    give = sorted(within, key=lambda key: between[key])
+    held = [held_back({k: n[k] for k in within}, below=below, give=give) for n in (between, within)]
+    rows = []
+    if not all(h.is_total_safe for h in held):
+        return ()
+    for area in areas:
+        rate = rates.get(area.area_id)
+        if rate is None or area.is_masked or area.is_held_back or area.counted is None:
+            continue
+        if rate.n_events is None or any(area.area_id in h for h in held):
+            continue
+        often = page_estimates.level(rate, below=below)
+        if often is not None and often.value is not None:
+            rows.append(AreaReading(area_id=area.area_id, often=often))
+    return tuple(rows)
+
+
+def _none() -> Estimate:
+    return Estimate(value=None, state="not_enough_data")

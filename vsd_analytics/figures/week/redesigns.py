@@ -1,0 +1,85 @@
+"""What logged changes did to their areas (M27), and what moved the time people spend close (M23)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
+from vsd_analytics.figures.week import page_estimates
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Causes, Redesign
+from vsd_analytics.stats.decomposition import MixingChange
+
+
+def redesigns(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[Redesign, ...]:
+    """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
+
+    A change is told as long as its weeks after hold a day of this week, or it lies in the last nine weeks: then it is
+    said what is still missing.
+    """
+    return tuple(_redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < 63)
+
+
+def causes(found: MixingChange) -> Causes:
+    """Return crowding, layout and behaviour as relative changes; together, as factors, they make the whole."""
+    behaviour = found.behaviour
+    if found.state != "ok" or found.close is None or behaviour is None or behaviour.theta is None:
+        state = found.state if found.state != "ok" else "not_enough_data"
+        return Causes(state=state, reason=found.reason)
+    return Causes(
+        close=found.close - 1,
+        people=None if found.crowding is None else found.crowding - 1,
+        layout=None if found.layout is None else found.layout - 1,
+        behaviour=behaviour.theta - 1,
+        behaviour_lo=behaviour.change_lo,
+        behaviour_hi=behaviour.change_hi,
+    )
+
+
+def _redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
+    names = {a.area_id: a.name for a in data.areas}
+    effect = page_estimates.change(found.effect) if found.effect is not None else None
+    if effect is None and found.alone is not None:
+        effect = page_estimates.change(found.alone)
+    often = page_estimates.change(found.often) if found.often is not None and found.often.theta is not None else None
+    below = int(data.site.settings.mask_below)
+    if is_held_back(data, found):
+        why = too_few(below) if _is_few(found, below=below) else GIVES_AWAY
+        effect = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
+        often = None
+    windows = found.windows
+    return Redesign(
+        number=found.number,
+        at=found.at.astimezone(data.site.zone),
+        text=found.text,
+        area_name=found.area_name,
+        design="beside" if found.design == "comparison areas" else "alone",
+        is_credible=found.is_credible and found.state == "ok",
+        n_weeks=None if windows is None else windows.n_weeks,
+        before=None if windows is None else windows.before,
+        after=None if windows is None else windows.after,
+        effect=effect if found.state == "ok" else None,
+        often=often if found.state == "ok" else None,
+        people=page_estimates.change(found.people) if found.people is not None and found.state == "ok" else None,
+        compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
+        doubts=found.doubts,
+        assumptions=found.assumptions,
+        state=found.state,
+        reason=found.reason,
+    )
+
+
+def is_held_back(data: WeekData, found: BeforeAfterFigure) -> bool:
+    """Tell whether a change would tell a small count: its own, or one of the area in any of its weeks."""
+    if _is_few(found, below=int(data.site.settings.mask_below)):
+        return True
+    spans = () if found.windows is None else (found.windows.before, found.windows.after)
+    return any(data.is_held_back(found.area_id, *span) for span in spans)
+
+
+def _is_few(found: BeforeAfterFigure, *, below: int) -> bool:
+    counts = [] if found.alone is None else [found.alone.n_a, found.alone.n_b]
+    counts += [] if found.effect is None else [found.effect.n_before, found.effect.n_after]
+    return any(is_small(n or 0, below=below) for n in counts)

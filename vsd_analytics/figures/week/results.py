@@ -1,0 +1,369 @@
+"""Results of a week, one frozen dataclass per section: raw numbers, no sentences of a page."""
+# ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date, datetime
+from typing import Any, Literal
+
+from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_map import (
+    ChangedPlace,
+    ChangeMaps,
+    Extent,
+    FixtureKind,
+    FloorMap,
+    Footsteps,
+    MapArea,
+    MapBand,
+    MapCamera,
+    MapFixture,
+    MapImage,
+    MapKind,
+    MapSpot,
+    MapView,
+    MapViews,
+    Point,
+    Polygon,
+    Ring,
+    SpotPicture,
+)
+from vsd_analytics.figures.week.model_recording import CameraDay, CameraRecord, Coverage, Outage
+from vsd_analytics.figures.week.model_sections import (
+    AreaReading,
+    Causes,
+    Evidence,
+    Outlook,
+    OutlookHour,
+    OutlookScore,
+    Reading,
+    Readings,
+    Redesign,
+    RedesignDesign,
+    SpotCard,
+    SpotKind,
+    Spots,
+    Sureness,
+    Trend,
+    TrendMark,
+    TrendWeek,
+    UnusualHour,
+    UnusualHours,
+    UsualHours,
+)
+from vsd_analytics.result import Reason, State, Verdict
+
+__all__ = [
+    "AreaReading",
+    "AreaRow",
+    "BusiestHour",
+    "BusiestSpot",
+    "CameraDay",
+    "CameraRecord",
+    "Causes",
+    "ChangeMaps",
+    "ChangedPlace",
+    "Coverage",
+    "DayMean",
+    "DistanceUnit",
+    "Estimate",
+    "Evidence",
+    "Extent",
+    "Figure",
+    "FixtureKind",
+    "FloorMap",
+    "Footsteps",
+    "HourCell",
+    "HourMean",
+    "HourState",
+    "Level",
+    "LogKind",
+    "LogLine",
+    "MapArea",
+    "MapBand",
+    "MapCamera",
+    "MapFixture",
+    "MapImage",
+    "MapKind",
+    "MapSpot",
+    "MapView",
+    "MapViews",
+    "Outage",
+    "Outlook",
+    "OutlookHour",
+    "OutlookScore",
+    "Point",
+    "Polygon",
+    "Provenance",
+    "Reading",
+    "Readings",
+    "Redesign",
+    "RedesignDesign",
+    "Ring",
+    "Rules",
+    "SettingsChange",
+    "SiteRef",
+    "SpotCard",
+    "SpotKind",
+    "SpotPicture",
+    "Spots",
+    "State",
+    "Sureness",
+    "Trend",
+    "TrendMark",
+    "TrendWeek",
+    "UnusualHour",
+    "UnusualHours",
+    "UsualHours",
+    "Verdict",
+    "WeekRef",
+    "WeekState",
+    "When",
+]
+
+WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
+HourState = Literal["full", "partial", "low_data", "no_data", "closed"]
+LogKind = Literal["logged", "detected"]
+DistanceUnit = Literal["m", "ft"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One entry of `figures`, keyed by catalogue id."""
+
+    unit: str = _f("Unit in words; empty for lists.")
+    value: float | None = _f("The figure; None with a `state` when missing.", default=None)
+    rows: tuple[Mapping[str, Any], ...] | None = _f("The rows of a figure that is a list.", default=None)
+    denominator: float | None = _f("What the figure was divided by.", default=None)
+    lo: float | None = _f("Lower end of its interval.", default=None)
+    hi: float | None = _f("Upper end of its interval.", default=None)
+    verdict: Verdict | None = _f("Verdict on its change, if it is compared.", default=None)
+    state: State = _f("Whether the figure can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+    note: Reason | None = _f("What a reader must know beside it.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteRef:
+    """The site and its floors."""
+
+    site_id: str = _f("Identifier.")
+    name: str = _f("Display name; free text.")
+    floor_id: str = _f("Floor of this report.")
+    floor_name: str = _f("Its display name; free text.")
+    floors: tuple[str, ...] = _f("Ids of all floors of the site.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeekRef:
+    """An ISO week of the site's calendar."""
+
+    iso: str = _f("ISO name, such as 2026-W46.")
+    year: int = _f("ISO year.")
+    number: int = _f("ISO week number.")
+    monday: date = _f("First local day.")
+    sunday: date = _f("Last local day.")
+    zone: str = _f("IANA time zone of all local times.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rules:
+    """The settings that the words of the page depend on; same names as in the settings table."""
+
+    distance_m: float = _f("Two people strictly closer than this are in violation.", "m")
+    distance_unit: DistanceUnit = _f("Unit in which the page writes distances.", default="m")
+    episode_min_s: float = _f("For at least this long.", "s", default=3.0)
+    confidence: float = _f("Confidence level of every interval.", "share", default=0.95)
+    mask_below: int = _f("Counts from 1 to just under this are shown as fewer than it.", default=5)
+    min_coverage: float = _f(
+        "Below this share of open hours recorded nothing is compared or ranked.", "share", default=0.6
+    )
+    full_hour_share: float = _f("An hour recorded at least this much is full.", "share", default=0.92)
+    partial_hour_share: float = _f("An hour recorded less than this is low-data.", "share", default=0.5)
+    heat_steps: tuple[float, ...] = _f(
+        "Lower ends of the map's bands.", "violations per m2 per open hour", default=(0.5, 1.0, 2.0, 4.0, 8.0)
+    )
+    hour_steps: tuple[float, ...] = _f(
+        "Lower ends of the timetable's bands.", "violations per hour", default=(0.0, 50.0, 100.0, 150.0, 200.0)
+    )
+    smoothing_m: float = _f("Standard deviation of the map's smoothing.", "m", default=0.5)
+    retention_days: int = _f("Days raw records are meant to be kept.", "days", default=30)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What made the page, so that anyone can make it again."""
+
+    version: str = _f("Version of vsd-analytics.")
+    engines: tuple[str, ...] = _f("Engines and versions that sent the records; hostile text.")
+    settings_id: str = _f("Hash of all settings in force.")
+    settings_non_default: tuple[tuple[str, str], ...] = _f(
+        "Name and value of the settings that differ from the table.", default=()
+    )
+    inputs_digest: str = _f("Hash of the facts the page was made from.", default="")
+    is_made_up: bool = _f("True for `vsd demo`: the page says so.", default=False)
+    notes: tuple[str, ...] = _f("What does not compare: purged hours that were computed by other rules.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """The first figures of the page."""
+
+    often: Estimate = _f("How often: violations per recorded open hour.", "per open hour", "M0")
+    risky: Estimate = _f("How risky: violations per person-hour.", "per person-hour", "M7")
+    people: Estimate = _f(
+        "People: person-hours seen per recorded open hour, and its change.", "person-hours per open hour", "M3"
+    )
+    exposure_h: float | None = _f(
+        "Person-hours seen in the hours that enter rates.", "person-hours", "M3", default=None
+    )
+    violations: int | None = _f(
+        "Violations counted in the hours that enter rates; None if masked or unknown.",
+        "violations",
+        "M8",
+        default=None,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusiestSpot:
+    """The area with the most violations."""
+
+    area_id: str | None = _f("Area, or None for the rest of the floor.")
+    name: str = _f("Its display name; free text.")
+    share: float = _f("Its rate over the sum of all areas' rates.", "share", "M15")
+    floor_share: float | None = _f("Share of the floor that cameras see.", "share", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusiestHour:
+    """The full hour with the most violations."""
+
+    start: datetime = _f("Local start.", metric="M14")
+    violations: float | None = _f("Violations in that hour.", "violations", "M14")
+    is_masked: bool = _f("True: fewer than `mask_below`, do not show the number.", default=False)
+    ratio_to_mean: float | None = _f("Over the mean of the week's full hours.", "ratio", "M14", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AreaRow:
+    """One area of the floor."""
+
+    area_id: str | None = _f("Identifier; None for the rest of the floor.")
+    name: str = _f("Display name; free text.")
+    counted: int | None = _f(
+        "Violations counted in the hours that enter rates; None if masked or unknown.",
+        "violations",
+        "M15",
+        default=None,
+    )
+    is_masked: bool = _f("True: 1 to `mask_below`-1 were counted; no figure of this area is shown.", default=False)
+    is_held_back: bool = _f("True: its figures are held back, as they would tell a masked one.", default=False)
+    often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
+    risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
+    exposure_h: float | None = _f("Person-hours seen in the area.", "person-hours", "M15", default=None)
+    share: float | None = _f("Its rate over the sum of all areas' rates.", "share", "M15", default=None)
+    recorded_share: float | None = _f(
+        "Open hours recorded by its cameras, each weighted by how much of the area it counts.",
+        "share",
+        "M1",
+        default=None,
+    )
+    cameras: tuple[str, ...] = _f(
+        "Ids of the cameras that count at least 1 % of the area, the largest part first.", default=()
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HourCell:
+    """One local hour of the week."""
+
+    day: date = _f("Local date.")
+    hour: int = _f("Local hour, 0 to 23.")
+    fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
+    start: datetime = _f("Start with offset.")
+    state: HourState = _f("See the house plan, section 7.6.")
+    violations: int | None = _f(
+        "Violations counted; None if masked, no data or closed.", "violations", "M8", default=None
+    )
+    is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
+    is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
+    scaled: float | None = _f("Low-data hours: counted over recorded share, rough.", "violations", default=None)
+    share: float | None = _f("Camera-hours recorded over open camera-hours.", "share", "M1", default=None)
+    cameras_down: int = _f("Cameras that recorded less than half of it: the true figure is higher.", default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DayMean:
+    """Mean of a day's full hours."""
+
+    day: date = _f("Local date.")
+    value: float | None = _f(
+        "Mean violations per full hour, masked ones taken as `mask_below` / 2; None without a full hour.",
+        "violations per hour",
+        default=None,
+    )
+    hours: int = _f("Full hours in it.", default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HourMean:
+    """Mean of a local hour's full cells over the week."""
+
+    hour: int = _f("Local hour, 0 to 23.")
+    value: float | None = _f(
+        "Mean violations per full hour, masked ones taken as `mask_below` / 2; None without a full hour.",
+        "violations per hour",
+        default=None,
+    )
+    hours: int = _f("Full hours in it.", default=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class When:
+    """The timetable."""
+
+    cells: tuple[HourCell, ...] = _f(
+        "All local hours of the week in order (167 to 169 of them), or only the open ones."
+    )
+    day_means: tuple[DayMean, ...] = _f("Monday to Sunday.", default=())
+    hour_means: tuple[HourMean, ...] = _f("By local hour.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLine:
+    """One line of the site's change log, or a change that was detected."""
+
+    at: datetime = _f("Instant in the site's zone.")
+    text: str = _f("Free text.")
+    kind: LogKind = _f("Written by a person, or detected.", default="logged")
+    area_id: str | None = _f("Area it concerns; None for the whole floor.", default=None)
+    area_name: str | None = _f("Its display name.", default=None)
+    since: Estimate | None = _f(
+        "The area since the entry, against the same hours of the week before.", "per open hour", "M27", default=None
+    )
+    moved_after: float | None = _f(
+        "Share of the area's change over the week that came after the entry, 0 to 1.", "share", default=None
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettingsChange:
+    """A setting or calibration that changed inside the comparison window, so that nothing is compared."""
+
+    name: str = _f("Setting, such as distance_m; or calibration, cameras, engine, rules (of purged hours).")
+    before: str = _f("Value before, with unit.")
+    after: str = _f("Value after, with unit.")
+    at: datetime | None = _f(
+        "Instant of the change in the site's zone; None: somewhere between the two weeks.", default=None
+    )
+    often_before: Estimate | None = _f(
+        "How often, in this week before the change.", "per open hour", "M0", default=None
+    )
+    often_after: Estimate | None = _f(
+        "How often, in this week from the change on.", "per open hour", "M0", default=None
+    )
+    command: str | None = _f("What recomputes the week with one setting.", default=None)

@@ -1,0 +1,247 @@
+"""The numbered spots of the map and their cards: tested hotspots (M20) where there are any, else the busiest areas.
+
+A spot says when it is busy, how sure it is, and what to ask about the room. How sure (brief, 4.3): high when at least
+90 % of the hours were recorded, it shows on at least five days, and its camera knows positions to half a metre; medium
+when one of these is missed; low when two are, or its camera was down in its usual hours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from datetime import date, timedelta
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from vsd_analytics.figures.cell_places import CellPlace
+from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot
+from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_map import FloorMap, MapSpot
+from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, Sureness, UsualHours
+from vsd_analytics.figures.week.results import AreaRow
+from vsd_analytics.result import Reason
+
+SPOTS_MAX: Final = 3
+RECORDED_SHARE: Final = 0.9
+DAYS_PRESENT: Final = 5
+ERROR_M: Final = 0.5
+DOWN_SHARE: Final = 0.25
+"""A camera that missed this share of a spot's usual hours was down in them."""
+USUAL_SHARE: Final = 0.5
+"""Usual hours hold at least this share of a spot's violations."""
+USUAL_MIN: Final = 30
+"""Fewer violations have no usual hours."""
+WEEKDAY_RATIO: Final = 1.25
+"""A weekday is named when it has so many times the mean of the days."""
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """Violations at a spot: one entry each."""
+
+    day: Ints
+    hour: Ints
+    camera: list[str]
+
+    def since(self, first: date) -> _Seen:
+        """Return those from a day on."""
+        kept = self.day >= first.toordinal()
+        return _Seen(self.day[kept], self.hour[kept], [c for c, k in zip(self.camera, kept, strict=True) if k])
+
+
+def spots(
+    data: WeekData,
+    found: FloorHotspots,
+    *,
+    telling: Collection[str],
+    areas: Sequence[AreaRow],
+    maps: Sequence[FloorMap],
+    coverage: Coverage,
+) -> Spots:
+    """Return the numbered spots of the week; the page names them and asks (`report.model.spot_words`).
+
+    Args:
+        data: The week; its warehouse holds the hotspots' window.
+        found: The hotspots of the analysis room.
+        telling: Ids of those whose figures would tell a small count; they are shown without.
+        areas: The areas, busiest first.
+        maps: The maps, whose numbers the busiest areas take over.
+        coverage: What was recorded.
+    """
+    is_tested = found.state == "ok" and bool(found.spots)
+    why = None if is_tested else Reason("hotspots.none_stand_out") if found.state == "ok" else found.reason
+    if is_tested:
+        cards = [_tested(data, s, areas, coverage, found) for s in found.spots[:SPOTS_MAX]]
+        cards = [_without_figures(c) if s.spot_id in telling else c for c, s in zip(cards, found.spots, strict=False)]
+    else:
+        cards = [_busiest(data, n, a, at, coverage) for n, (a, at) in enumerate(_areas(areas, maps), 1)]
+    return Spots(
+        kind="tested" if is_tested else "busiest",
+        reason=why,
+        first=found.first if is_tested else None,
+        last=found.last if is_tested else None,
+        cards=tuple(cards),
+    )
+
+
+def numbered(maps: tuple[FloorMap, ...], found: Spots) -> tuple[FloorMap, ...]:
+    """Return the maps with the numbers of tested spots; a picture is in pixels, so it gets none."""
+    if found.kind != "tested":
+        return maps
+    marks = tuple(MapSpot(number=c.number, name=c.name, at=c.at) for c in found.cards if c.at is not None)
+    return tuple(replace(m, spots=() if m.kind == "picture" else marks) for m in maps)
+
+
+def place_shape(place: CellPlace) -> BaseGeometry:
+    """Return the floor a hotspot lies on, floor metres."""
+    return shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in place.polygons])
+
+
+def _tested(
+    data: WeekData, spot: FloorSpot, areas: Sequence[AreaRow], coverage: Coverage, found: FloorHotspots
+) -> SpotCard:
+    place = spot.place
+    row = next((a for a in areas if a.area_id == place.area_id and place.area_id is not None), None)
+    seen = _inside(data, place_shape(place), found.first)
+    evidence, usual = _evidence(data, seen, coverage, row)
+    return SpotCard(
+        number=spot.number,
+        name=place.area_name or "",
+        at=(place.peak_x_m, place.peak_y_m),
+        area_id=place.area_id,
+        often=row.often if row is not None else None,
+        ratio=Estimate(value=spot.ratio, lo=spot.lo, hi=spot.hi),
+        excess_per_week=spot.excess_per_week,
+        is_new=None if spot.state is None else spot.state == "new",
+        since=spot.since if spot.state is not None else None,
+        is_since_first=spot.is_since_first,
+        usual=usual,
+        evidence=evidence,
+        ask="",
+        question="",
+    )
+
+
+def _without_figures(card: SpotCard) -> SpotCard:
+    ratio = Estimate(value=None, state="not_enough_data", reason=GIVES_AWAY)
+    return replace(card, ratio=ratio, excess_per_week=None)
+
+
+def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] | None, coverage: Coverage) -> SpotCard:
+    evidence, usual = _evidence(data, _inside(data, str(row.area_id), data.monday), coverage, row)
+    return SpotCard(
+        number=number,
+        name=row.name,
+        at=at,
+        area_id=row.area_id,
+        often=row.often,
+        usual=usual,
+        evidence=evidence,
+        ask="",
+        question="",
+    )
+
+
+def _areas(areas: Sequence[AreaRow], maps: Sequence[FloorMap]) -> list[tuple[AreaRow, tuple[float, float] | None]]:
+    """Return the areas that the map numbers, with their place on it; without a map, the three busiest."""
+    drawn = [a for a in areas if a.area_id is not None and a.often.value]
+    if not any(m.kind != "picture" for m in maps):
+        return [(a, None) for a in drawn[:SPOTS_MAX]]
+    found: list[tuple[AreaRow, tuple[float, float] | None]] = []
+    for mark in (s for m in maps for s in m.spots):
+        row = next((a for a in drawn if a.name == mark.name), None)
+        if row is not None:
+            drawn.remove(row)
+            found.append((row, mark.at))
+    return found
+
+
+def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
+    """Return the violations in opening hours, from a day on, in an area or on some floor."""
+    rows = data.warehouse.table(
+        "select local_date, local_hour, camera_id, cx, cy from violations "
+        "where floor_id = $floor and is_open and cx is not null and local_date between $first and $last "
+        "and ($area is null or area_id = $area) order by started_ms, camera_id, track_a, track_b",
+        {
+            "floor": data.floor.floor_id,
+            "first": first,
+            "last": data.sunday,
+            "area": where if isinstance(where, str) else None,
+        },
+    )
+    day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
+    kept = np.ones(rows.num_rows, dtype=np.bool_)
+    if not isinstance(where, str):
+        cell_m = data.site.settings.cell_m
+        x, y = ((rows[c].to_numpy() + 0.5) * cell_m for c in ("cx", "cy"))
+        kept = np.asarray(shapely.contains_xy(where, x, y))
+    cameras = [c for c, k in zip(rows["camera_id"].to_pylist(), kept, strict=True) if k]
+    return _Seen(day[kept], rows["local_hour"].to_numpy().astype(np.int64)[kept], cameras)
+
+
+def _evidence(
+    data: WeekData, seen: _Seen, coverage: Coverage, row: AreaRow | None
+) -> tuple[Evidence | None, UsualHours | None]:
+    week = seen.since(data.monday)
+    if not len(seen.day):
+        return None, None
+    counts = {c: seen.camera.count(c) for c in data.ids}
+    camera_id = max(data.ids, key=lambda c: counts[c])
+    camera = next(c for c in data.cameras if c.camera_id == camera_id)
+    records = {c.camera_id: c for c in coverage.cameras}
+    usual = _usual(seen, data)
+    shares = [(counts[c], records[c].share or 0.0) for c in data.ids if counts[c]]
+    recorded = sum(n * s for n, s in shares) / sum(n for n, _ in shares)
+    if row is not None and row.recorded_share is not None:
+        recorded = row.recorded_share
+    until = data.midnight(data.monday + timedelta(days=7))
+    valid = [c for c in camera.calibrations if c.valid_from is None or c.valid_from < until]
+    error_m = valid[-1].error_m if valid else None
+    lost = open_h = 0.0
+    usual_hours = range(0) if usual is None else range(usual.first_hour, usual.last_hour + 1)
+    for day in records[camera_id].days:
+        for hour in usual_hours:
+            if (share := day.hourly_share[hour]) is not None:
+                lost, open_h = lost + 1 - share, open_h + 1
+    is_down = open_h > 0 and lost > DOWN_SHARE * open_h
+    n_days = len(np.unique(week.day))
+    missed = sum((recorded < RECORDED_SHARE, n_days < DAYS_PRESENT, error_m is None or error_m > ERROR_M))
+    sureness: Sureness = "low" if is_down or missed >= 2 else "medium" if missed else "high"
+    return Evidence(
+        sureness=sureness,
+        recorded_share=recorded,
+        days_present=n_days,
+        error_m=error_m,
+        camera_id=camera_id,
+        camera_name=camera.name,
+        lost_h=lost,
+        is_camera_down=is_down,
+    ), usual
+
+
+def _usual(seen: _Seen, data: WeekData) -> UsualHours | None:
+    """Return the fewest hours in a row with half of the violations, and the weekday that stands out."""
+    n = len(seen.day)
+    if n < max(USUAL_MIN, int(data.site.settings.mask_below)):
+        return None
+    by_hour = np.bincount(seen.hour, minlength=24)
+    total = np.concatenate([[0], np.cumsum(by_hour)])
+    runs = [(b - a, -(total[b] - total[a]), a, b) for a in range(24) for b in range(a + 1, 25)]
+    _, _, first, end = min(r for r in runs if -r[1] >= USUAL_SHARE * n)
+    by_day = np.bincount((seen.day - 1) % 7, minlength=7)
+    best, mean = int(by_day.argmax()), n / max(1, int((by_day > 0).sum()))
+    return UsualHours(
+        weekday=best if by_day[best] >= WEEKDAY_RATIO * mean else None,
+        first_hour=first,
+        last_hour=end - 1,
+        share=float((total[end] - total[first]) / n),
+    )

@@ -1,0 +1,111 @@
+"""The timetable: violations by local hour, states, averages, and the busiest hour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.hidden_counts import timetable_hours
+from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, HourState, When
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timetable:
+    """The hours of a week, ready to print.
+
+    Attributes:
+        when: The timetable.
+        busiest: The full hour with most violations, of those that may be printed; None without a full hour.
+    """
+
+    when: When
+    busiest: BusiestHour | None
+
+
+def timetable(data: WeekData) -> Timetable:
+    """Return the hours of the week in which the site opens on any day, with their states and counts.
+
+    A count from 1 to under `mask_below` is held back. Averages are made of what is printed, with the middle of 1 to
+    `mask_below` - 1 for such hours, so that they tell nothing more.
+    """
+    cells = _cells(data)
+    full = [(c, _printed(c, data)) for c in cells if c.state == "full"]
+    known = [(c, n) for c, n in full if n is not None]
+    by_day = [_mean([n for c, n in known if c.day == day]) for day in data.week_days]
+    open_hours = sorted({c.hour for c in cells})
+    by_hour = [_mean([n for c, n in known if c.hour == hour]) for hour in open_hours]
+    when = When(
+        cells=cells,
+        day_means=tuple(DayMean(day=d, value=v, hours=n) for d, (v, n) in zip(data.week_days, by_day, strict=True)),
+        hour_means=tuple(HourMean(hour=h, value=v, hours=n) for h, (v, n) in zip(open_hours, by_hour, strict=True)),
+    )
+    return Timetable(when=when, busiest=_busiest(known))
+
+
+def hour_state(share: float, data: WeekData, *, is_open: bool) -> HourState:
+    """Return the state of an hour of which `share` of the opening time was recorded (house plan, section 7.6)."""
+    settings = data.site.settings
+    if not is_open:
+        return "closed"
+    if share >= settings.full_hour_share:
+        return "full"
+    if share >= settings.partial_hour_share:
+        return "partial"
+    return "low_data" if share > 0 else "no_data"
+
+
+def _cells(data: WeekData) -> tuple[HourCell, ...]:
+    hours, settings = data.hours, data.site.settings
+    is_known = data.why_no_violations is None
+    held = data.hidden.hours
+    cells = []
+    for i in timetable_hours(data, data.this):
+        open_s = float(hours.open_s[i])
+        shares = hours.recorded_s[:, i] / open_s if open_s else np.zeros(len(data.ids))
+        share = float(shares.mean()) if len(shares) else 0.0
+        state = hour_state(share, data, is_open=open_s > 0)
+        is_counted = is_known and state not in ("no_data", "closed")
+        n = int(data.whole.n[:, i].sum()) if is_counted and i not in held else None
+        cells.append(
+            HourCell(
+                day=date.fromordinal(int(hours.day[i])),
+                hour=int(hours.hour[i]),
+                fold=int(hours.fold[i]),
+                start=data.local(int(hours.start_ms[i])),
+                state=state,
+                violations=n,
+                is_masked=is_counted and i in held.small,
+                is_held_back=is_counted and i in held.others,
+                scaled=n / share if n is not None and state == "low_data" else None,
+                share=share if open_s else None,
+                cameras_down=int((shares < settings.partial_hour_share).sum()) if open_s else 0,
+            )
+        )
+    return tuple(cells)
+
+
+def _printed(cell: HourCell, data: WeekData) -> float | None:
+    """Return the count a reader knows of a cell; the middle of the small counts for a masked one."""
+    return data.site.settings.mask_below / 2 if cell.is_masked else cell.violations
+
+
+def _mean(values: Sequence[float]) -> tuple[float | None, int]:
+    return (sum(values) / len(values) if values else None), len(values)
+
+
+def _busiest(known: Sequence[tuple[HourCell, float]]) -> BusiestHour | None:
+    best = max(known, key=lambda item: item[1], default=None)
+    if best is None or best[1] == 0:
+        return None
+    cell, n = best
+    mean, _ = _mean([value for _, value in known])
+    return BusiestHour(
+        start=cell.start,
+        violations=cell.violations,
+        is_masked=cell.is_masked,
+        ratio_to_mean=None if cell.is_masked or not mean else n / mean,
+    )

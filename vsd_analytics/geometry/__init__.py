@@ -1,0 +1,1 @@
+"""From pictures to the floor and back: homographies, calibration files, views, overlaps, ownership."""

@@ -1,0 +1,283 @@
+"""Parquet files in bounded memory: sizes are checked in the footer, in the page headers, and while reading.
+
+The sizes in the footer are checked first. The footer may lie, so the headers of a row group's pages are checked before
+the row group is read, and decoded bytes are counted against the same limit. Texts are read as the dictionaries they are
+stored as, so that one long text in every row is in memory once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import IO, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source
+from vsd_analytics.ingest.limits import MB, records_max, too_many, too_many_records, unpacked_max, unpacks_too_far
+from vsd_analytics.ingest.parquet_pages import PageError, ParquetPage, pages
+from vsd_analytics.ingest.raw import rejected
+
+READ_ROWS = BATCH_ROWS // 2
+READ_BYTES = 16 * MB
+"""Bytes of a text column read at once."""
+HANDED_BYTES = 16 * MB
+"""Texts are yielded in pieces of about this size."""
+VALUE_BYTES = 8
+"""Bytes that a value takes in memory at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Some rows.
+
+    Attributes:
+        columns: By our names.
+        lines: Number of each row in the file, from 1.
+        rejected: Rows left out, with a cell too long to read.
+        done: Rows of the file up to here.
+    """
+
+    columns: Mapping[str, pa.Array]
+    lines: np.ndarray
+    rejected: list[Rejected] = field(default_factory=list)
+    done: int = 0
+
+
+class ParquetTable:
+    """One Parquet file, its footer read.
+
+    Args:
+        source: The file.
+
+    Raises:
+        InputError: E205 when its footer cannot be read.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source, self._settings = source, source.settings
+        self._done = 0
+        self._unpacked, self._allowed = 0, unpacked_max(source.size_bytes, source.settings)
+        try:
+            with pq.ParquetFile(source.path) as file:
+                self._metadata = file.metadata
+                self._schema = file.schema_arrow
+                parquet = file.metadata.schema
+                self._leaves = {parquet.column(i).path: i for i in reversed(range(file.metadata.num_columns))}
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # the last: a name that is no UTF-8
+            raise InputError(
+                f"{source.path.name} is not a whole Parquet file",
+                code="E205",
+                where=Where(source.name),
+                why=f"its footer cannot be read, as when a copy was cut short: {str(error)[:200]}",
+                mend="copy or export the file again",
+            ) from None
+        self.names: list[str] = self._schema.names
+        self.n_rows: int = self._metadata.num_rows
+
+    def chunks(self, wanted: Mapping[str, int]) -> Iterator[Chunk]:
+        """Read columns.
+
+        Args:
+            wanted: Number of the column for each of our names.
+
+        Raises:
+            InputError: E203 a column is of a type that cannot be read, E206 the file unpacks to more than is allowed,
+                E209 it has more rows or a larger page than is allowed. Chunks before are valid.
+            pyarrow.ArrowException, OSError, PageError: The file is damaged; see `readable`.
+        """
+        names = {ours: self.names[i] for ours, i in wanted.items()}
+        leaves = {name: self._leaf(name) for name in names.values()}
+        self._check_footer(list(leaves.values()))
+        texts = [n for n, i in leaves.items() if self._metadata.schema.column(i).physical_type == "BYTE_ARRAY"]
+        held: list[pa.RecordBatch] = []  # small row groups are worked on together
+        n_rows = n_bytes = 0
+        damage: Exception | None = None
+        batches = self._batches(leaves, texts)
+        while damage is None:
+            try:
+                batch = next(batches, None)
+            except (pa.ArrowException, PageError, OSError, InputError) as error:  # what came before is handed on first
+                batch, damage = None, error
+            is_other = batch is None or (bool(held) and held[0].schema != batch.schema)
+            if held and (is_other or n_rows >= READ_ROWS or n_bytes >= READ_BYTES):
+                ready, held, n_rows, n_bytes = held, [], 0, 0
+                yield from self._in_pieces(ready, names)
+            if batch is None:
+                break
+            held.append(batch)
+            n_rows, n_bytes = n_rows + batch.num_rows, n_bytes + batch.get_total_buffer_size()
+        if damage is not None:
+            raise damage
+
+    def _batches(self, leaves: Mapping[str, int], texts: list[str]) -> Iterator[pa.RecordBatch]:
+        """Read row group by row group, texts as dictionaries where they can be."""
+        path, metadata = self._source.path, self._metadata
+        with (
+            path.open("rb") as raw,
+            pq.ParquetFile(path, metadata=metadata, read_dictionary=texts) as coded,
+            pq.ParquetFile(path, metadata=metadata) as plain,
+        ):
+            for group in range(metadata.num_row_groups):
+                if not metadata.row_group(group).num_rows:
+                    continue
+                rows, is_coded = self._how(raw, group, leaves)
+                file = coded if is_coded else plain
+                # a thread a column is worth it where batches are large
+                threads = rows == READ_ROWS
+                yield from file.iter_batches(rows, row_groups=[group], columns=sorted(leaves), use_threads=threads)
+
+    @contextmanager
+    def readable(self) -> Iterator[None]:
+        """Turn pyarrow's errors about columns and damage, also those while chunks are used, into E203 and E205."""
+        try:
+            yield
+        except (pa.ArrowNotImplementedError, pa.ArrowTypeError, pa.ArrowKeyError) as error:
+            raise self._no_such_type(str(error)[:200]) from None
+        except (pa.ArrowException, PageError, OSError) as error:
+            raise InputError(
+                f"{self._source.path.name} is damaged after record {self._done:,}",
+                code="E205",
+                where=Where(self._source.name, self._done + 1),
+                why=str(error)[:200],
+                mend="copy or export the file again; the records before the damage are stored",
+            ) from None
+
+    def _leaf(self, name: str) -> int:
+        """Return the number of the stored column of this name: lists and structs have none, they have parts."""
+        at = self._leaves.get(name)
+        if at is None or self._metadata.schema.column(at).max_repetition_level:
+            raise self._no_such_type(f"{name[:80]} is a {str(self._schema.field(self.names.index(name)).type)[:80]}")
+        length = self._metadata.schema.column(at).length
+        if length is not None and length > self._settings.cell_max_bytes:
+            allowed = int(self._settings.cell_max_bytes)
+            why = f"each cell of {name[:80]} is so long; ids, times and numbers are short"
+            raise too_many(self._source, f"cells of {length:,} bytes", "cell_max_bytes", allowed=allowed, why=why)
+        return at
+
+    def _check_footer(self, leaves: list[int]) -> None:
+        """Refuse a file whose own footer states too many rows or bytes."""
+        if self.n_rows > records_max(self._source.size_bytes, self._settings):
+            raise too_many_records(self._source, self.n_rows)
+        stored = 0
+        for group in range(self._metadata.num_row_groups):
+            row_group = self._metadata.row_group(group)
+            stored += sum(row_group.column(i).total_uncompressed_size for i in leaves)
+        self._count(max(stored, VALUE_BYTES * self.n_rows * len(leaves)))
+        self._unpacked = 0
+
+    def _count(self, n_bytes: int) -> None:
+        self._unpacked += n_bytes
+        if self._unpacked > self._allowed:
+            raise unpacks_too_far(
+                self._source.name, n_bytes=self._source.size_bytes, settings=self._settings, found=self._unpacked
+            )
+
+    def _how(self, raw: IO[bytes], group: int, leaves: Mapping[str, int]) -> tuple[int, bool]:
+        """Check the pages of a row group, and find how it is read.
+
+        Returns:
+            How many rows take at most about `READ_BYTES` a column, and whether texts can be read as dictionaries.
+        """
+        found: dict[str, list[ParquetPage]] = {}
+        rows = READ_ROWS
+        for name, leaf in leaves.items():
+            column = self._metadata.row_group(group).column(leaf)
+            first = column.dictionary_page_offset
+            start = column.data_page_offset if not first or first > column.data_page_offset else first
+            end = min(start + column.total_compressed_size, self._source.size_bytes)
+            read = []
+            for page in pages(raw, start=start, end=end):
+                self._check_page(page, name)
+                self._count(page.unpacked_bytes)
+                read.append(page)
+            if column.physical_type == "BYTE_ARRAY":
+                found[name] = read
+            rows = min(rows, READ_BYTES // max(1, self._metadata.schema.column(leaf).length or VALUE_BYTES))
+        is_coded = all(page.can_be_dictionary for read in found.values() for page in read)
+        sizes = [p.text_bytes for read in found.values() for p in read if not (is_coded and p.is_dictionary)]
+        return max(1, min(rows, int(READ_BYTES // max(1.0, *sizes)))) if sizes else max(1, rows), is_coded
+
+    def _check_page(self, page: ParquetPage, name: str) -> None:
+        allowed = min(int(self._settings.page_max_mb * MB), self._allowed)
+        if page.unpacked_bytes > allowed:
+            found = f"a page of {page.unpacked_bytes:,} bytes in {name[:80]}"
+            why = "a page is unpacked whole; writers make pages of about 1 MB"
+            raise too_many(self._source, found, "page_max_mb", allowed=allowed, why=why)
+
+    def _in_pieces(self, held: list[pa.RecordBatch], names: Mapping[str, str]) -> Iterator[Chunk]:
+        """Leave out rows with a cell that is too long, count what texts take, and hand on the rest bit by bit."""
+        batch = held[0] if len(held) == 1 else pa.Table.from_batches(held).unify_dictionaries().combine_chunks()
+        places = {ours: batch.schema.get_all_field_indices(name)[0] for ours, name in names.items()}
+        columns = {ours: _whole(batch.column(i)) for ours, i in places.items()}
+        n_rows = len(next(iter(columns.values())))
+        lines = np.arange(self._done + 1, self._done + n_rows + 1)
+        is_long, n_bytes = np.zeros(n_rows, dtype=bool), 0
+        too_long: list[Rejected] = []
+        for ours, column in columns.items():
+            lengths = _lengths(column)
+            for i in np.flatnonzero((lengths > self._settings.cell_max_bytes) & ~is_long).tolist():
+                detail = f"{ours} has {lengths[i]:,} bytes; at most {int(self._settings.cell_max_bytes):,} are read"
+                too_long.append(rejected(int(lines[i]), reason="cell-too-long", detail=f"{detail} (cell_max_bytes)"))
+            is_long |= lengths > self._settings.cell_max_bytes
+            n_bytes += int(lengths.sum())
+        self._count(n_bytes + VALUE_BYTES * n_rows * len(columns))
+        if too_long:
+            keep = pa.array(~is_long)
+            columns = {ours: column.filter(keep) for ours, column in columns.items()}
+            lines = lines[~is_long]
+        step = max(1, len(lines) // (1 + n_bytes // HANDED_BYTES))
+        for at in range(0, len(lines), step):
+            part = {ours: _plain(column.slice(at, step)) for ours, column in columns.items()}
+            yield Chunk(part, lines[at : at + step], too_long, self._done + n_rows)
+            too_long = []
+        if too_long:
+            yield Chunk({o: _plain(c) for o, c in columns.items()}, lines, too_long, self._done + n_rows)
+        self._done += n_rows
+
+    def _no_such_type(self, why: str) -> InputError:
+        return InputError(
+            f"{self._source.path.name} has a column of a type that cannot be read",
+            code="E203",
+            where=Where(self._source.name),
+            why=why,
+            mend="write numbers, texts and timestamps into plain columns; --map names the right ones",
+        )
+
+
+def _whole(column: pa.Array | pa.ChunkedArray) -> pa.Array:
+    return column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+
+
+def _lengths(column: pa.Array) -> np.ndarray:
+    """Return the bytes of each cell of a text, 0 of others."""
+    nothing = np.zeros(len(column), dtype=np.int64)
+    if pa.types.is_dictionary(column.type):
+        lengths = np.append(_lengths(column.dictionary), 0)
+        return np.asarray(lengths[pc.fill_null(column.indices, len(lengths) - 1).to_numpy(zero_copy_only=False)])
+    if not _is_text(column.type):
+        return nothing
+    return np.asarray(pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False), dtype=np.int64)
+
+
+def _plain(column: pa.Array) -> pa.Array:
+    """Return a column without a dictionary; texts that are no UTF-8 as bytes, to be shown as escapes."""
+    if pa.types.is_dictionary(column.type):
+        column = column.dictionary.take(column.indices)
+    if not any(check(column.type) for check in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)):
+        return column
+    try:
+        column.validate(full=True)
+    except pa.ArrowInvalid:  # Parquet promises UTF-8 and does not look
+        return column.cast(pa.large_binary())
+    return column
+
+
+def _is_text(kind: Any) -> bool:
+    checks = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
+    return any(check(kind) for check in checks)

@@ -1,0 +1,146 @@
+"""From MQTT payloads to the stored tables: decoded, checked against the live clock, pseudonymised."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+
+import msgspec
+import pyarrow as pa
+
+from vsd_analytics.errors import VsdError
+from vsd_analytics.ingest.adapter import IngestOptions, Rejected
+from vsd_analytics.ingest.frames import MessageRows
+from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.pipeline import with_site
+from vsd_analytics.ingest.raw import rejected
+from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.schema import TableName
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.secrets import DayKeys
+
+RETAINED = "the broker stored this copy (retain flag), so its age is unknown: publish frames without the retain flag"
+EMPTY = "the message is empty"
+OUT_OF_RANGE = "time-out-of-range"
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A batch of messages ready for the store.
+
+    Attributes:
+        tables: Rows in `SCHEMAS`.
+        rejected: Records for quarantine; `line` is the running number of the message.
+        n_dropped: Counts by reason of records and fields left out on purpose.
+        engines: Engine names and versions the rows came from.
+        apart: Camera and instant (UTC milliseconds) of each message whose time is out of range.
+    """
+
+    tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
+    rejected: Sequence[Rejected] = ()
+    n_dropped: Mapping[str, int] = field(default_factory=dict)
+    engines: Sequence[str] = ()
+    apart: Sequence[tuple[str, int]] = ()
+
+
+class Preparer:
+    """Prepares the messages of one site.
+
+    Args:
+        site: The site; its cameras, settings, clocks and secrets are used.
+        now: The clock at the start.
+    """
+
+    def __init__(self, site: Site, *, now: datetime) -> None:
+        self._options = with_site(site, IngestOptions())
+        keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms else None
+        self._normaliser = Normaliser(site, now=now, keys=keys)
+        self._n_messages = 0
+
+    def prepare(self, deliveries: Sequence[ReceivedMessage], *, now: datetime) -> Prepared:
+        """Return the records of a batch of messages in stored form.
+
+        A message that makes the reader itself fail is quarantined alone. It must not stop the messages beside it, and
+        it must be acknowledged, or the broker would send it again for ever.
+
+        Args:
+            deliveries: Messages in the order they arrived.
+            now: The clock: instants outside [now - live_late_max_s, now + live_ahead_max_s] are rejected.
+
+        Raises:
+            VsdError: E303, the key of a day is damaged; the messages can be tried again.
+            OSError: The disk refused a new day's key; the messages can be tried again.
+        """
+        self._normaliser.live_at(now)
+        first, self._n_messages = self._n_messages + 1, self._n_messages + len(deliveries)
+        try:
+            return self._read(deliveries, first)
+        except (VsdError, OSError):
+            raise
+        except Exception:  # one message is the cause: find it by reading each alone
+            return _joined([self._read_alone(d, number) for number, d in enumerate(deliveries, first)])
+
+    def _read(self, deliveries: Sequence[ReceivedMessage], first: int) -> Prepared:
+        limit = self._options.line_max_bytes
+        rows = MessageRows(self._options)
+        for number, delivery in enumerate(deliveries, first):
+            if delivery.is_retained:
+                rows.reject(number, "retained", RETAINED, delivery.payload)
+            elif delivery.n_bytes > limit:
+                rows.reject(number, "line-too-long", f"the message is longer than {limit:,} bytes", delivery.payload)
+            elif not delivery.payload.strip():
+                rows.reject(number, "bad-json", EMPTY, delivery.payload)
+            else:
+                rows.add(number, delivery.payload)
+        raw = rows.batch(0)
+        clean = self._normaliser.normalise(raw)
+        bad = _by_message(clean.rejected, {n: d.payload for n, d in enumerate(deliveries, first)})
+        bad = [replace(r, detail=f"{r.detail}; topic {deliveries[r.line - first].topic}") for r in bad]
+        return Prepared(clean.tables, bad, clean.n_dropped, raw.engines, _apart(clean.rejected))
+
+    def _read_alone(self, delivery: ReceivedMessage, number: int) -> Prepared:
+        try:
+            return self._read([delivery], number)
+        except (VsdError, OSError):
+            raise
+        except Exception as error:
+            detail = f"the message cannot be read: {type(error).__name__}: {error}; topic {delivery.topic}"
+            bad = rejected(number, reason="bad-message", detail=detail[:1000], record=delivery.payload)
+            return Prepared(rejected=[bad])
+
+
+def _apart(rejects: Sequence[Rejected]) -> list[tuple[str, int]]:
+    frames = [r.row for r in rejects if r.reason == OUT_OF_RANGE and r.table == "frames" and r.row is not None]
+    return [(str(row["camera"]), int(row["ts_ms"])) for row in map(msgspec.json.decode, frames)]
+
+
+def _by_message(rejects: Sequence[Rejected], payloads: Mapping[int, bytes]) -> list[Rejected]:
+    """Replace the rejected rows of a message whose time is out of range by the message: rows take ten times the space.
+
+    A message too long to be held whole stays as rows, which can be replayed.
+    """
+    found: list[Rejected] = []
+    together: set[int] = set()
+    for r in rejects:
+        if r.line in together:
+            continue
+        whole = rejected(r.line, reason=r.reason, detail=r.detail, record=payloads[r.line])
+        if r.reason == OUT_OF_RANGE and whole.whole is not None:
+            together.add(r.line)
+            found.append(whole)
+        else:
+            found.append(r)
+    return found
+
+
+def _joined(parts: Sequence[Prepared]) -> Prepared:
+    names = list(dict.fromkeys(name for p in parts for name in p.tables))
+    return Prepared(
+        {name: pa.concat_tables(p.tables[name] for p in parts if name in p.tables) for name in names},
+        [r for p in parts for r in p.rejected],
+        sum((Counter(p.n_dropped) for p in parts), Counter()),
+        sorted({e for p in parts for e in p.engines}),
+        [a for p in parts for a in p.apart],
+    )

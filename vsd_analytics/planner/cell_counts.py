@@ -1,0 +1,291 @@
+"""What lies where in a week, by camera, cell and hour, with small counts put together (`planner.fives`).
+
+Violations lie in cells of half a metre, person-time in squares of a metre; rectangles of the page are made of whole
+squares, so that both are exact in them. Small counts are put together within an area or the rest of the floor, never
+across: cells that summed to more than their area would tell how many came from beside it. Cells are numbered by row
+from the lower left corner of the grid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vsd_analytics.figures.maps import ExcessMap, excess_map
+from vsd_analytics.figures.panels import Flags, Period, positions
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_map import Extent
+from vsd_analytics.planner.rounding import in_fives
+from vsd_analytics.site.model import Area
+
+Ints = NDArray[np.int64]
+SQUARE_M: Final = 1.0
+CELL_M: Final = 0.5
+FINE_M: Final = 0.25
+"""Cells of the report's map, in which the page draws too."""
+SQUARES_MAX: Final = 100_000
+"""Larger floors have no map: the page would not stay quick."""
+UNIT_MS: Final = 100
+"""Person-time is rounded to this, unless all of it is a multiple of something larger, such as the frame interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class CellGrid:
+    """Squares of a metre that cover the floor shown.
+
+    Attributes:
+        x0, y0: Floor metres of the lower left corner, whole.
+        n_x, n_y: Squares across and up.
+    """
+
+    x0: int
+    y0: int
+    n_x: int
+    n_y: int
+
+    @property
+    def n_squares(self) -> int:
+        """Return the number of squares."""
+        return self.n_x * self.n_y
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Rows of a sparse table, by camera, cell and slot.
+
+    Attributes:
+        camera, cell, slot: Each below the number of cameras, cells, and open hours of the week.
+        values: Columns, shape (n_kinds, n_rows).
+    """
+
+    camera: Ints
+    cell: Ints
+    slot: Ints
+    values: Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeekCells:
+    """What lies where in a week.
+
+    Attributes:
+        violations: By cell of half a metre.
+        fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
+            half a metre lie in it: camera, cell, violations, shape (3, n).
+        time: Person-time and person-time in violation by square, in `unit_ms`; each from at least so many tracks.
+        unit_ms: Unit of person-time.
+        excess: Time in violation over that of random mixing (M19), the whole week.
+    """
+
+    violations: Rows
+    fine: Ints
+    time: Rows
+    unit_ms: int
+    excess: ExcessMap
+
+
+def grid_of(extent: Extent) -> CellGrid | None:
+    """Return the squares that cover the floor shown; None when there are too many."""
+    x0, y0, x1, y1 = extent
+    grid = CellGrid(math.floor(x0), math.floor(y0), math.ceil(x1) - math.floor(x0), math.ceil(y1) - math.floor(y0))
+    return grid if grid.n_squares <= SQUARES_MAX else None
+
+
+def week_cells(
+    data: WeekData,
+    period: Period,
+    *,
+    slots: Ints,
+    used: Flags,
+    shared: Flags,
+    extent: Extent,
+    grid: CellGrid,
+    below: int,
+    hidden: Sequence[Area | None] | None = (),
+) -> WeekCells:
+    """Return what lies where.
+
+    Args:
+        data: The floor.
+        period: The week.
+        slots: Which of the floor's hours are the week's open ones, rising.
+        used: Camera-hours that take part, shape (n_cameras, n_slots).
+        shared: Those of them that are compared with the other week, same shape; small counts stay on their side.
+        extent: The floor shown; what lies outside is left out, as on the report's map.
+        grid: Squares that cover it.
+        below: Counts from 1 to just under this are put together.
+        hidden: Areas whose counts are held back (None among them: the rest of the floor), which are one place here;
+            None = the floor's own count is held back, so that no violation has a cell.
+    """
+    x0, y0, x1, y1 = (end / CELL_M for end in extent)
+    rows = data.warehouse.table(
+        "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, n_violations, n_tracks, exposure_ms, "
+        "violation_ms from planner_cells where floor_id = $floor and hour_start_ms between $from and $to "
+        "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
+        {
+            "floor": data.floor.floor_id,
+            **_from_to(data, slots),
+            **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
+        },
+    )
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    start_ms = data.hours.start_ms[slots]
+    slot = np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy())
+    n_across = round(1 / CELL_M)
+    x, y = rows["cx"].to_numpy() - grid.x0 * n_across, rows["cy"].to_numpy() - grid.y0 * n_across
+    n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
+    slot = np.minimum(slot, len(slots) - 1)
+    taken = used[camera, slot] & (start_ms[slot] == rows["hour_start_ms"].to_numpy())
+    keys = np.stack((camera, slot, x, y, data.hours.day[slots][slot], shared[camera, slot]))[:, taken]
+    n, tracks, *times = (v[taken] for v in (n, tracks, *times))
+    is_able, stood = data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
+    places = _places(data, grid, hidden=hidden or ())
+    unit_ms = _unit(*times)
+    return WeekCells(
+        violations=_given(keys[:, is_able], [n[is_able]], grid=grid, across=n_across, below=below, places=places),
+        fine=_fine(
+            data, slots=slots, used=used & (hidden is not None), extent=extent, grid=grid, below=below, places=places
+        ),
+        time=_given(
+            keys[:, stood],
+            [np.maximum(tracks, 1)[stood], *(_rounded(v[stood], unit_ms) for v in times)],
+            grid=grid,
+            across=n_across,
+            below=below,
+            is_square=True,
+        ),
+        unit_ms=unit_ms,
+        excess=excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last),
+    )
+
+
+def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:
+    """Return the UTC instants of the first and the last of some hours; no hour lies between those of none."""
+    start_ms = data.hours.start_ms[slots]
+    return {"from": int(start_ms[0]), "to": int(start_ms[-1])} if slots.size else {"from": 1, "to": 0}
+
+
+def _fine(
+    data: WeekData, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int, places: Ints
+) -> Ints:
+    """Return the week's violations by camera and cell of the report's map; arguments as for `week_cells`."""
+    rows = data.warehouse.table(
+        "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, count(*)::bigint as n from violations "
+        "where floor_id = $floor and hour_start_ms between $from and $to and is_open and cx is not null "
+        "group by all order by all",
+        {"floor": data.floor.floor_id, **_from_to(data, slots)},
+    )
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    start_ms = data.hours.start_ms[slots]
+    slot = np.minimum(np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy()), len(slots) - 1)
+    x, y = rows["cx"].to_numpy(), rows["cy"].to_numpy()
+    x0, y0, x1, y1 = (end / FINE_M for end in extent)
+    taken = used[camera, slot] & data.whole.cameras[camera]
+    taken &= (x >= math.floor(x0)) & (x < math.ceil(x1)) & (y >= math.floor(y0)) & (y < math.ceil(y1))
+    across = round(SQUARE_M / FINE_M)
+    x, y = x[taken] - grid.x0 * across, y[taken] - grid.y0 * across
+    side = round(CELL_M / FINE_M)
+    half = (y // side) * grid.n_x * (across // side) + x // side
+    cell = y * grid.n_x * across + x
+    place = places[half]
+    order = np.lexsort((cell, half, camera[taken], place))
+    keys = np.stack((camera[taken], half, cell, place))[:, order]
+    is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
+    n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
+    keys = keys[:, is_first]
+    given = in_fives(n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=below).values[0]
+    kept = np.flatnonzero(given)
+    kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
+    return np.stack((keys[0][kept], keys[2][kept], given[kept]))
+
+
+def _given(
+    keys: Ints,
+    values: list[Ints],
+    *,
+    grid: CellGrid,
+    across: int,
+    below: int,
+    places: Ints | None = None,
+    is_square: bool = False,
+) -> Rows:
+    """Return rows of which none is small: neighbours in time first, then the square beside, in rows to and fro.
+
+    Args:
+        keys: Camera, slot, column and row of the cell of half a metre, day, compared or not; one column per row.
+        values: What lies there; the first decides what is small.
+        grid: The squares.
+        across: Cells along a side of a square.
+        below: Counts from 1 to just under this are small.
+        places: Place of each cell of half a metre; small counts stay in theirs. None: one place.
+        is_square: Add up to squares; the first of `values` are tracks then, of which squares have at least as many as
+            their busiest cell, and which are not returned.
+    """
+    camera, slot, x, y, day, side = keys
+    square_x, square_y = x // across, y // across
+    if is_square:
+        x, y, across = square_x, square_y, 1
+    n_x = grid.n_x * across
+    walk = square_y * grid.n_x + np.where(square_y % 2 == 0, square_x, grid.n_x - 1 - square_x)
+    cell = y * n_x + x
+    place = np.zeros_like(cell) if places is None else places[cell]
+    order = np.lexsort((x, y, slot, side, day, walk, camera, place))
+    camera, slot, cell, walk, day, side, place = (v[order] for v in (camera, slot, cell, walk, day, side, place))
+    # one row per camera, cell and hour: half-metre rows that share a square are added up
+    is_first = np.append(True, np.any([v[1:] != v[:-1] for v in (camera, slot, cell)], axis=0))[: camera.size]
+    row = np.cumsum(is_first) - 1
+    summed = np.zeros((len(values), int(is_first.sum())), dtype=np.int64)
+    for k, (total, value) in enumerate(zip(summed, values, strict=True)):
+        (np.maximum if is_square and k == 0 else np.add).at(total, row, value[order])
+    camera, slot, cell, walk, day, side, place = (v[is_first] for v in (camera, slot, cell, walk, day, side, place))
+    of_camera = _runs(place, camera)
+    of_square = _runs(of_camera, walk)
+    of_day = _runs(of_square, day)
+    groups = (_runs(of_day, side), of_day, of_square, of_camera, *(() if places is None else (place,)))
+    given = in_fives(summed, groups=groups, below=below).values[int(is_square) :]
+    kept = np.flatnonzero(given.any(axis=0))
+    kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
+    return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])
+
+
+def _places(data: WeekData, grid: CellGrid, *, hidden: Sequence[Area | None]) -> Ints:
+    """Return the place each cell of half a metre lies in, shape (n_cells,): 0 the rest, areas from 1, -1 held back.
+
+    A cell on the border of what is held back belongs to it; any other lies where its middle does.
+    """
+    n_x, n_y = (round(n / CELL_M) for n in (grid.n_x, grid.n_y))
+    y, x = (v.ravel() * CELL_M for v in np.mgrid[:n_y, :n_x])
+    cells = shapely.box(grid.x0 + x, grid.y0 + y, grid.x0 + x + CELL_M, grid.y0 + y + CELL_M)
+    polygons = [shapely.Polygon(a.polygon) for a in data.areas]
+    place = np.zeros(len(cells), dtype=np.int64)
+    for k, polygon in reversed(list(enumerate(polygons, 1))):
+        place[shapely.contains_xy(polygon, grid.x0 + x + CELL_M / 2, grid.y0 + y + CELL_M / 2)] = k
+    held = [p for a, p in zip(data.areas, polygons, strict=True) if a in hidden]
+    if held:
+        place[shapely.area(shapely.intersection(cells, shapely.union_all(held))) > 0] = -1
+    if None in hidden:
+        place[shapely.area(shapely.difference(cells, shapely.union_all(polygons))) > 0] = -1
+    return place
+
+
+def _runs(*values: Ints) -> Ints:
+    """Return a number for each run of equal values."""
+    return np.cumsum(np.append(False, np.any([v[1:] != v[:-1] for v in values], axis=0)))[: values[0].size]
+
+
+def _unit(*times_ms: Ints) -> int:
+    """Return the largest unit all times are multiples of, at least `UNIT_MS`."""
+    common = math.gcd(*(int(np.gcd.reduce(t)) for t in times_ms if t.size))
+    return max(common, UNIT_MS)
+
+
+def _rounded(times_ms: Ints, unit_ms: int) -> Ints:
+    """Return times in units, rounded so that running sums are right to half a unit."""
+    sums = np.cumsum(times_ms)
+    return np.diff((sums + unit_ms // 2) // unit_ms, prepend=0)

@@ -1,0 +1,87 @@
+"""The numbers of the page in the order in which its script reads them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from vsd_analytics.planner import cell_counts
+from vsd_analytics.planner.hour_counts import HourPanel
+from vsd_analytics.planner.pack import packed, sparse, varints
+from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek
+
+ORIGIN: Final = 1_000_000
+"""Added to cell numbers that may be negative."""
+
+
+def packed_numbers(data: PlannerData) -> str:
+    """Return the numbers in the order in which the script reads them."""
+    parts: list[bytes] = []
+    grid = None if data.shown is None else cell_counts.grid_of(data.shown.extent)
+    for week in (data.week, data.before):
+        if week is not None:
+            parts += _panel_bytes(week.panel)
+            if week.cells is not None:
+                parts += _cell_bytes(week, grid)
+    if data.history.day.size:
+        parts += _panel_bytes(data.history)
+    if grid is not None:
+        parts += _walkable_bytes(data)
+    return packed(parts)
+
+
+def _panel_bytes(panel: HourPanel) -> list[bytes]:
+    numbers = (panel.day, panel.weekday, panel.hour, panel.fold, 2 * panel.recorded_ms + panel.is_counted)
+    return [varints([panel.day.size]), *(varints(v) for v in (*numbers, panel.n, panel.exposure_ms))]
+
+
+def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[bytes]:
+    assert week.cells is not None
+    assert grid is not None
+    n_slots, across = week.panel.day.size, round(cell_counts.SQUARE_M / cell_counts.CELL_M)
+    per_square = round(cell_counts.SQUARE_M / cell_counts.FINE_M) ** 2
+
+    def table(rows: cell_counts.Rows, n_cells: int) -> list[bytes]:
+        return sparse((rows.camera * n_cells + rows.cell) * n_slots + rows.slot, *rows.values)
+
+    lying = week.cells
+    ratio = lying.excess
+    if ratio.grid is None or ratio.values is None:
+        excess = [varints([0, 0, ORIGIN, ORIGIN])]
+    else:
+        n_y, n_x = ratio.grid.shape
+        whole = np.nan_to_num(np.rint(ratio.values * 100) + 1, nan=0.0)
+        excess = [varints([n_x, n_y, ORIGIN + ratio.grid.cx, ORIGIN + ratio.grid.cy]), varints(whole)]
+    return [
+        *_part(table(lying.violations, grid.n_squares * across**2)),
+        *_part(sparse(lying.fine[0] * grid.n_squares * per_square + lying.fine[1], lying.fine[2])),
+        *_part([varints([lying.unit_ms]), *table(lying.time, grid.n_squares)]),
+        *_part(excess),
+    ]
+
+
+def _part(parts: list[bytes]) -> list[bytes]:
+    """Return bytes with how many they are before them, so that the script reads them when it needs them."""
+    return [varints([sum(map(len, parts))]), *parts]
+
+
+def _walkable_bytes(data: PlannerData) -> list[bytes]:
+    """Return which cells are free, open steps, cells near free floor, and each blocked cell's nearest free one."""
+    from scipy.ndimage import binary_dilation, distance_transform_edt
+
+    floor = data.walkable
+    if floor is None:
+        return [varints([0])]
+    free = floor.is_free
+    near = binary_dilation(free, iterations=2, structure=np.ones((3, 3), dtype=np.bool_))
+    rows, columns = distance_transform_edt(~free, return_distances=False, return_indices=True)
+    home = (rows * free.shape[1] + columns)[~free]
+    return [varints([1]), *(_runs(v) for v in (free, floor.to_right, floor.upwards, near)), varints(home)]
+
+
+def _runs(flags: Any) -> bytes:
+    """Return flags as lengths of runs, the first of which are false."""
+    flat = np.concatenate([[False], np.asarray(flags).ravel()])
+    changes = np.flatnonzero(flat[1:] != flat[:-1])
+    return varints(np.diff(np.concatenate([[0], changes, [flat.size - 1]])))

@@ -1,0 +1,147 @@
+"""The hours of a week and what was counted in them, without what the report holds back."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
+
+import numpy as np
+
+from vsd_analytics.figures.panels import Flags, Ints, Period, Place, TwoPeriods
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.planner.rounding import in_fives
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, Floor
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+
+class TwoWeeks(WeekData):
+    """A week of a floor and any earlier (or later) one it is compared with.
+
+    Args:
+        warehouse: Opened over both weeks and the five before this one.
+        floor: The floor.
+        monday: First day of the week.
+        before: First day of the other.
+    """
+
+    def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date, before: date) -> None:
+        super().__init__(warehouse, floor=floor, monday=monday)
+        self.pair = TwoPeriods(Period(self, before, before + timedelta(days=6)), self.this)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class HourPanel:
+    """Hours of some days, and what was counted in them.
+
+    Attributes:
+        day: Days since the first day of the period, shape (n_slots,), rising.
+        weekday: 0 Monday to 6 Sunday, same shape.
+        hour: Local hour, 0 to 23, same shape.
+        fold: 1 for the second of two equal local hours, same shape.
+        recorded_ms: Recorded opening time, shape (n_cameras, n_slots).
+        is_counted: Camera-hours that enter rates, same shape.
+        n: Violations, shape (n_places, n_cameras, n_slots); no count is from 1 to under `mask_below`.
+        exposure_ms: Person-milliseconds, same shape.
+    """
+
+    day: Ints
+    weekday: Ints
+    hour: Ints
+    fold: Ints
+    recorded_ms: Ints
+    is_counted: Flags
+    n: Ints
+    exposure_ms: Ints
+
+
+def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
+    """Return which hours of the floor are open, in some days."""
+    ordinals = [d.toordinal() for d in days]
+    return np.flatnonzero(np.isin(data.hours.day, ordinals) & (data.hours.open_s > 0))
+
+
+def panel_of(
+    data: TwoWeeks,
+    days: Sequence[date],
+    places: Sequence[Place],
+    *,
+    first: date,
+    hidden: Collection[int] = (),
+    held: Sequence[Collection[int]] = (),
+    shared: Flags | None = None,
+) -> HourPanel:
+    """Return the open hours of some days; hours that a week's report holds back are given as one sum, in one of them.
+
+    A camera that counts fewer in a place than may be given is told with the camera that counts most there.
+    """
+    slots, hours = open_slots(data, days), data.hours
+    counted = hours.is_counted[:, slots]
+    day = hours.day[slots] - first.toordinal()
+    below = int(data.site.settings.mask_below)
+    shape = (len(places), len(data.ids), len(slots))
+    n, exposure_ms = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    for k, place in enumerate(places):
+        used = counted & place.cameras[:, None]
+        if data.why_no_exposure is None:
+            exposure_ms[k] = np.where(used, np.rint(place.exposure_h[:, slots] * 3_600_000), 0)
+        if k in hidden:
+            continue
+        counts = np.where(used, place.n[:, slots], 0).astype(np.int64)
+        for of_week in held if k == 0 else ():
+            together = np.isin(slots, list(of_week))
+            if not together.any():
+                continue
+            to = int(np.flatnonzero(together)[np.argmax(counts[:, together].sum(axis=0))])
+            sums = counts[:, together].sum(axis=1)
+            counts[:, together] = 0
+            counts[:, to] = sums
+        left = 0
+        for c, row_n in enumerate(counts):
+            side = np.zeros_like(day) if shared is None else shared[c, slots].astype(np.int64)
+            order = np.lexsort((side, day))
+            groups = (2 * day[order] + side[order], day[order])
+            given = in_fives(row_n[order][None], groups=groups, below=below)
+            n[k, c, order] = given.values[0]
+            left += int(given.n_dropped[0])
+        if n[k].any() or left >= below:
+            n[k].flat[int((n[k] if n[k].any() else counts).argmax())] += left
+    return HourPanel(
+        day=day,
+        weekday=hours.weekday[slots],
+        hour=hours.hour[slots],
+        fold=hours.fold[slots],
+        recorded_ms=np.rint(hours.recorded_s[:, slots] * 1000).astype(np.int64),
+        is_counted=counted,
+        n=n,
+        exposure_ms=exposure_ms,
+    )
+
+
+def hidden_places(
+    data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area | None], *, below: int
+) -> Mapping[int, Reason]:
+    """Return why places are not given: what the report of one of some weeks holds back (`report.hidden`).
+
+    Args:
+        data: The floor.
+        mondays: First days of the weeks.
+        areas: The places after the whole floor, which is the first: areas, and None for the rest.
+        below: Counts from 1 to just under this are small.
+    """
+    found: dict[int, Reason] = {}
+    for week in map(data.hidden_in, mondays):
+        if week.why_floor is not None:
+            found.setdefault(0, week.why_floor)
+        for k, area in enumerate(areas, 1):
+            why = week.places.why(None if area is None else area.area_id, below=below)
+            if why is not None:
+                found.setdefault(k, why)
+    return dict(sorted(found.items()))
+
+
+def held_hours(data: TwoWeeks, mondays: Sequence[date]) -> list[Collection[int]]:
+    """Return the hours whose counts the timetables of some weeks hold back, week by week."""
+    weeks = (data.hidden_in(monday).hours for monday in mondays)
+    return [week.small | week.others for week in weeks if week.small or week.others]

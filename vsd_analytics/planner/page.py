@@ -1,0 +1,369 @@
+"""The planner's page as one HTML file: one style, one script, one block of data, no request, the same bytes always."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from markupsafe import Markup
+
+from vsd_analytics.figures.hotspots import FloorSpot
+from vsd_analytics.figures.maps import CELL_M as RISK_CELL_M
+from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.results import WeekRef
+from vsd_analytics.planner import cell_counts, map_kinds
+from vsd_analytics.planner.encode import packed_numbers
+from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
+from vsd_analytics.planner.script import script, sentences
+from vsd_analytics.planner.t_quantiles import few_events, quantiles
+from vsd_analytics.report.draw.floor_frame import Frame, fixtures
+from vsd_analytics.report.draw.svg import smooth_path, straight_path
+from vsd_analytics.report.model.spot_words import place_name
+from vsd_analytics.report.pages.week import environment, shipped_style
+from vsd_analytics.report.words import catalogue
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.reasons import reason_text, text_or_none
+from vsd_analytics.report.words.terms import capital, joined, verdict_words
+from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
+from vsd_analytics.version import VERSION
+
+UNIT: Final = 100
+"""Units of the drawing in a metre of floor."""
+ROUGH_H: Final = 3.0
+"""Selections with fewer recorded hours are told to be rough."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Label:
+    """A text on the floor, in units of the drawing."""
+
+    text: str
+    x: int
+    y: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerDrawing:
+    """The floor as the page's SVG, in units of the drawing, y down."""
+
+    width: int
+    height: int
+    image: str | None
+    image_box: tuple[int, int, int, int]
+    is_paper: bool
+    unseen: str
+    bands: tuple[str, ...]
+    areas: tuple[str, ...]
+    fixtures: tuple[Markup, ...]
+    hotspots: tuple[tuple[str, str, Label], ...]
+    labels: tuple[Label, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerFigureRow:
+    """The report's figures of a place, as texts."""
+
+    name: str
+    often: str
+    often_likely: str
+    risky: str
+    risky_likely: str
+    previous: str
+    change: str
+    change_likely: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerPage:
+    """Everything the template may use; each field is one variable."""
+
+    data: PlannerData
+    title: str
+    week: str
+    weeks: tuple[str, ...]
+    span: tuple[str, str]
+    span_before: tuple[str, str] | None
+    style: Markup
+    style_hash: str
+    script: Markup
+    script_hash: str
+    meta: Markup
+    packed: str
+    maps: tuple[map_kinds.MapKind, ...]
+    legends: dict[str, tuple[str, ...]]
+    diverging: dict[str, tuple[str, ...]]
+    days: tuple[tuple[int, str], ...]
+    other_week: str | None
+    hours: tuple[int, int]
+    drawing: PlannerDrawing | None
+    rows: tuple[PlannerFigureRow, ...]
+    spots: tuple[tuple[str, str, FloorSpot], ...]
+    is_made_up: bool
+    mask: int
+    distance: str
+    least_time: str
+    version: str
+
+
+def render_planner(data: PlannerData) -> str:
+    """Return the page.
+
+    Args:
+        data: What it knows.
+    """
+    page = _page(data)
+    variables = {name: getattr(page, name) for name in PlannerPage.__dataclass_fields__}
+    return environment().get_template("planner.html.j2").render(variables)
+
+
+def _page(data: PlannerData) -> PlannerPage:
+    site, week = data.site, data.week.ref
+    drawing = None if data.shown is None else _drawing(data)
+    style = shipped_style("planner.css") + _sizes(drawing)
+    code = script()
+    refs = [week] + ([data.before.ref] if data.before is not None else [])
+    weeks = tuple(_week_name(r, year=week.year) for r in refs)
+    distance = fmt.distance(site.settings.distance_m, site.settings.distance_unit)
+    maps = map_kinds.map_kinds(tuple(site.settings.heat_steps), distance=distance)
+    hours = _hours(data)
+    title = catalogue.say(
+        "planner.title", site=site.name, floor=data.floor.name, weeks=joined(weeks[::-1]), year=week.year
+    )
+    meta = _meta(data, weeks=tuple(capital(w) for w in weeks), maps=maps, hours=hours, drawing=drawing)
+    return PlannerPage(
+        data=data,
+        title=title,
+        week=weeks[0],
+        weeks=tuple(capital(w) for w in weeks),
+        other_week=weeks[1] if len(weeks) > 1 else None,
+        span=fmt.date_span(week.monday, week.sunday),
+        span_before=None if data.before is None else fmt.date_span(data.before.ref.monday, data.before.ref.sunday),
+        style=Markup(style),
+        style_hash=_hash(style),
+        script=Markup(code),
+        script_hash=_hash(code),
+        meta=Markup(_json(meta)),
+        packed=packed_numbers(data),
+        maps=maps,
+        legends={m.kind: map_kinds.legend(m) for m in maps},
+        diverging={m.kind: map_kinds.diverging_legend(m) for m in maps},
+        days=tuple(enumerate(fmt.DAYS)),
+        hours=hours,
+        drawing=drawing,
+        rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
+        spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
+        is_made_up=data.is_made_up,
+        mask=int(site.settings.mask_below),
+        distance=distance,
+        least_time=fmt.seconds(site.settings.episode_min_s),
+        version=VERSION,
+    )
+
+
+def _week_name(ref: WeekRef, *, year: int) -> str:
+    """Return week 46; week 52, 2025 where the year is not the page's."""
+    if ref.year == year:
+        return catalogue.say("words.week", number=ref.number)
+    return catalogue.say("words.week_year", number=ref.number, year=ref.year)
+
+
+def _spot_id(spot: FloorSpot) -> str:
+    return f"spot:{spot.number}"
+
+
+def _hash(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def _json(value: Any) -> str:
+    """Return JSON that is safe inside a script element."""
+    text = json.dumps(value, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _hours(data: PlannerData) -> tuple[int, int]:
+    """Return the first hour that is open on any day, and the one after the last."""
+    panels = [data.week.panel, data.history] + ([data.before.panel] if data.before is not None else [])
+    found = np.concatenate([p.hour for p in panels])
+    return (int(found.min()), int(found.max()) + 1) if found.size else (0, 24)
+
+
+def _meta(
+    data: PlannerData,
+    *,
+    weeks: tuple[str, ...],
+    maps: Sequence[map_kinds.MapKind],
+    hours: tuple[int, int],
+    drawing: PlannerDrawing | None,
+) -> dict[str, Any]:
+    """Return what the script must know beside the packed data."""
+    settings = data.site.settings
+    confidence = settings.confidence
+    grid = None if data.shown is None else cell_counts.grid_of(data.shown.extent)
+    has_cells = [w is not None and w.cells is not None for w in (data.week, data.before)]
+    return {
+        "file": f"{data.site.site_id}-{data.floor.floor_id}-{data.week.ref.iso}",
+        "words": sentences(),
+        "weeks": weeks,
+        "hours": hours,
+        "cameras": len(data.cameras),
+        "able": [int(c) for c in data.places[0].cameras],
+        "comparable": [int(c) for c in data.comparable],
+        "ranked": [int(w is not None and w.is_ranked) for w in (data.week, data.before)],
+        "hasBefore": data.before is not None,
+        "hasPast": bool(data.history.day.size),
+        "hasCells": [int(h) for h in has_cells],
+        "notCompared": text_or_none(data.why_not_compared),
+        "noViolations": text_or_none(data.why_no_violations),
+        "noExposure": text_or_none(data.why_no_exposure),
+        "places": [_place_meta(data, k, row) for k, row in enumerate(data.places)],
+        "spots": [] if grid is None else [_spot_meta(s, grid) for s in data.hotspots.spots],
+        "rules": {
+            "minDays": settings.min_days,
+            "minExposure": settings.min_exposure_h,
+            "minEvents": MIN_EVENTS,
+            "smallCount": SMALL_COUNT,
+            "minWeeks": MIN_HISTORY_WEEKS,
+            "mask": int(settings.mask_below),
+            "rough": ROUGH_H,
+            "q": quantiles(confidence),
+            "q2": quantiles((1 + confidence) / 2),
+            "poisson": few_events((1 + confidence) / 2),
+        },
+        "maps": {m.kind: {"kind": m.kind, "unit": m.unit, "steps": m.steps, "diverging": m.diverging} for m in maps},
+        "extent": None if data.shown is None else data.shown.extent,
+        "size": (drawing.width, drawing.height) if drawing is not None else (100, 100),
+        "grid": None if grid is None else _grid_meta(data, grid),
+    }
+
+
+def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
+    return {
+        "x0": grid.x0,
+        "y0": grid.y0,
+        "nx": grid.n_x,
+        "ny": grid.n_y,
+        "fine": cell_counts.FINE_M,
+        "cellsAcross": round(cell_counts.SQUARE_M / cell_counts.CELL_M),
+        "fineAcross": round(cell_counts.SQUARE_M / cell_counts.FINE_M),
+        "sigma": data.site.settings.smoothing_m / cell_counts.FINE_M,
+        "sigmaRisk": SIGMA_M / cell_counts.FINE_M,
+        "leastRisk": MIN_EXPOSURE_H * (cell_counts.FINE_M / RISK_CELL_M) ** 2,
+    }
+
+
+def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
+    hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
+    told: dict[str, Any] = {}
+    if data.before is not None and data.why_not_compared is None and not any(hidden):
+        told = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
+    return {
+        "id": row.place_id,
+        "name": row.name,
+        "index": index,
+        "cameras": [int(c) for c in row.cameras],
+        "hidden": [text_or_none(why) for why in hidden],
+        "past": int(row.has_history),
+        "report": told,
+    }
+
+
+def _spot_meta(spot: FloorSpot, grid: cell_counts.CellGrid) -> dict[str, Any]:
+    """Return a hotspot as a place of whole squares: those whose middle lies in it."""
+    x, y = np.meshgrid(grid.x0 + np.arange(grid.n_x) + 0.5, grid.y0 + np.arange(grid.n_y) + 0.5)
+    inside = np.zeros(x.shape, dtype=np.bool_)
+    for outer, *holes in spot.place.polygons:
+        inside |= shapely.contains_xy(shapely.Polygon(outer, holes), x, y)
+    name = catalogue.say("planner.hotspot", number=spot.number, place=place_name(spot.place))
+    return {"id": _spot_id(spot), "name": name, "squares": np.flatnonzero(inside).tolist()}
+
+
+def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
+    """Return the report's change, which the page tells where the whole week is selected."""
+    if estimate.change is None or estimate.change_lo is None or estimate.verdict is None:
+        return None
+    hi = estimate.change_hi
+    return {
+        "theta": 1 + estimate.change,
+        "lo": 1 + estimate.change_lo,
+        "hi": None if hi is None else 1 + hi,
+        "verdict": estimate.verdict,
+    }
+
+
+def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
+    """Return the report's figures of a place as texts."""
+    hidden = data.week.hidden.get(index)
+    hidden_before = data.before.hidden.get(index) if data.before is not None else None
+    often, risky = row.often, row.risky
+    if hidden is not None:
+        why = reason_text(hidden)
+        return PlannerFigureRow(name=row.name, often=fmt.MISSING, often_likely=why, risky=fmt.MISSING, risky_likely="",
+                         previous=fmt.MISSING, change="", change_likely="")  # fmt: skip
+    told = hidden_before is None and often.verdict is not None and often.previous is not None
+    clear = often.verdict in ("clear_fall", "clear_rise")
+    said = verdict_words(often) if told else ""
+    return PlannerFigureRow(
+        name=row.name,
+        often=fmt.number(often.value),
+        often_likely=fmt.likely_level(often) or reason_text(often.reason),
+        risky=fmt.number(risky.value),
+        risky_likely=fmt.likely_level(risky) or reason_text(risky.reason),
+        previous=fmt.number(often.previous) if told else fmt.MISSING,
+        change=f"{said}, {fmt.fewer_more(often.change)}" if told and clear else said,
+        change_likely=fmt.likely_change(often) if told else "",
+    )
+
+
+def _drawing(data: PlannerData) -> PlannerDrawing:
+    shown = data.shown
+    assert shown is not None
+    x0, y0, x1, y1 = shown.extent
+    width, height = round((x1 - x0) * UNIT), round((y1 - y0) * UNIT)
+    frame = Frame(shown, width=(x1 - x0) * UNIT, height=(y1 - y0) * UNIT)
+    bands = {b.lower: smooth_path(frame.rings(b.polygons)) for b in shown.bands}
+    box = (0, 0, 0, 0)
+    if shown.image is not None:
+        left, top = frame.at((shown.image.extent[0], shown.image.extent[3]))
+        right, bottom = frame.at((shown.image.extent[2], shown.image.extent[1]))
+        box = (round(left), round(top), round(right - left), round(bottom - top))
+    spots = []
+    for spot in data.hotspots.spots:
+        x, y = frame.at((spot.place.x_m, spot.place.y_m))
+        outline = straight_path(frame.rings(spot.place.polygons))
+        spots.append((_spot_id(spot), outline, Label(text=str(spot.number), x=round(x), y=round(y))))
+    labels = []
+    for area in shown.areas:
+        ring = frame.ring(area.ring)
+        x, y = min(p[0] for p in ring), min(p[1] for p in ring)
+        if 0 <= x < width and 0 <= y < height:
+            labels.append(Label(text=area.name, x=round(x), y=round(y)))
+    return PlannerDrawing(
+        width=width,
+        height=height,
+        image=None if shown.image is None else shown.image.data_uri,
+        image_box=box,
+        is_paper=shown.image is not None and shown.image.is_opaque,
+        unseen=straight_path(frame.rings(shown.unseen)),
+        bands=tuple(bands.get(step, "") for step in data.site.settings.heat_steps),
+        areas=tuple(straight_path([frame.ring(a.ring)]) for a in shown.areas),
+        fixtures=tuple(fixtures(shown.fixtures, frame, is_named=False)),
+        hotspots=tuple(spots),
+        labels=tuple(labels),
+    )
+
+
+def _sizes(drawing: PlannerDrawing | None) -> str:
+    """Return the style's part that depends on the floor: the shape of the map."""
+    if drawing is None:
+        return ""
+    w, h = drawing.width, drawing.height
+    shape = f"aspect-ratio:{w}/{h};max-width:min(100%,calc(var(--tall)*{w / h:.4f}))"
+    return f"#plan{{--u:{w / 900:.3f}}}.map{{{shape}}}\n"

@@ -1,0 +1,324 @@
+"""What the planner's page knows of a floor: two weeks by hour, camera, place and cell, and the report's own figures.
+
+The page computes every rate again in the browser, from sums that are additive over hours, cameras and cells; nothing
+here is a rate but the table that a page without script shows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures import hotspots as spots
+from vsd_analytics.figures.compare import why_not
+from vsd_analytics.figures.hotspot_export import without_small
+from vsd_analytics.figures.panels import WEEK, Flags, Period, Place
+from vsd_analytics.figures.week import areas as report_areas
+from vsd_analytics.figures.week.density import FloorGrid
+from vsd_analytics.figures.week.floor_maps import floor_maps
+from vsd_analytics.figures.week.hidden_hotspots import telling_spots
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.figures.week.results import AreaRow, WeekRef
+from vsd_analytics.planner import cell_counts
+from vsd_analytics.planner.cell_counts import WeekCells
+from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
+from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.terms import REST
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, Camera, Floor, Site
+from vsd_analytics.warehouse.provenance import engines
+from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+
+HISTORY: Final = 5 * WEEK
+"""How far back the usual rates of weekdays are taken from (`analysis.panels.HISTORY_WEEKS`)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PlannerWeek:
+    """One week.
+
+    Attributes:
+        ref: Which.
+        panel: Its open hours.
+        cells: What lies where; None where violations have no place on the floor.
+        is_ranked: Enough was recorded to rank places and compare.
+        hidden: Why the figures of a place are not given, by place; the others are.
+    """
+
+    ref: WeekRef
+    panel: HourPanel
+    cells: WeekCells | None
+    is_ranked: bool
+    hidden: Mapping[int, Reason]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class WalkableFloor:
+    """Where people can walk, by fine cell of the page's grid, shape (n_y, n_x) (`report.walkable`).
+
+    Attributes:
+        is_free: Cells without a fixture.
+        to_right: Whether one can step from the cell to the one on its right.
+        upwards: The same to the one above.
+    """
+
+    is_free: Flags
+    to_right: Flags
+    upwards: Flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceRow:
+    """A place and the report's figures of it.
+
+    Attributes:
+        place_id: "floor" for the whole floor, "rest" for the rest of it, else "area:" and the area's id.
+        name: Display name; free text.
+        area: The area; None for floor and rest.
+        cameras: Which cameras count anybody there.
+        has_history: Its usual rates of weekdays are given; not where an earlier week holds its count back.
+        often: How often (M0), with the change from the other week.
+        risky: How risky (M7), likewise.
+    """
+
+    place_id: str
+    name: str
+    area: Area | None
+    cameras: tuple[bool, ...]
+    has_history: bool
+    often: Estimate
+    risky: Estimate
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PlannerData:
+    """Everything the page knows.
+
+    Attributes:
+        site: The project.
+        floor: The floor.
+        cameras: The floor's cameras; all arrays have their order.
+        week: This week.
+        before: The other week; None when nothing of it is stored.
+        history: Days of the five weeks before this one, for intervals of the whole floor and its areas.
+        places: The whole floor, its areas, the rest.
+        comparable: Which cameras may be compared between the weeks.
+        why_not_compared: Why the weeks cannot be compared; None if they can.
+        why_no_map: Why there is no map; None with one.
+        why_no_violations: Why violations cannot be counted; None if they can.
+        why_no_exposure: Why person-time is unknown; None if it is known.
+        shown: The report's map: extent, plan, floor no camera sees, bands; None without one.
+        walkable: Where people can walk, cells of the report's map; None = everywhere.
+        hotspots: Hotspots of the 28 days up to this week's end (M20).
+        is_made_up: The data are those of `vsd demo`.
+    """
+
+    site: Site
+    floor: Floor
+    cameras: tuple[Camera, ...]
+    week: PlannerWeek
+    before: PlannerWeek | None
+    history: HourPanel
+    places: tuple[PlaceRow, ...]
+    comparable: tuple[bool, ...]
+    why_not_compared: Reason | None
+    why_no_map: Reason | None
+    why_no_violations: Reason | None
+    why_no_exposure: Reason | None
+    shown: FloorMap | None
+    walkable: WalkableFloor | None
+    hotspots: spots.FloorHotspots
+    is_made_up: bool
+
+
+def first_day(site: Site, monday: date, before: date) -> date:
+    """Return the first day the page needs: of either week's history, or of the hotspots' earlier windows."""
+    return min(monday - HISTORY, before, spots.days_needed(site, monday + timedelta(days=6))[0])
+
+
+def planner_pages(
+    site: Site,
+    monday: date,
+    *,
+    before: date | None = None,
+    floor_id: str | None = None,
+    on_plan: Callable[[int], None] | None = None,
+    on_hours: Callable[[int], None] | None = None,
+) -> list[PlannerData]:
+    """Return what the pages of a week know, one for each floor.
+
+    Args:
+        site: The project.
+        monday: First day of the week.
+        before: First day of the week it is compared with; None = the one before.
+        floor_id: Only this floor.
+        on_plan: Told how many hours of facts must be made first; see `build`.
+        on_hours: Told of hours made.
+
+    Raises:
+        StoreError: E301, nothing was ever stored.
+        KeyError: The site has no floor of this id.
+    """
+    other = monday - WEEK if before is None else before
+    floors = [f for f in site.floors if floor_id in (None, f.floor_id)]
+    if not floors:
+        raise KeyError(floor_id)
+    last = max(monday, other) + timedelta(days=6)
+    first = first_day(site, monday, other)
+    with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
+        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
+        return [planner_data(warehouse, floor=f, monday=monday, before=other) for f in floors]
+
+
+def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: date) -> PlannerData:
+    """Return what the page of a floor knows of a week and another.
+
+    Args:
+        warehouse: Opened from `first_day` to the week's Sunday.
+        floor: The floor.
+        monday: First day of the week.
+        before: First day of the other week.
+    """
+    data = TwoWeeks(warehouse, floor=floor, monday=monday, before=before)
+    has_before = bool(data.hours.recorded_s[:, data.week(before)].any())
+    why = why_not(data.pair)[1] if has_before else Reason("compare.no_other_week")
+    is_compared = why is None
+    is_ranked = _share(data.this) >= data.site.settings.min_coverage
+    past = [monday - k * WEEK for k in range(1, HISTORY // WEEK + 1)]
+    places = _places(data, is_compared=is_compared, past=past)
+    maps = floor_maps(data, areas=report_areas.areas(data, is_compared=False, rest=REST).rows, is_ranked=is_ranked)
+    shown = next((m for m in maps if m.kind != "picture"), None)
+    found = spots.hotspots(warehouse, floor_id=floor.floor_id, until=data.sunday)
+    made = {
+        day: _week(data, Period(data, day, day + timedelta(days=6)), places=places, shown=shown)
+        for day in ([monday, before] if has_before else [monday])
+    }
+    return PlannerData(
+        site=data.site,
+        floor=floor,
+        cameras=tuple(data.cameras),
+        week=made[monday],
+        before=made.get(before),
+        history=panel_of(
+            data,
+            data.this.history_days,
+            [_place(data, p) for p in places],
+            first=monday - HISTORY,
+            hidden={k for k, p in enumerate(places) if not p.has_history},
+            held=held_hours(data, past),
+        ),
+        places=places,
+        comparable=tuple(bool(c) for c in data.is_comparable[: len(data.ids)]),
+        why_not_compared=why,
+        why_no_map=None if shown else data.why_no_violations or data.why_no_places or Reason("map.no_floor"),
+        why_no_violations=data.why_no_violations,
+        why_no_exposure=data.why_no_exposure,
+        shown=shown,
+        walkable=_walkable(data, shown),
+        hotspots=without_small(found, below=int(data.site.settings.mask_below), telling=telling_spots(data, found)),
+        is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
+    )
+
+
+def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
+    """Return where people can walk on the page's grid; what lies beyond the report's is closed, as there."""
+    grid = None if shown is None else cell_counts.grid_of(shown.extent)
+    if shown is None or grid is None:
+        return None
+    found = FloorGrid(data, shown.extent).walkable
+    if found is None:
+        return None
+    fine = round(cell_counts.SQUARE_M / cell_counts.FINE_M)
+    left, low = (math.floor(shown.extent[k] / cell_counts.FINE_M) - (grid.x0, grid.y0)[k] * fine for k in (0, 1))
+    shape = (grid.n_y * fine, grid.n_x * fine)
+    rest = shape[0] - low - found.shape[0], shape[1] - left - found.shape[1]
+    pad = ((low, rest[0]), (left, rest[1]))
+    right, up = found.steps
+    return WalkableFloor(
+        is_free=np.pad(found.is_free, pad),
+        to_right=np.pad(right, (pad[0], (pad[1][0], pad[1][1] + 1))),
+        upwards=np.pad(up, ((pad[0][0], pad[0][1] + 1), pad[1])),
+    )
+
+
+def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple[PlaceRow, ...]:
+    """Return the whole floor, its areas, and the rest of it, with the figures the report gives them."""
+    found = report_areas.areas(data, is_compared=is_compared, rest=REST)
+    level = floor_level(data, is_compared=is_compared, areas=found)
+    rows: dict[str | None, AreaRow] = {row.area_id: row for row in found.rows}
+    areas: list[Area | None] = [*data.areas, None] if rows else []
+    below = int(data.site.settings.mask_below)
+    unknown = hidden_places(data, past, areas, below=below)
+    names = [say("planner.whole_floor"), *(REST if a is None else a.name for a in areas)]
+    ids = ["floor", *("rest" if a is None else f"area:{a.area_id}" for a in areas)]
+    of_areas = [rows[None if a is None else a.area_id] for a in areas]
+    figures = [(level.often, level.risky), *((row.often, row.risky or level.risky) for row in of_areas)]
+    places = [data.whole, *(data.area(None if a is None else a.area_id) for a in areas)]
+    return tuple(
+        PlaceRow(
+            place_id=place_id,
+            name=name,
+            area=area,
+            cameras=tuple(bool(c) for c in place.cameras),
+            has_history=k not in unknown,
+            often=often,
+            risky=risky,
+        )
+        for k, (place_id, name, area, place, (often, risky)) in enumerate(
+            zip(ids, names, [None, *areas], places, figures, strict=True)
+        )
+    )
+
+
+def _place(data: TwoWeeks, row: PlaceRow) -> Place:
+    if row.place_id == "floor":
+        return data.whole
+    return data.area(None if row.area is None else row.area.area_id)
+
+
+def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown: FloorMap | None) -> PlannerWeek:
+    """Return one of the weeks; what may not be printed of it is hidden and empty."""
+    below = int(data.site.settings.mask_below)
+    shared = data.pair.used(0 if period.first == data.pair.before.first else 1)
+    rows = [_place(data, p) for p in places]
+    hidden = hidden_places(data, [period.first], [p.area for p in places[1:]], below=below)
+    held = held_hours(data, [period.first])
+    panel = panel_of(data, period.days, rows, hidden=hidden, first=period.first, held=held, shared=shared)
+    grid = None if shown is None else cell_counts.grid_of(shown.extent)
+    lying = None
+    is_ranked = _share(period) >= data.site.settings.min_coverage
+    if shown is not None and grid is not None:
+        slots = open_slots(data, period.days)
+        used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
+        lying = cell_counts.week_cells(
+            data,
+            period,
+            slots=slots,
+            used=used[:, slots],
+            shared=shared[:, slots],
+            extent=shown.extent,
+            grid=grid,
+            below=below,
+            hidden=None if 0 in hidden else [p.area for k, p in enumerate(places) if k in hidden],
+        )
+    year, number, _ = period.first.isocalendar()
+    ref = WeekRef(
+        iso=f"{year}-W{number:02d}",
+        year=year,
+        number=number,
+        monday=period.first,
+        sunday=period.last,
+        zone=data.site.timezone,
+    )
+    return PlannerWeek(ref=ref, panel=panel, cells=lying, is_ranked=is_ranked, hidden=hidden)
+
+
+def _share(period: Period) -> float:
+    return period.recorded_h / period.scheduled_h if period.scheduled_h else 0.0

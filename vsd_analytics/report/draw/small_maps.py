@@ -1,0 +1,306 @@
+"""Small drawings of a floor, as inline SVG: heat, difference, footsteps, views of cameras, and the scene of a spot.
+
+Each can be shown several times beside another, so none has labels to read; names stand in titles, text alternatives
+and tables. With `is_alone` a drawing carries the plan itself and can be a file; without, it shows the plan of the
+page's map again, which costs no bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import shapely
+from markupsafe import Markup
+
+from vsd_analytics.figures.week.model_map import ChangeMaps, FloorMap, Footsteps, MapBand, MapViews, SpotPicture
+from vsd_analytics.figures.week.results import Rules
+from vsd_analytics.geometry.scale_bar import nice_length_m
+from vsd_analytics.report.draw import floor_frame as draw
+from vsd_analytics.report.draw.floor_frame import Frame
+from vsd_analytics.report.draw.floor_plan import MAP_MAX_HEIGHT, MAP_WIDTH
+from vsd_analytics.report.draw.svg import ACCENT, BAR, CHANGE_LIGHT, INK, RAMP_LIGHT, WHITE, el, straight_path
+from vsd_analytics.report.words import format as fmt
+
+MINI_WIDTH: Final = 480
+MINI_MAX_HEIGHT: Final = 450
+VIEW_FONT: Final = 17
+SCENE_WIDTH: Final = 640
+SCENE_FONT: Final = 32
+SIGN: Final = 9.0
+"""Half the length of a minus, SVG units."""
+SIGN_MIN: Final = 4.5
+
+
+def mini_heat(
+    floor: FloorMap, bands: Sequence[MapBand], *, name: str, steps: Sequence[float], label: str, is_alone: bool = False
+) -> Markup:
+    """Draw bands on the floor of a map.
+
+    Args:
+        floor: The map whose plan, fixtures and unseen floor are shown.
+        bands: What is drawn on it.
+        name: What the ids of the drawing start with.
+        steps: Lower ends of all bands.
+        label: Text alternative.
+        is_alone: Carry the plan.
+    """
+    frame = _frame(floor)
+    return _mini(floor, frame, draw.heat(bands, frame, steps=steps, edges=draw.edges_of(floor)), name, label, is_alone)
+
+
+def mini_change(floor: FloorMap, shown: ChangeMaps, *, name: str, label: str, is_alone: bool = False) -> Markup:
+    """Draw floor with fewer and with more violations, each patch with its sign; arguments as for `mini_heat`."""
+    frame, edges = _frame(floor), draw.edges_of(floor)
+    drawn: list[Markup] = []
+    for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
+        for band in bands:
+            step = shown.steps.index(band.lower)
+            path = draw.outline(band.polygons, frame, edges=edges)
+            style = f"{kind[0]}{step + 1}d"
+            drawn.append(el("path", class_=style, fill=CHANGE_LIGHT[kind][step], fill_rule="evenodd", d=path))
+    for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
+        drawn += _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more")
+    return _mini(floor, frame, drawn, name, label, is_alone)
+
+
+def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, is_alone: bool = False) -> Markup:
+    """Draw a dot in each cell people walked in; arguments as for `mini_heat`.
+
+    One path of dashes with round ends: a cell of 0.25 m is about 5 units wide, and its dot 60 % of that.
+    """
+    frame = _frame(floor)
+    side = steps.cell_m * frame.scale
+    moves = []
+    for cy, cx, n in steps.runs:
+        x, y = frame.at(((cx + 0.5) * steps.cell_m, (cy + 0.5) * steps.cell_m))
+        moves.append(f"M{x:.1f} {y:.1f}h{max((n - 1) * side, 0) + 0.1:.1f}")
+    dots = el(
+        "path",
+        class_="fs",
+        fill="none",
+        stroke=INK,
+        stroke_opacity=0.62,
+        stroke_width=round(0.6 * side, 2),
+        stroke_linecap="round",
+        stroke_dasharray=f"0 {side:.3f}",
+        d="".join(moves),
+    )
+    return _mini(floor, frame, [dots], name, label, is_alone)
+
+
+def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str, is_alone: bool = False) -> Markup:
+    """Draw what each camera sees and, stronger, what several do; arguments as for `mini_heat`."""
+    frame = _frame(floor)
+    drawn = []
+    if views.shared:
+        path = straight_path(frame.rings(views.shared))
+        drawn.append(el("path", class_="vs", fill=ACCENT, fill_opacity=0.2, fill_rule="evenodd", d=path))
+    dashes = (None, "7 3", "2 3", "9 3 2 3")
+    for k, view in enumerate(views.cameras):
+        path = straight_path(frame.rings(view.polygons))
+        drawn.append(
+            el(
+                "path",
+                class_="vo",
+                fill=ACCENT,
+                fill_opacity=0.05,
+                stroke=ACCENT,
+                stroke_width=1.6,
+                stroke_dasharray=dashes[k % len(dashes)],
+                fill_rule="evenodd",
+                d=path,
+            )
+        )
+    for view in views.cameras:
+        x, y = frame.at(view.at)
+        drawn.append(
+            el(
+                "text",
+                view.label,
+                class_="vl halo",
+                fill=ACCENT,
+                font_size=VIEW_FONT,
+                font_weight=700,
+                text_anchor="middle",
+                dominant_baseline="central",
+                x=round(x),
+                y=round(y),
+            )
+        )
+    return _mini(floor, frame, drawn, name, label, is_alone, is_over=True)
+
+
+def scene(
+    picture: SpotPicture, floor: FloorMap, *, rules: Rules, name: str, label: str, is_alone: bool = False
+) -> Markup:
+    """Draw what stands around a spot, with its bands and a scale bar.
+
+    In a camera's picture the bar holds at the spot, as far from the camera as that.
+
+    Args:
+        picture: The picture, or the part of the floor.
+        floor: The map the spot is numbered on: its plan, fixtures and unseen floor.
+        rules: For the steps and the unit of distances.
+        name: What the ids of the drawing start with.
+        label: Text alternative.
+        is_alone: Carry the plan.
+    """
+    shown = picture.shown
+    frame = Frame(shown, width=SCENE_WIDTH, height=SCENE_WIDTH)
+    body = (
+        _scene_picture(shown, frame, rules)
+        if shown.kind == "picture"
+        else _scene_floor(shown, floor, frame, rules, name, is_alone)
+    )
+    bar = _bar(picture.across_m, frame, rules)
+    box = f"0 0 {frame.width} {frame.height}"
+    return el(
+        "svg",
+        body + bar,
+        class_="map-pic" if shown.kind == "picture" else "map-spot",
+        viewBox=box,
+        role="img",
+        aria_label=label,
+    )
+
+
+def _scene_picture(shown: FloorMap, frame: Frame, rules: Rules) -> Markup:
+    image = [] if shown.image is None else [draw.image(shown.image, frame)]
+    colour = {lower: min(i, 4) for i, lower in enumerate(rules.heat_steps)}
+    bands = [
+        el(
+            "path",
+            class_=f"c{colour.get(b.lower, 4) + 1}",
+            fill=RAMP_LIGHT[colour.get(b.lower, 4)],
+            fill_opacity=0.66,
+            stroke=WHITE,
+            stroke_width=1.4,
+            fill_rule="evenodd",
+            d=straight_path(frame.rings(b.polygons)),
+        )
+        for b in shown.bands
+    ]
+    return Markup("").join([*image, *bands])
+
+
+def _scene_floor(shown: FloorMap, floor: FloorMap, frame: Frame, rules: Rules, name: str, is_alone: bool) -> Markup:
+    hatch, clip = f"{name}-hat", f"{name}-clip"
+    heat = draw.heat(shown.bands, frame, steps=rules.heat_steps, edges=draw.edges_of(floor))
+    below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
+    plan = _plan(floor, frame, is_alone=is_alone)
+    fixtures = draw.fixtures(floor.fixtures, frame, size=SCENE_FONT)
+    layers = Markup("").join([*heat, *below, *plan, *fixtures]) or Markup("<g/>")
+    return (
+        draw.hatch_defs(frame, hatch=hatch, clip=clip) + draw.ground(frame) + el("g", layers, clip_path=f"url(#{clip})")
+    )
+
+
+def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
+    """Draw a scale bar into the lower right corner, on a ground of its own."""
+    length_m = nice_length_m(across_m, unit=rules.distance_unit)
+    said = fmt.distance(length_m, rules.distance_unit)
+    long, high = length_m / across_m * frame.width, 1.5 * SCENE_FONT
+    text = draw.text_width(said, SCENE_FONT)
+    wide = long + text + 34
+    x, y = frame.width - wide, frame.height - high
+    end, line = frame.width - 12, frame.height - 0.44 * high
+    return Markup("").join(
+        [
+            el("rect", class_="bg", fill=WHITE, x=round(x), y=round(y), width=round(wide) + 1, height=round(high) + 1),
+            el(
+                "path",
+                class_="sc",
+                fill="none",
+                stroke=INK,
+                stroke_width=3,
+                d=f"M{end - long:.1f} {line - 8:.1f}v8h{long:.1f}v-8",
+            ),
+            el(
+                "text",
+                said,
+                class_="bt",
+                fill=INK,
+                font_size=SCENE_FONT,
+                x=round(x + 10),
+                y=round(line + 4),
+            ),
+        ]
+    )
+
+
+def _frame(floor: FloorMap) -> Frame:
+    return Frame(floor, width=MINI_WIDTH, height=MINI_MAX_HEIGHT)
+
+
+def _mini(
+    floor: FloorMap,
+    frame: Frame,
+    drawn: Iterable[Markup],
+    name: str,
+    label: str,
+    is_alone: bool,
+    *,
+    is_over: bool = False,
+) -> Markup:
+    """Put a drawing between the floor and what stands on it; `is_over` puts it over the fixtures."""
+    hatch, clip = f"{name}-hat", f"{name}-clip"
+    below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
+    fixed = [*_plan(floor, frame, is_alone=is_alone), *draw.fixtures(floor.fixtures, frame, is_named=False)]
+    layers = [*below, *fixed, *drawn] if is_over else [*drawn, *below, *fixed]
+    body = (
+        draw.hatch_defs(frame, hatch=hatch, clip=clip, step=7)
+        + draw.ground(frame)
+        + el("g", Markup("").join(layers) or Markup("<g/>"), clip_path=f"url(#{clip})")
+        + el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1, **frame.whole)
+    )
+    box = f"-1 -1 {frame.width + 2} {frame.height + 2}"
+    return el("svg", body, class_="mini", viewBox=box, role="img", aria_label=label)
+
+
+def _plan(floor: FloorMap, frame: Frame, *, is_alone: bool) -> list[Markup]:
+    """Return the plan, or the page's own drawing of it again."""
+    if floor.image is None:
+        return []
+    if is_alone:
+        return [draw.image(floor.image, frame)]
+    page = Frame(floor, width=MAP_WIDTH, height=MAP_MAX_HEIGHT)
+    scale = frame.scale / page.scale
+    x, y = frame.at((page.x0, page.y1))
+    move = f"translate({x:.1f} {y:.1f}) " if abs(x) + abs(y) >= 0.05 else ""
+    return [el("use", href="#plan0", transform=f"{move}scale({scale:.4f})")]
+
+
+def _signs(bands: Sequence[MapBand], frame: Frame, *, strong: float, is_plus: bool) -> list[Markup]:
+    """Draw a sign in the middle of the widest part of each patch's strongest colour."""
+    if not bands:
+        return []
+    pieces = [(s, i) for i, band in enumerate(bands) for s in _shapes(band, frame)]
+    drawn = []
+    for patch in _shapes(bands[0], frame):
+        inside = [(i, s.area, k) for k, (s, i) in enumerate(pieces) if patch.buffer(0.5).contains(s)]
+        step, _, k = max(inside)
+        circle = shapely.maximum_inscribed_circle(pieces[k][0], tolerance=0.5)
+        (x, y), radius = circle.coords[0], circle.length
+        half = min(SIGN, max(SIGN_MIN, 0.62 * radius))
+        path = f"M{x - half:.1f} {y:.1f}h{2 * half:.1f}"
+        if is_plus:
+            path += f"M{x:.1f} {y - half:.1f}v{2 * half:.1f}"
+        is_strong = bands[step].lower >= strong
+        width = 3.4 if half > 6 else 2.4
+        drawn.append(
+            el(
+                "path",
+                class_="sg on2" if is_strong else "sg",
+                fill="none",
+                stroke=WHITE if is_strong else INK,
+                stroke_width=width,
+                d=path,
+            )
+        )
+    return drawn
+
+
+def _shapes(band: MapBand, frame: Frame) -> list[shapely.Polygon]:
+    made = [shapely.Polygon(frame.ring(p[0]), [frame.ring(r) for r in p[1:]]).buffer(0) for p in band.polygons]
+    return [part for shape in made for part in shapely.get_parts(shape) if part.area > 0]

@@ -1,0 +1,200 @@
+"""The weeks as dots with whiskers from zero: never joined over a gap, logged changes marked; and as a small line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, time, timedelta
+from itertools import pairwise
+from typing import Final, Literal
+
+from markupsafe import Markup
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek
+from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, RULE, WHITE, el
+from vsd_analytics.report.words import format as fmt
+
+Measure = Literal["often", "risky"]
+WIDE: Final = 840
+NARROW: Final = 356
+"""Two drawings of one chart, so that its letters keep their size on a phone."""
+HEIGHT: Final = 190
+LEFT: Final = 46
+RIGHT: Final = 62
+TOP: Final = 30
+BOTTOM: Final = 26
+WHISKER_MAX: Final = 1.6
+"""Whiskers are cut at so many times the greatest figure, with an arrow."""
+WARM: Final = "#e76f3f"
+
+
+@dataclass(frozen=True, slots=True)
+class _Axes:
+    """Where weeks and values lie."""
+
+    width: int
+    n: int
+    top: float
+
+    def x(self, position: float) -> float:
+        """Return the x of a week by its place, 0 for the first."""
+        span = self.width - LEFT - RIGHT
+        inset = min(span / 2, max(14.0, span / (2 * self.n)))
+        return LEFT + inset + (position / max(1, self.n - 1)) * (span - 2 * inset)
+
+    def y(self, value: float) -> float:
+        """Return the y of a value."""
+        return HEIGHT - BOTTOM - value / self.top * (HEIGHT - TOP - BOTTOM)
+
+
+def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
+    """Draw one measure of the weeks.
+
+    Args:
+        trend: The weeks and marks.
+        measure: How often or how risky.
+        width: Width of the drawing; text is as large in each.
+        label: Text alternative.
+    """
+    weeks = trend.weeks
+    values = [_known(w, measure) for w in weeks]
+    most = max((e.value or 0.0 for e in values if e is not None), default=0.0)
+    ends = [min(e.hi or 0.0, WHISKER_MAX * most) for e in values if e is not None]
+    step = _step(max([most, *ends], default=1.0) or 1.0)
+    n_steps = max(1, math.ceil(max([most, *ends], default=1.0) / step - 1e-9))
+    axes = _Axes(width, len(weeks), step * n_steps)
+    parts = [_grid(axes, step * k) for k in range(n_steps + 1)]
+    parts += _week_labels(axes, weeks)
+    parts += [_gap(axes, i) for i, e in enumerate(values) if e is None]
+    parts += _marks(axes, weeks, trend.marks)
+    parts += _line(axes, values)
+    parts += _dots(axes, values)
+    return el(
+        "svg",
+        Markup("").join(parts),
+        class_="tr wide" if width == WIDE else "tr nar",
+        viewBox=f"0 0 {width} {HEIGHT}",
+        role="img",
+        aria_label=label,
+    )
+
+
+def spark(trend: Trend | None, measure: Measure) -> Markup:
+    """Draw the weeks as a small line from zero, broken at gaps, the last one a dot; empty under three figures."""
+    values = [_known(w, measure) for w in trend.weeks] if trend is not None else []
+    if sum(e is not None for e in values) < 3 or values[-1] is None:
+        return Markup("")
+    top = max(e.value or 0.0 for e in values if e is not None) or 1.0
+    points = [
+        None if e is None else (4 + 130 * i / (len(values) - 1), 24 - 20 * (e.value or 0.0) / top)
+        for i, e in enumerate(values)
+    ]
+    path, is_down = "", False
+    for point, after in zip(points, [*points[1:], None], strict=True):
+        if point is not None:
+            path += f"{'L' if is_down else 'M'}{point[0]:.0f} {point[1]:.0f}"
+            path += "h0" if not is_down and after is None else ""  # a week between gaps is a point
+        is_down = point is not None
+    x, y = points[-1] or (0.0, 0.0)
+    line = el("path", class_="tl", fill="none", stroke=MUTED, stroke_width=1.6, stroke_linecap="round", d=path)
+    dot = el("circle", class_="tn", fill=WARM, cx=round(x), cy=round(y), r=3.4)
+    return el("svg", line + dot, class_="spark", viewBox="0 0 140 28", aria_hidden="true")
+
+
+def _known(week: TrendWeek, measure: Measure) -> Estimate | None:
+    found = week.often if measure == "often" else week.risky
+    return found if found is not None and found.value is not None else None
+
+
+def _step(top: float) -> float:
+    """Return a round step that makes two to five of the axis."""
+    size = 10.0 ** math.floor(math.log10(top))
+    return next(f * size for f in (0.2, 0.5, 1.0, 2.0) if top / (f * size) <= 4.5)
+
+
+def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str = "axt", **more: str) -> Markup:
+    fill = INK if class_ == "tv" else MUTED
+    return el("text", text, class_=class_, fill=fill, font_size=13, text_anchor=anchor, x=round(x), y=round(y), **more)
+
+
+def _grid(axes: _Axes, value: float) -> Markup:
+    y = round(axes.y(value))
+    line = el(
+        "line",
+        class_="zero" if value == 0 else "ax",
+        stroke=INK if value == 0 else RULE,
+        x1=LEFT,
+        x2=axes.width - RIGHT,
+        y1=y,
+        y2=y,
+    )
+    return line + _text(fmt.number(value) if value >= 10 or value == 0 else f"{value:g}", LEFT - 8, y + 4, anchor="end")
+
+
+def _week_labels(axes: _Axes, weeks: Sequence[TrendWeek]) -> list[Markup]:
+    every = 2 if axes.width == NARROW and len(weeks) > 6 else 1
+    last = len(weeks) - 1
+    return [_text(str(w.number), axes.x(i), HEIGHT - 7) for i, w in enumerate(weeks) if (last - i) % every == 0]
+
+
+def _gap(axes: _Axes, i: int) -> Markup:
+    x = axes.x(i)
+    size = {"x": round(x - 7), "y": TOP, "width": 14, "height": HEIGHT - TOP - BOTTOM}
+    return el("rect", class_="tg", fill="url(#hat)", stroke=HATCH, stroke_width=0.5, **size)
+
+
+def _marks(axes: _Axes, weeks: Sequence[TrendWeek], marks: Sequence[TrendMark]) -> list[Markup]:
+    """Draw logged changes where they lie in their week: at Monday half a week before its dot."""
+    parts: list[Markup] = []
+    taken: list[float] = []
+    for mark in marks:
+        since = (mark.at.replace(tzinfo=None) - _noon(weeks[0])).total_seconds() / timedelta(weeks=1).total_seconds()
+        at = axes.x(since)
+        x = round(at)
+        row = sum(abs(x - t) < 13 for t in taken)
+        taken.append(x)
+        line = {"x1": x, "x2": x, "y1": TOP - 8, "y2": HEIGHT - BOTTOM}
+        parts.append(el("line", class_="tm", stroke=INK, stroke_width=1.2, stroke_dasharray="3 3", **line))
+        parts.append(_text(mark.label, x + 11 * row, TOP - 14, class_="tv"))
+    return parts
+
+
+def _noon(week: TrendWeek) -> datetime:
+    """Return the local middle of a week, where its dot stands."""
+    return datetime.combine(week.monday, time()) + timedelta(days=3.5)
+
+
+def _line(axes: _Axes, values: Sequence[Estimate | None]) -> list[Markup]:
+    parts = []
+    for i, (a, b) in enumerate(pairwise(values)):
+        if a is not None and b is not None:
+            ends = {"x1": round(axes.x(i)), "x2": round(axes.x(i + 1))}
+            heights = {"y1": round(axes.y(a.value or 0.0), 1), "y2": round(axes.y(b.value or 0.0), 1)}
+            parts.append(el("line", class_="tl", stroke=MUTED, stroke_width=1.4, **ends, **heights))
+    return parts
+
+
+def _dots(axes: _Axes, values: Sequence[Estimate | None]) -> list[Markup]:
+    parts = []
+    for i, e in enumerate(values):
+        if e is None:
+            continue
+        x, y, is_last = round(axes.x(i)), axes.y(e.value or 0.0), i == len(values) - 1
+        if e.lo is not None and e.hi is not None:
+            high = min(e.hi, axes.top)
+            ends = {"x1": x, "x2": x, "y1": round(axes.y(e.lo), 1), "y2": round(axes.y(high), 1)}
+            parts.append(el("line", class_="tw", stroke=INK, stroke_width=2, **ends))
+            if e.hi > axes.top:
+                parts.append(el("path", class_="tn", fill=INK, d=f"M{x - 4} {TOP + 6}l4-7 4 7z"))
+        look = {
+            "class_": "tn" if is_last else "td",
+            "fill": WARM if is_last else WHITE,
+            "stroke": INK,
+            "stroke_width": 1.6,
+        }
+        parts.append(el("circle", **look, cx=x, cy=round(y, 1), r=5.5 if is_last else 4.5))
+        if is_last:
+            parts.append(_text(fmt.number(e.value), x + 13, y + 5, anchor="start", class_="tv", font_weight="700"))
+    return parts

@@ -1,0 +1,1 @@
+"""What a weekly page knows: the numbers of the week together with the sentences chosen for them."""

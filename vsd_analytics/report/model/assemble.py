@@ -1,0 +1,239 @@
+"""From marts to the week's report: every number of the page is made here, once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from datetime import date, datetime, timedelta
+from typing import Any
+
+from vsd_analytics.figures.catalogue import figures
+from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
+from vsd_analytics.figures.week import areas as report_areas
+from vsd_analytics.figures.week import estimates, findings, recording, timetable
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.floor_maps import floor_maps
+from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.week.results import (
+    Figure,
+    Level,
+    Provenance,
+    Rules,
+    SettingsChange,
+    SiteRef,
+    WeekRef,
+    WeekState,
+)
+from vsd_analytics.report.model import site_changes
+from vsd_analytics.report.model.maps import with_more_maps
+from vsd_analytics.report.model.sections import with_more
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words import headline, terms
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Floor, Site
+from vsd_analytics.version import VERSION
+from vsd_analytics.warehouse.provenance import engines
+from vsd_analytics.warehouse.stored_days import stored_extent
+from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+
+MADE_UP_ENGINE = "vsd-demo "
+"""What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
+
+
+def week_report(
+    site: Site,
+    monday: date,
+    *,
+    floor_id: str | None = None,
+    now: datetime | None = None,
+    on_plan: Callable[[int], None] | None = None,
+    on_hours: Callable[[int], None] | None = None,
+) -> WeekReport:
+    """Return the report of one floor and ISO week.
+
+    Args:
+        site: The project.
+        monday: First day of the week.
+        floor_id: Floor; None = the first.
+        now: Instant to print as the time of making; None = the last record's.
+        on_plan: Told how many hours of facts must be made first; see `build`.
+        on_hours: Told of hours made.
+
+    Returns:
+        The report with its story told; a week without data is a report too.
+
+    Raises:
+        StoreError: E301, nothing was ever stored.
+        KeyError: The site has no floor of this id.
+    """
+    floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
+    if floor is None:
+        raise KeyError(floor_id)
+    first, last = _first_day(site, monday), monday + timedelta(days=6)
+    with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
+        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours", "cell_hours", "distances")
+        data = WeekData(warehouse, floor=floor, monday=monday)
+        found = Findings(data)
+        return headline.finish(with_more_maps(with_more(_report(data, floor, found, now), data, found), data))
+
+
+def _first_day(site: Site, monday: date) -> date:
+    """Return the first day to load: the history that exists, and the week before in any case."""
+    extent = stored_extent(site, near=monday)
+    earliest = findings.first_day(site, monday)
+    if extent is None:
+        return earliest
+    stored = extent.first_day - timedelta(days=extent.first_day.weekday())
+    return max(earliest, min(stored, monday - WEEK))
+
+
+def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None) -> WeekReport:
+    site, settings = data.site, data.site.settings
+    sent = engines(site, data.monday, data.sunday)
+    coverage = recording.coverage(data)
+    has_before = bool(data.hours.recorded_s[:, data.week(data.monday - WEEK)].any())
+    sent_before = engines(site, data.monday - WEEK, data.monday - timedelta(days=1)) if has_before else ()
+    change = site_changes.settings_change(data, sent, sent_before) if has_before else None
+    state = _state(data, coverage, change, has_before)
+    is_compared = state == "normal"
+    is_ranked = state not in ("no_data", "too_incomplete")
+    areas = report_areas.Areas(rows=())
+    if state != "no_data":
+        areas = report_areas.areas(data, is_compared=is_compared, rest=terms.REST)
+    hours = timetable.timetable(data)
+    level = floor_level(data, is_compared=is_compared, areas=areas)
+    has_ranking = is_ranked and level.often.value != 0
+    return WeekReport(
+        site=SiteRef(
+            site_id=site.site_id,
+            name=site.name,
+            floor_id=floor.floor_id,
+            floor_name=floor.name,
+            floors=tuple(f.floor_id for f in site.floors),
+        ),
+        week=_week(site, data.monday),
+        previous=_week(site, data.monday - WEEK) if has_before else None,
+        generated_at=_made_at(data, now),
+        provenance=Provenance(
+            version=VERSION,
+            engines=sent,
+            settings_id=settings.settings_id(),
+            settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
+            inputs_digest=_inputs(data.warehouse),
+            is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
+            notes=tuple(run.warning(site) for run in data.warehouse.other_rules()),
+        ),
+        rules=Rules(**{f: settings.values[f] for f in Rules.__dataclass_fields__}),
+        state=state,
+        coverage=coverage,
+        level=level,
+        busiest_spot=report_areas.busiest_spot(data, areas.rows) if has_ranking else None,
+        busiest_hour=hours.busiest if has_ranking else None,
+        areas=areas.rows,
+        when=hours.when,
+        maps=floor_maps(data, areas=areas.rows, is_ranked=is_ranked) if state != "no_data" else (),
+        log=site_changes.log_lines(data, coverage, is_compared=is_compared),
+        settings_change=change if state == "settings_changed" else None,
+        figures=_with_row_texts(
+            figures(
+                data,
+                found,
+                coverage=coverage,
+                level=level,
+                areas=areas.rows,
+                when=hours.when,
+                is_ranked=is_ranked,
+            )
+        ),
+    )
+
+
+def _with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
+    """Return figures whose rows hold sentences instead of reasons: rows are plain values, as JSON has them."""
+
+    def text(row: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {name: reason_text(value) if isinstance(value, Reason) else value for name, value in row.items()}
+
+    return {
+        key: figure if figure.rows is None else replace(figure, rows=tuple(text(row) for row in figure.rows))
+        for key, figure in found.items()
+    }
+
+
+def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool) -> WeekState:
+    if coverage.recorded_h == 0:
+        return "no_data"
+    if coverage.share < data.site.settings.min_coverage:
+        return "too_incomplete"
+    if not data.whole.n[:, data.week()].any() and data.why_no_violations is None:
+        return "empty"
+    if change is not None:
+        return "settings_changed"
+    return "normal" if has_before else "first_week"
+
+
+def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas) -> Level:
+    """Return the figures of the whole floor, without those that are too small or would tell a small one."""
+    below = data.site.settings.mask_below
+    measured = estimates.measure(data, data.whole, is_compared=is_compared)
+    often, risky = measured.often, measured.risky
+    is_told = True
+    if (why := data.hidden.why_floor) is not None:
+        often, risky = (estimates.without_figures(e, why) for e in (often, risky))
+        is_told = False
+    elif is_compared and (
+        is_small(measured.n_before, below=below)
+        or not areas.is_before_safe
+        or data.hidden_before.why_floor
+        or data.is_told_by_comparing
+    ):
+        is_few = is_small(measured.n_before, below=below)
+        why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
+        often, risky = (estimates.without_change(e, why) for e in (often, risky))
+    panel = data.panel(data.whole, data.week_days)
+    is_known = bool(panel.x_h.any())
+    return Level(
+        often=often,
+        risky=risky,
+        people=estimates.people(data, is_compared=is_compared),
+        exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
+        violations=measured.n if is_told and is_known and data.why_no_violations is None else None,
+    )
+
+
+def _week(site: Site, monday: date) -> WeekRef:
+    year, number, _ = monday.isocalendar()
+    return WeekRef(
+        iso=f"{year}-W{number:02d}",
+        year=year,
+        number=number,
+        monday=monday,
+        sunday=monday + timedelta(days=6),
+        zone=site.timezone,
+    )
+
+
+def _made_at(data: WeekData, now: datetime | None) -> datetime:
+    """Return the instant to print as the time of making: `now`, else the week's last record, else its end."""
+    if now is not None:
+        return now.astimezone(data.site.zone)
+    end = data.midnight(data.monday + WEEK)
+    last = data.warehouse.rows("select max(ended_ms) as ms from recorded_spans")[0]["ms"]
+    is_before = last is None or data.local(last) < data.midnight(data.monday)
+    return end if is_before else min(end, data.local(last))
+
+
+def _plain(value: object) -> str:
+    """Return a setting as a person would write it: 0, 100, 200."""
+    return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else str(value)
+
+
+def _inputs(warehouse: Warehouse) -> str:
+    h = hashlib.blake2b(digest_size=8)
+    for hour, fingerprint in sorted(warehouse.built.fingerprints.items()):
+        h.update(f"{hour}:{fingerprint};".encode())
+    return h.hexdigest()

@@ -1,0 +1,87 @@
+"""Names of the numbered spots, by area, and the question each card asks, by the rules of `words.questions`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from vsd_analytics.figures.cell_places import CellPlace
+from vsd_analytics.figures.hotspots import FloorHotspots
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, UsualHours
+from vsd_analytics.figures.week.spots import place_shape
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import questions as rules
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.site.model import Area
+
+NEAR_AREA_M: Final = 3.0
+"""A hotspot outside all areas is named after one that is at most this far away."""
+
+
+def with_words(made: Spots, data: WeekData, found: FloorHotspots) -> Spots:
+    """Return the spots with names and questions.
+
+    Args:
+        made: Their figures, numbered in order.
+        data: The week.
+        found: The hotspots they were made from, in the same order where they are tested ones.
+    """
+    if made.kind == "tested":
+        cards = tuple(_tested(data, card, s.place) for card, s in zip(made.cards, found.spots, strict=False))
+    else:
+        cards = tuple(_busiest(data, card) for card in made.cards)
+    return replace(made, cards=cards)
+
+
+def place_name(place: CellPlace) -> str:
+    """Return what a page calls a place: its area, the area it lies near, or the rest of the floor."""
+    near = _near(place)
+    return place.area_name or (say("spots.near", area=near) if near else say("spots.on_the_rest"))
+
+
+def _near(place: CellPlace) -> str | None:
+    return place.nearest_name if (place.nearest_m or 0.0) <= NEAR_AREA_M else None
+
+
+def _tested(data: WeekData, card: SpotCard, place: CellPlace) -> SpotCard:
+    about = place.area_name or _near(place) or say("spots.this", number=card.number)
+    area = next((a for a in data.areas if a.area_id == place.area_id), None)
+    ask, question = _asked(data, about, place_shape(place), area, card.evidence, card.usual)
+    return replace(card, name=place_name(place), ask=ask, question=question)
+
+
+def _busiest(data: WeekData, card: SpotCard) -> SpotCard:
+    area = next(a for a in data.areas if a.area_id == card.area_id)
+    ask, question = _asked(data, card.name, shapely.Polygon(area.polygon), area, card.evidence, card.usual)
+    return replace(card, ask=ask, question=question)
+
+
+def _asked(
+    data: WeekData,
+    name: str,
+    shape: BaseGeometry,
+    area: Area | None,
+    evidence: Evidence | None,
+    usual: UsualHours | None,
+) -> tuple[str, str]:
+    """Return what to ask on the card, and the same with its hours."""
+    if evidence is not None and evidence.is_camera_down:
+        return say("ask.camera", camera=terms.camera_name(evidence.camera_name or "")), ""
+    fixtures = [f for f in data.site.fixtures if f.floor_id == data.floor.floor_id]
+    asked = [rules.ask(name, shape, area=area, fixtures=fixtures, when=when) for when in ("", _above_all(usual))]
+    return asked[0], asked[1]
+
+
+def _above_all(usual: UsualHours | None) -> str:
+    if usual is None:
+        return ""
+    first, last = fmt.hour_label(usual.first_hour), fmt.hour_label(usual.last_hour + 1)
+    when = say("question.when_usual", first=first, last=last)
+    if usual.weekday is not None:
+        when = say("question.when_usual_day", day=fmt.DAYS[usual.weekday], first=first, last=last)
+    return say("question.above_all", when=when)

@@ -1,0 +1,124 @@
+"""What a weekly report knows: one frozen dataclass per section, raw numbers only.
+
+`WeekReport` is the one object behind the page, its JSON twin, the CSV files and the notebook. Nothing in it is
+formatted: numbers are floats, ints or None, instants are aware datetimes in the site's zone, names are the free text of
+`vsd.toml`. A missing number is None and its `state` says why; it is never 0.
+
+Every field carries `help`, and `unit` and `metric` (catalogue id M0 to M29) where they apply; `docs` and the published
+JSON Schema are made from them.
+"""
+# ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final, Literal
+
+from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.figures.week.model_map import (
+    ChangeMaps,
+    FloorMap,
+    Footsteps,
+    MapViews,
+    SpotPicture,
+)
+from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.week.model_sections import (
+    Causes,
+    Outlook,
+    Readings,
+    Redesign,
+    Spots,
+    Trend,
+    UnusualHours,
+)
+from vsd_analytics.figures.week.results import (
+    AreaRow,
+    BusiestHour,
+    BusiestSpot,
+    Figure,
+    Level,
+    LogLine,
+    Provenance,
+    Rules,
+    SettingsChange,
+    SiteRef,
+    WeekRef,
+    WeekState,
+    When,
+)
+
+# fmt: on
+
+SCHEMA: Final = "vsd.report.week/1"
+ThingKind = Literal["worked", "watch", "distrust"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """A run of words; strong ones are set bold."""
+
+    text: str = _f("The words.")
+    is_strong: bool = _f("Set bold.", default=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thing:
+    """One of the three things to know."""
+
+    kind: ThingKind = _f("What worked, what to watch, what not to trust.")
+    title: str = _f("The finding as a sentence.")
+    text: str = _f("Its evidence.")
+    target: str = _f("Anchor of the proof on the page: where, when, changed, data.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Story:
+    """The words of the page, made by rule from the figures (`headline.tell`)."""
+
+    headline: str = _f("One sentence, at most 15 words where names allow.")
+    rule: str = _f("Name of the rule that made it, such as fall/fall or no_data.")
+    lead: tuple[Span, ...] = _f("Two to four sentences.")
+    things: tuple[Thing, ...] = _f("At most three.")
+    question: str = _f("Exactly one, about the room.")
+    notes: tuple[str, ...] = _f("What an abnormal week says in its box.", default=())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeekReport:
+    """One floor, one week."""
+
+    schema: str = _f("Schema id of this object.", default=SCHEMA)
+    site: SiteRef = _f("The site.")
+    week: WeekRef = _f("The week.")
+    previous: WeekRef | None = _f("The week compared with; None if there is none.", default=None)
+    generated_at: datetime = _f("From --now or the data, never the clock; in the site's zone.")
+    provenance: Provenance = _f("What made it.")
+    rules: Rules = _f("Settings the words depend on.")
+    state: WeekState = _f(
+        "What may be said; the first true of no_data, too_incomplete, empty, settings_changed, first_week, normal."
+    )
+    coverage: Coverage = _f("Data recorded.", metric="M1")
+    level: Level = _f("How often, how risky, how many people.")
+    busiest_spot: BusiestSpot | None = _f("None when nothing is ranked.", metric="M15", default=None)
+    busiest_hour: BusiestHour | None = _f("None when nothing is ranked.", metric="M14", default=None)
+    areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
+    when: When = _f("The timetable.", metric="M8")
+    maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
+    change_maps: ChangeMaps | None = _f("None when nothing is compared.", metric="M17", default=None)
+    spot_pictures: tuple[SpotPicture, ...] = _f("What stands around the numbered spots.", default=())
+    footsteps: Footsteps | None = _f("None where the engine sends no positions or no track ids.", default=None)
+    views: MapViews | None = _f("None where what some camera sees is unknown.", default=None)
+    log: tuple[LogLine, ...] = _f("In order of time.", default=())
+    settings_change: SettingsChange | None = _f("Set when `state` is settings_changed.", default=None)
+    spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
+    readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
+    redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
+    causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
+    trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
+    outlook: Outlook | None = _f("The week to come.", metric="M25", default=None)
+    unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
+    figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
+    story: Story | None = _f("Filled by `headline.tell`; None until then.", default=None)

@@ -1,0 +1,201 @@
+"""The twins of the page: JSON with every figure on it, its JSON Schema, and tidy CSV tables."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import math
+from typing import Any, Final
+
+import msgspec
+
+from vsd_analytics.figures.week import results
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import SpotCard
+from vsd_analytics.figures.week.results import AreaRow, HourCell
+from vsd_analytics.report.model import week
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text
+from vsd_analytics.result import Reason
+from vsd_analytics.store.spreadsheet import safe_cell
+
+DIGITS: Final = 6
+HOURS_COLUMNS: Final = ("site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state")
+AREAS_COLUMNS: Final = (
+    *("site", "floor", "week", "area", "name", "counted", "per_open_hour", "lo", "hi", "previous"),
+    *(
+        "change",
+        "change_lo",
+        "change_hi",
+        "verdict",
+        "share",
+        "exposure_h",
+        "per_person_hour",
+        "recorded_share",
+        "state",
+    ),
+)
+
+
+HOTSPOTS_COLUMNS: Final = (
+    *("site", "floor", "week", "number", "name", "area", "x_m", "y_m", "kind", "per_open_hour", "lo", "hi"),
+    *("ratio", "ratio_lo", "ratio_hi", "excess_per_week", "new", "since", "days_present", "recorded_share", "sureness"),
+)
+
+
+def rounded(report: WeekReport) -> WeekReport:
+    """Return the report with every float rounded to 6 significant digits, as the JSON twin writes them."""
+    reasons: list[Reason] = []
+
+    def put(value: Any) -> Any:
+        if not isinstance(value, Reason):
+            return _plain(value)
+        reasons.append(value)
+        return len(reasons) - 1
+
+    def take(_kind: type, index: int) -> Reason:
+        return reasons[index]
+
+    # a reason stays itself, code and values: it goes round by its place in a list
+    plain = _round(msgspec.to_builtins(report, enc_hook=put))
+    return msgspec.convert(plain, WeekReport, dec_hook=take)
+
+
+def to_json(report: WeekReport) -> bytes:
+    """Return the JSON twin: sorted keys, floats with 6 significant digits, one trailing newline.
+
+    A missing number is null beside a `state`, never 0. The words of the page stand under `story`.
+    """
+    data = _round(_builtins(finish(rounded(report))))
+    return (json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+
+
+def from_json(data: bytes) -> WeekReport:
+    """Return the report a JSON twin was made from; rendering it gives the same page."""
+    return msgspec.json.decode(data, type=WeekReport, dec_hook=decode_reason)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (2020-12) of the twin; each property carries its help, unit and catalogue id."""
+    schema = msgspec.json.schema(WeekReport, schema_hook=reason_schema)
+    for name, definition in schema["$defs"].items():
+        kind = getattr(week if hasattr(week, name) else results, name)
+        for field in dataclasses.fields(kind):
+            property_ = definition["properties"][field.name]
+            metadata = dict(field.metadata)
+            if "$ref" in property_:
+                property_ = definition["properties"][field.name] = {"allOf": [property_]}
+            property_["description"] = metadata.pop("help")
+            property_ |= {f"x-{key}": value for key, value in metadata.items()}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": week.SCHEMA, "title": "Weekly report"}
+    return {**head, **schema}
+
+
+def to_csv(report: WeekReport) -> dict[str, str]:
+    """Return the tidy tables by file name: one row per hour of the floor, per area, per numbered spot.
+
+    `hours.csv` has one row per local hour with the area `all`; a count too small to print is empty with the state
+    `masked`, one that would tell such a count with the state `held_back`. Times are ISO 8601 with offset. Names that a
+    spreadsheet would take for a formula get an apostrophe before them.
+    """
+    report = rounded(report)
+    place = (report.site.site_id, report.site.floor_id)
+    hours = [(*place, "all", *_hour(c)) for c in report.when.cells]
+    areas = [(*place, report.week.iso, *_area(a)) for a in report.areas]
+    spots = [(*place, report.week.iso, *row) for row in _spots(report)]
+    return {
+        "hours.csv": _csv(HOURS_COLUMNS, hours),
+        "areas.csv": _csv(AREAS_COLUMNS, areas),
+        "hotspots.csv": _csv(HOTSPOTS_COLUMNS, spots),
+    }
+
+
+def _hour(cell: HourCell) -> tuple[Any, ...]:
+    is_open = cell.state != "closed"
+    minutes = None if cell.share is None or not is_open else round(cell.share * 60, 1)
+    state = "masked" if cell.is_masked else "held_back" if cell.is_held_back else cell.state
+    return cell.start.isoformat(), "yes" if is_open else "no", minutes, cell.violations, state
+
+
+def _area(row: AreaRow) -> tuple[Any, ...]:
+    if row.is_masked or row.is_held_back:
+        state = "masked" if row.is_masked else "held_back"
+        return row.area_id or "", safe_cell(row.name), *(None,) * 12, row.recorded_share, state
+    often = row.often
+    return (
+        row.area_id or "",
+        safe_cell(row.name),
+        row.counted,
+        *(often.value, often.lo, often.hi, often.previous, often.change, often.change_lo, often.change_hi),
+        often.verdict,
+        row.share,
+        row.exposure_h,
+        row.risky.value if row.risky is not None else None,
+        row.recorded_share,
+        often.state,
+    )
+
+
+def _spots(report: WeekReport) -> list[tuple[Any, ...]]:
+    """Return a row per numbered spot; the rate of an area that may not be printed is not printed here either."""
+    if report.spots is None:
+        return []
+    hidden = {a.area_id for a in report.areas if a.is_masked or a.is_held_back}
+    return [_spot(c, report.spots.kind, is_rate_shown=c.area_id not in hidden) for c in report.spots.cards]
+
+
+def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
+    nothing = Estimate(value=None)
+    often = card.often if card.often is not None and is_rate_shown else nothing
+    ratio, seen = card.ratio or nothing, card.evidence
+    return (
+        *(card.number, safe_cell(card.name), card.area_id, *(card.at or (None, None)), kind),
+        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_per_week),
+        None if card.is_new is None else "yes" if card.is_new else "no",
+        card.since.isoformat() if card.since else None,
+        *((seen.days_present, seen.recorded_share, seen.sureness) if seen else (None, None, None)),
+    )
+
+
+def _csv(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(["" if v is None else v for v in row] for row in rows)
+    return out.getvalue()
+
+
+def _builtins(report: WeekReport) -> Any:
+    """Return dicts, lists, numbers and ISO texts; numpy scalars and pandas instants become plain ones."""
+    return msgspec.to_builtins(report, enc_hook=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Reason):
+        return reason_text(value)
+    for convert in ("item", "to_pydatetime"):
+        if hasattr(value, convert):
+            return getattr(value, convert)()
+    raise TypeError(f"a report cannot hold {type(value).__name__}")
+
+
+def _round(value: Any) -> Any:
+    match value:
+        case float():
+            return significant(value)
+        case dict():
+            return {str(k): _round(v) for k, v in value.items()}
+        case list() | tuple():
+            return [_round(v) for v in value]
+        case _:
+            return value
+
+
+def significant(value: float) -> float | None:
+    """Return `value` with 6 significant digits; None for what is not finite."""
+    if not math.isfinite(value):
+        return None
+    return float(f"{value:.{DIGITS}g}")

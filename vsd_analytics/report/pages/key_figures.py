@@ -1,0 +1,259 @@
+"""The key figures below the headline: two headline numbers, then facts; abnormal weeks show only what they know."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from markupsafe import Markup
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.report.draw.trend_chart import spark
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.things_to_know import weakest_camera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tile:
+    """One key figure.
+
+    Attributes:
+        title: What it is.
+        value: The figure, formatted.
+        note: One or two short sentences.
+        unit: What the value counts, set small beside it.
+        delta: Change or verdict in words; empty for none.
+        direction: good, bad or same; colours the delta.
+        is_large: One of the two headline numbers.
+        is_first: First of its row.
+        is_wordy: The value is words, so it is set smaller.
+        link: Anchor of the proof; empty for none.
+        link_text: Words of that link.
+        also: The second reading, or another line below; empty for none.
+        line: The last weeks as a small line; empty for none.
+    """
+
+    title: str
+    value: str
+    note: str
+    unit: str = ""
+    delta: str = ""
+    direction: str = "same"
+    is_large: bool = False
+    is_first: bool = False
+    is_wordy: bool = False
+    link: str = ""
+    link_text: str = ""
+    also: str = ""
+    line: str | Markup = ""
+
+
+def tiles(report: WeekReport) -> tuple[Tile, ...]:
+    """Return the key figures of the week, in reading order."""
+    match report.state:
+        case "no_data":
+            return _framed((_recorded(report), _last_record(report)))
+        case "too_incomplete":
+            return _framed((_rough(report), _recorded(report)))
+        case "empty":
+            return _framed((_none(report), _seen(report), _recorded(report)))
+        case "settings_changed":
+            both = _before_after(report)
+            return (
+                _framed((*both, _recorded(report)))
+                if both
+                else _framed((_often(report), _risky(report), _recorded(report)))
+            )
+        case _:
+            rest = [t for t in (_spot(report), _hour(report), _recorded(report)) if t is not None]
+            return _framed((_often(report), _risky(report), *rest))
+
+
+def _framed(items: tuple[Tile, ...]) -> tuple[Tile, ...]:
+    """Set the headline numbers large (all, when there are at most three) and mark the first of each row."""
+    few = len(items) <= 3
+    return tuple(
+        replace(t, is_large=few or i < 2, is_first=i == 0 or (i == 2 and not few)) for i, t in enumerate(items)
+    )
+
+
+def sentences(parts: Iterable[str]) -> str:
+    """Join the parts that say something as sentences."""
+    return " ".join(terms.sentence(p) for p in parts if p)
+
+
+def _change(report: WeekReport, estimate: Estimate) -> tuple[str, str]:
+    """Return delta and direction: the change where it is clear, else the verdict."""
+    if report.state != "normal" or estimate.state != "ok":
+        return "", "same"
+    if estimate.verdict in ("clear_fall", "clear_rise"):
+        return fmt.fewer_more(estimate.change), terms.direction(estimate.verdict)
+    return terms.verdict_words(estimate), "same"
+
+
+def _against(report: WeekReport, estimate: Estimate) -> list[str]:
+    if report.state != "normal" or report.previous is None or estimate.previous is None:
+        return [fmt.likely_level(estimate)]
+    before = say("tiles.week_before", week=report.previous.number, rate=fmt.number(estimate.previous))
+    return [before, fmt.likely_change(estimate)]
+
+
+def _between(report: WeekReport, measure: Literal["often", "risky"]) -> str:
+    """Return the second reading of a headline number; empty where there is none."""
+    found = report.readings
+    if found is None or found.between is None or found.all is None:
+        return ""
+    between, every = (getattr(reading, measure) for reading in (found.between, found.all))
+    if between.value is None or every.value is None:
+        return ""
+    rate = fmt.number(between.value)
+    if not found.left_out:
+        return say("tiles.between", rate=rate)
+    without = terms.joined(terms.camera_name(c) for c in found.left_out)
+    return say("tiles.between_part", rate=rate, all=fmt.number(every.value), cameras=without)
+
+
+def _often(report: WeekReport) -> Tile:
+    often, title = report.level.often, say("tiles.often")
+    if often.value is None:
+        value = say("tiles.not_measurable") if often.state == "not_measurable" else say("tiles.too_few")
+        return Tile(title=title, value=value, note=sentences([reason_text(often.reason)]), is_wordy=True)
+    delta, direction = _change(report, often)
+    return Tile(
+        title=title,
+        unit=say("tiles.violations_per_open_hour"),
+        value=fmt.number(often.value),
+        note=sentences([*_against(report, often), say("tiles.same_hours") if often.change is not None else ""]),
+        delta=delta,
+        direction=direction,
+        also=_between(report, "often"),
+        line=spark(report.trend, "often"),
+    )
+
+
+def _risky(report: WeekReport) -> Tile:
+    risky, exposure = report.level.risky, report.level.exposure_h
+    title = say("tiles.risky")
+    if risky.state == "not_measurable" or risky.value is None:
+        value = say("tiles.not_measurable") if risky.state == "not_measurable" else say("tiles.too_little")
+        return Tile(title=title, value=value, note=sentences([reason_text(risky.reason)]), is_wordy=True)
+    delta, direction = _change(report, risky)
+    people = terms.with_people(report.level.people.change, report.level.people.verdict)
+    seen = ""
+    if exposure is not None:
+        key = "tiles.person_hours_people" if people and report.state == "normal" else "tiles.person_hours"
+        seen = say(key, hours=fmt.count(exposure), people=people)
+    return Tile(
+        title=title,
+        unit=say("tiles.violations_per_person_hour"),
+        value=fmt.number(risky.value),
+        note=sentences([*_against(report, risky), seen]),
+        delta=delta,
+        direction=direction,
+        also=_between(report, "risky"),
+        line=spark(report.trend, "risky"),
+    )
+
+
+def _spot(report: WeekReport) -> Tile | None:
+    spot = report.busiest_spot
+    if spot is None:
+        return None
+    key = "tiles.share" if spot.floor_share is None else "tiles.share_floor"
+    note = say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share))
+    return Tile(title=say("tiles.spot"), value=spot.name, note=sentences([note]))
+
+
+def _hour(report: WeekReport) -> Tile | None:
+    busiest = report.busiest_hour
+    if busiest is None:
+        return None
+    shown = fmt.masked(report.rules.mask_below) if busiest.is_masked else fmt.count(busiest.violations)
+    is_set_beside = busiest.ratio_to_mean is not None and not busiest.is_masked
+    key = "tiles.in_that_hour_times" if is_set_beside else "tiles.in_that_hour"
+    note = say(key, n=shown, times=fmt.number(busiest.ratio_to_mean))
+    at = f"{fmt.day_short(busiest.start.date())} {fmt.clock(busiest.start)}"
+    return Tile(title=say("tiles.hour"), value=at, note=sentences([note]))
+
+
+def _recorded(report: WeekReport) -> Tile:
+    coverage, title = report.coverage, say("tiles.recorded")
+    if coverage.scheduled_h == 0:
+        return Tile(title=title, value=say("tiles.none_due"), note=say("tiles.none_due_text"), is_wordy=True)
+    recorded, scheduled = fmt.number(coverage.recorded_h), fmt.number(coverage.scheduled_h)
+    note = [say("tiles.camera_hours", recorded=recorded, scheduled=scheduled)]
+    camera = weakest_camera(report)
+    if camera is not None and report.state == "normal" and camera.scheduled_h - camera.recorded_h >= 1:
+        note.append(say("tiles.missed_most", camera=terms.camera_name(camera.name)))
+    if coverage.is_inferred:
+        note.append(say("tiles.inferred"))
+    return Tile(
+        title=title,
+        value=fmt.percent(coverage.share),
+        note=sentences(note),
+        link="data",
+        link_text=say("tiles.see_missing" if coverage.share < 1 else "tiles.see_hours"),
+    )
+
+
+def _rough(report: WeekReport) -> Tile:
+    often = report.level.often
+    is_known = often.value is not None
+    return Tile(
+        title=say("tiles.often"),
+        unit=say("tiles.violations_per_recorded_hour") if is_known else "",
+        value=say("tiles.about", rate=fmt.number(often.value)) if is_known else say("tiles.too_little"),
+        note=sentences([reason_text(often.reason) or say("tiles.rough")]),
+        is_wordy=not is_known,
+    )
+
+
+def _none(report: WeekReport) -> Tile:
+    often = report.level.often
+    note = say("tiles.fewer_than", rate=fmt.one_in(often.hi)) if often.hi else ""
+    unit = say("tiles.violations_per_open_hour")
+    return Tile(title=say("tiles.often"), unit=unit, value="0", note=sentences([note]))
+
+
+def _seen(report: WeekReport) -> Tile:
+    coverage, title = report.coverage, say("tiles.seen")
+    if coverage.seen_h is None:
+        return Tile(title=title, value=say("tiles.not_known"), note=say("tiles.no_positions"), is_wordy=True)
+    value = say("tiles.seen_of", seen=fmt.number(coverage.seen_h), open=fmt.number(coverage.open_h))
+    return Tile(title=title, value=value, note=say("tiles.working" if coverage.seen_h else "tiles.nobody"))
+
+
+def _last_record(report: WeekReport) -> Tile:
+    last, title = [c.last_record for c in report.coverage.cameras if c.last_record is not None], say("tiles.last")
+    if not last:
+        return Tile(title=title, value=say("tiles.none_found"), note=say("tiles.from_none"), is_wordy=True)
+    newest = max(last)
+    at_once = len(last) > 1 and (newest - min(last)).total_seconds() <= 60
+    is_all = at_once and len(last) == len(report.coverage.cameras)
+    note = say("tiles.all_at_once" if is_all else "tiles.from_last")
+    return Tile(title=title, value=fmt.instant_short(newest), note=note, is_wordy=True)
+
+
+def _before_after(report: WeekReport) -> tuple[Tile, Tile] | None:
+    change = report.settings_change
+    if change is None or change.often_before is None or change.often_after is None:
+        return None
+    names = say("tiles.before_at", value=change.before), say("tiles.after_at", value=change.after)
+    if change.name == "calibration":
+        names = say("tiles.before_calibration"), say("tiles.after_calibration")
+    parts = zip(names, (change.often_before, change.often_after), strict=True)
+    before, after = (
+        Tile(
+            title=name,
+            value=fmt.number(e.value),
+            unit=say("tiles.violations_per_open_hour"),
+            note=sentences([fmt.likely_level(e) or say("tiles.few_days")]),
+        )
+        for name, e in parts
+    )
+    return before, after

@@ -1,0 +1,211 @@
+"""The figures beside the week's map, ready for the page: drawings with their findings, legends and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.report.draw import small_maps
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.figure_titles import changed_places
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapPanel:
+    """One small drawing and what stands above it."""
+
+    title: str
+    drawing: Markup
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Key:
+    """One entry of a legend: the class of its swatch, a sign before its text, the text."""
+
+    style: str
+    text: str
+    sign: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapFigure:
+    """Small drawings side by side.
+
+    Attributes:
+        title: The finding.
+        unit: What is drawn.
+        panels: The drawings.
+        keys: The legend.
+        summary: What opens the table.
+        region: Name of the table for those who hear the page.
+        caption: Caption of the table.
+        head: Heads of its columns.
+        rows: Its rows, texts.
+    """
+
+    title: str
+    unit: str
+    panels: tuple[MapPanel, ...]
+    keys: tuple[Key, ...]
+    summary: str
+    region: str
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapFigures:
+    """Everything drawn of the floor beside its map.
+
+    Attributes:
+        change: The week before, this week, the difference.
+        footsteps: Footsteps beside violations.
+        views: What each camera sees.
+    """
+
+    change: MapFigure | None = None
+    footsteps: MapFigure | None = None
+    views: MapFigure | None = None
+
+
+def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
+    """Return the figures of a report.
+
+    Args:
+        report: The report.
+        is_alone: Every drawing carries the plan itself and can be taken from the page.
+    """
+    floor = report.maps[0] if report.maps and report.maps[0].kind != "picture" else None
+    if floor is None:
+        return MapFigures()
+    return MapFigures(
+        change=_change(report, floor, is_alone=is_alone),
+        footsteps=_footsteps(report, floor, is_alone=is_alone),
+        views=_views(report, floor, is_alone=is_alone),
+    )
+
+
+def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+    shown, previous = report.change_maps, report.previous
+    if shown is None or previous is None:
+        return None
+    title, steps = changed_places(shown), report.rules.heat_steps
+    weeks = (previous, shown.before, "cb"), (report.week, shown.now, "cn")
+    panels = [
+        MapPanel(
+            title=say("maps.change_before", number=week.number),
+            drawing=small_maps.mini_heat(
+                floor,
+                bands,
+                name=name,
+                steps=steps,
+                label=say("maps.change_label_week", floor=floor.title, number=week.number),
+                is_alone=is_alone,
+            ),
+        )
+        for week, bands, name in weeks
+    ]
+    label = say("maps.change_label", before=previous.number, now=report.week.number, title=title)
+    drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone)
+    low, high = (f"{s:g}" for s in shown.steps)
+    return MapFigure(
+        title=title,
+        unit=say("maps.change_sub", hours=fmt.count(shown.hours_compared)),
+        panels=(*panels, MapPanel(title=say("maps.change_difference"), drawing=drawing)),
+        keys=(
+            Key(style="f2", sign="−", text=say("maps.change_strong_fewer", high=high)),
+            Key(style="f1", sign="−", text=say("maps.change_weak_fewer", low=low, high=high)),
+            Key(style="m1", sign="+", text=say("maps.change_weak_more", low=low, high=high)),
+            Key(style="m2", sign="+", text=say("maps.change_strong_more", high=high)),
+        ),
+        summary=say("maps.change_table"),
+        region=say("maps.change_table_region"),
+        caption=say("maps.change_caption", before=previous.number, now=report.week.number),
+        head=(say("maps.area"), say("maps.fewer"), say("maps.more")),
+        rows=tuple((p.name, *(fmt.number(v) if v > 0 else "–" for v in (p.fewer, p.more))) for p in shown.places),
+    )
+
+
+def _footsteps(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+    steps = report.footsteps
+    if steps is None:
+        return None
+    number = report.week.number
+    total = report.level.exposure_h
+    rows = [
+        (a.name, a.exposure_h / total, a.share)
+        for a in report.areas
+        if total and a.exposure_h is not None and a.share is not None
+    ]
+    named = [a.name for a in report.areas if a.area_id is not None]
+    top = next((r for r in rows if r[0] in named), None)
+    title = say("maps.steps_title_bare")
+    if top is not None and report.state in ("normal", "first_week", "settings_changed"):
+        title = say("maps.steps_title", area=top[0], violations=fmt.percent(top[2]), time=fmt.percent(top[1]))
+    else:
+        rows = []
+    left = small_maps.mini_footsteps(
+        floor, steps, name="fl", label=say("maps.steps_label_left", floor=floor.title, number=number), is_alone=is_alone
+    )
+    right = small_maps.mini_heat(
+        floor,
+        floor.bands,
+        name="fr",
+        steps=report.rules.heat_steps,
+        label=say("maps.steps_label_right", floor=floor.title, number=number),
+        is_alone=is_alone,
+    )
+    return MapFigure(
+        title=title,
+        unit=say(
+            "maps.steps_sub",
+            cell=fmt.distance(steps.cell_m, report.rules.distance_unit),
+            tracks=steps.min_tracks,
+            number=number,
+        ),
+        panels=(
+            MapPanel(title=say("maps.steps_left"), drawing=left),
+            MapPanel(title=say("maps.steps_right"), drawing=right),
+        ),
+        keys=(),
+        summary=say("maps.change_table"),
+        region=say("maps.steps_region"),
+        caption=say("maps.steps_caption", number=number),
+        head=(say("maps.area"), say("maps.steps_time"), say("maps.steps_violations")),
+        rows=tuple((name, fmt.percent(time), fmt.percent(share)) for name, time, share in rows),
+    )
+
+
+def _views(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+    shown = report.views
+    if shown is None:
+        return None
+    shared, unseen = (fmt.percent(v / shown.floor_m2) for v in (shown.shared_m2, shown.unseen_m2))
+    key = say("maps.views_title", shared=shared, unseen=unseen)
+    if shown.unseen_m2 < 0.005 * shown.floor_m2:
+        key = say("maps.views_title_all", shared=shared)
+    drawing = small_maps.mini_views(
+        floor, shown, name="vw", label=say("maps.views_label", floor=floor.title), is_alone=is_alone
+    )
+    keys = [Key(style="ov", text=say("maps.views_legend_one"))]
+    if shown.shared:
+        keys.append(Key(style="sv", text=say("maps.views_legend_many")))
+    return MapFigure(
+        title=key,
+        unit=say("maps.views_sub"),
+        panels=(MapPanel(title="", drawing=drawing),),
+        keys=tuple(keys),
+        summary=say("maps.change_table"),
+        region=say("maps.views_region"),
+        caption=say("maps.views_caption"),
+        head=(say("maps.views_camera"), say("maps.views_seen"), say("maps.views_alone")),
+        rows=tuple(
+            (f"{v.label} {v.name}", f"{fmt.number(v.area_m2)} m²", f"{fmt.number(v.alone_m2)} m²")
+            for v in shown.cameras
+        ),
+    )

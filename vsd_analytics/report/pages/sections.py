@@ -1,0 +1,386 @@
+"""Sections beyond the week and its map, in words and drawings: weeks, causes, redesigns, outlook, unusual hours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Causes, Redesign, TrendWeek
+from vsd_analytics.report.draw import svg
+from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.reasons import reason_text
+
+NO_BAR = Markup("")
+SMALL_MOVE = 0.05
+"""Causes that moved less than this, relatively, are not named."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrendPanel:
+    """One measure over the weeks: its title, what stands below it, and the drawing in two widths."""
+
+    title: str
+    sub: str
+    wide: Markup
+    narrow: Markup
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrendRow:
+    """One week of the table behind the charts: texts."""
+
+    number: int
+    start: str
+    often: str
+    often_likely: str
+    risky: str
+    risky_likely: str
+    recorded: str
+    note: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrendView:
+    """The weeks.
+
+    Attributes:
+        heading: Name of the section.
+        panels: How often, how risky; none with fewer than two figures.
+        marks: Letter, moment and text of logged changes.
+        notes: What a reader must know beside.
+        rows: The table.
+        has_gaps: True when a week is one.
+    """
+
+    heading: str
+    panels: tuple[TrendPanel, ...]
+    marks: tuple[tuple[str, str, str], ...]
+    notes: tuple[str, ...]
+    rows: tuple[TrendRow, ...]
+    has_gaps: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BarRow:
+    """A change with its bar: texts. A head stands above the rows of one subject: its name and a note."""
+
+    name: str
+    bar: Markup = NO_BAR
+    words: str = ""
+    detail: str = ""
+    direction: str = "same"
+    is_head: bool = False
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BarTable:
+    """Changes with their bars, and what they say together."""
+
+    title: str
+    sub: str
+    axis: Markup
+    rows: tuple[BarRow, ...]
+    sentence: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listed:
+    """A short figure made of lines; without title and lines it is only refused, in its notes."""
+
+    title: str
+    sub: str
+    lines: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+def trend(report: WeekReport) -> TrendView | None:
+    """Return the weeks; None without any."""
+    found = report.trend
+    if found is None or not found.weeks:
+        return None
+    weeks = found.weeks
+    panels = []
+    for measure in ("often", "risky"):
+        n = sum(_value(w, measure) is not None for w in weeks)
+        if n >= 2:
+            panels.append(_panel(report, measure))
+    notes = [_differs(report)]
+    if not panels:
+        notes.append(say("trend.one"))
+    elif found.state != "ok":
+        notes.append(say("trend.too_few"))
+    ahead = outlook(report)
+    if ahead is not None and not ahead.lines:
+        notes += ahead.notes
+    if found.risky_reason is not None and panels:
+        notes.append(say("trend.no_risky", reason=reason_text(found.risky_reason)))
+    marks = [
+        (m.label, fmt.instant_short(m.at), f"{fmt.ended(m.text)} {m.area_name + '.' if m.area_name else ''}".strip())
+        for m in found.marks
+    ]
+    return TrendView(
+        heading=say("trend.title" if len(weeks) == 10 else "trend.title_so_far"),
+        panels=tuple(panels),
+        marks=tuple(marks) if panels else (),
+        notes=tuple(n for n in notes if n),
+        rows=tuple(_row(w) for w in weeks),
+        has_gaps=any(w.often is None for w in weeks),
+    )
+
+
+def trend_title(report: WeekReport, measure: Measure) -> str:
+    """Return what one measure of the weeks shows: whether this week stands out of them, by its interval."""
+    weeks = report.trend.weeks if report.trend is not None else ()
+    now = _value(weeks[-1], measure) if weeks else None
+    if now is None or now.value is None:
+        return say("titles.trend_gap", week=report.week.number)
+    past = [e.value for w in weeks[:-1] if (e := _value(w, measure)) is not None and e.value is not None]
+    if len(past) < 2:
+        return say("titles.trend_few", plural=len(past) + 1, n=fmt.count(len(past) + 1))
+    if now.value < min(past):
+        is_clear = now.hi is not None and now.hi < min(past)
+        return say(
+            "titles.trend_lowest" if is_clear else "titles.trend_below", n=len(past) + 1, week=report.week.number
+        )
+    if now.value > max(past):
+        is_clear = now.lo is not None and now.lo > max(past)
+        return say(
+            "titles.trend_highest" if is_clear else "titles.trend_above", n=len(past) + 1, week=report.week.number
+        )
+    return say("titles.trend_usual", week=report.week.number)
+
+
+def causes(report: WeekReport) -> BarTable | None:
+    """Return what moved the time spent close, as one sentence with three bars; None where it is not told."""
+    found = report.causes
+    if found is None or report.previous is None or not report.level.often.value:
+        return None
+    distance = fmt.distance(report.rules.distance_m, report.rules.distance_unit)
+    title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
+    if found.close is None:
+        reason = (reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
+        return BarTable(title=title, sub=sub, axis=Markup(""), rows=(), notes=(say("causes.none", reason=reason),))
+    parts = {
+        "people": Estimate(value=None, change=found.people),
+        "layout": Estimate(value=None, change=found.layout),
+        "behaviour": Estimate(
+            value=None, change=found.behaviour, change_lo=found.behaviour_lo, change_hi=found.behaviour_hi
+        ),
+    }
+    limit = svg.change_limit(parts.values())
+    rows = tuple(
+        BarRow(
+            name=say(f"causes.{name}"),
+            bar=svg.change_bar(e, limit=limit),
+            words=fmt.signed(e.change),
+            detail=fmt.likely_signed(e),
+            direction="same",
+        )
+        for name, e in parts.items()
+    )
+    return BarTable(title=title, sub=sub, axis=svg.change_axis(limit), rows=rows, sentence=_cause(found, distance))
+
+
+def redesigns(report: WeekReport) -> BarTable | None:
+    """Return what logged changes did to their areas; None without any."""
+    found = report.redesigns
+    if not found:
+        return None
+    told = [r for r in found if r.effect is not None and r.state == "ok"]
+    limit = svg.change_limit(e for r in told for e in (r.often, r.effect) if e is not None)
+    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in told)
+    refused = [
+        say("redesign.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
+        for r in found
+        if r not in told
+    ]
+    return BarTable(
+        title=say("redesign.title"),
+        sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if told else "",
+        axis=svg.change_axis(limit),
+        rows=tuple(row for r in told for row in _redesign(r, limit)),
+        notes=(*assumed, *refused),
+    )
+
+
+def outlook(report: WeekReport) -> Listed | None:
+    """Return the week to come; None where violations cannot be counted."""
+    found = report.outlook
+    if found is None or report.level.often.state == "not_measurable":
+        return None
+    sunday = found.monday.fromordinal(found.monday.toordinal() + 6)
+    first, last = fmt.date_short(found.monday), fmt.date_short(sunday)
+    sub = say("next.sub", week=found.number, first=first, last=last)
+    if not found.highest:
+        reason = (reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
+        return Listed(title="", sub="", lines=(), notes=(say("next.why", week=found.number, reason=reason),))
+    lines = []
+    for h in found.highest:
+        hour = f"{fmt.weekday(h.day)} {fmt.hour_label(h.hour)}"
+        is_ranged = h.lo is not None and h.hi is not None
+        key = "next.hour_range" if is_ranged else "next.hour"
+        lines.append(say(key, hour=hour, rate=fmt.number(h.value), low=fmt.number(h.lo), high=fmt.number(h.hi)))
+    top = found.highest[0]
+    hour = f"{fmt.weekday(top.day)} {fmt.hour_label(top.hour)}"
+    notes = [say("next.mean", rate=fmt.number(found.mean)), say("next.range")]
+    score = found.score
+    if score is None:
+        notes.append(say("next.no_score"))
+    else:
+        notes.append(say("next.score", error=fmt.percent(score.error), naive=fmt.percent(score.error_naive)))
+        if score.hit_rate is not None:
+            notes.append(say("next.score_hit", share=fmt.percent(score.hit_rate), n=fmt.count(score.n_hours)))
+    return Listed(
+        title=say("titles.outlook", hour=hour, week=found.number), sub=sub, lines=tuple(lines), notes=tuple(notes)
+    )
+
+
+def unusual(report: WeekReport) -> Listed | None:
+    """Return the hours far from usual; None where none could be judged this week."""
+    found = report.unusual
+    if found is None:
+        return None
+    sub = say("when.unusual_sub")
+    if found.state != "ok":
+        reason = (reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
+        return Listed(title="", sub="", lines=(), notes=(say("when.unusual_why", reason=reason),))
+    lines = [
+        say(
+            "when.unusual_row" if r.violations is not None else "when.unusual_row_held",
+            hour=f"{fmt.weekday(r.day)} {fmt.hour_label(r.hour)}",
+            n=fmt.count(r.violations),
+            usual=fmt.number(r.usual),
+            low=fmt.number(r.lo),
+            high=fmt.number(r.hi),
+        )
+        for r in found.rows
+    ]
+    n = found.n_unusual
+    title = say("titles.unusual", plural=n, n=n) if n else say("titles.unusual_none")
+    notes = (say("when.unusual_tested", n=fmt.count(found.n_tested)),)
+    return Listed(title=title, sub=sub, lines=tuple(lines), notes=notes)
+
+
+def readings_note(report: WeekReport) -> str:
+    """Return how far the second reading can be trusted, or why there is none; empty where nothing is counted."""
+    found = report.readings
+    if found is None:
+        return ""
+    if found.between is None:
+        return say(
+            "reading.none", reason=(reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
+        )
+    precision, recall = fmt.percent(found.precision_lo), fmt.percent(found.recall_lo)
+    if found.between_share is None:
+        return say("reading.note_plain", precision=precision, recall=recall)
+    share = fmt.percent(found.between_share)
+    if found.between_lo is not None and found.between_hi is not None:
+        low, high = fmt.percent(found.between_lo), fmt.percent(found.between_hi)
+        share = say("reading.share", share=share, low=low, high=high)
+    return say("reading.note", share=share, precision=precision, recall=recall)
+
+
+def _value(week: TrendWeek, measure: Measure) -> Estimate | None:
+    found = week.often if measure == "often" else week.risky
+    return found if found is not None and found.value is not None else None
+
+
+def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
+    found = report.trend
+    assert found is not None
+    ends = {"first": found.weeks[0].number, "last": found.weeks[-1].number}
+    label = say(f"trend.label_{measure}", **ends)
+    return TrendPanel(
+        title=say(f"trend.{measure}", title=trend_title(report, measure)),
+        sub=say(f"trend.sub_{measure}", confidence=fmt.percent(report.rules.confidence)),
+        wide=chart(found, measure, width=WIDE, label=label),
+        narrow=chart(found, measure, width=NARROW, label=label),
+    )
+
+
+def _row(week: TrendWeek) -> TrendRow:
+    often, risky = _value(week, "often"), _value(week, "risky")
+    note = reason_text(week.reason)
+    if often is None and week.often is not None:
+        note = reason_text(week.often.reason) or note
+    return TrendRow(
+        number=week.number,
+        start=fmt.date_short(week.monday),
+        often=fmt.number(often.value if often else None),
+        often_likely=_range(often),
+        risky=fmt.number(risky.value if risky else None),
+        risky_likely=_range(risky),
+        recorded=fmt.percent(week.coverage),
+        note=terms.sentence(note) if note else "",
+    )
+
+
+def _range(e: Estimate | None) -> str:
+    if e is None or e.lo is None or e.hi is None:
+        return fmt.MISSING
+    return say("format.and", first=fmt.number(e.lo), last=fmt.number(e.hi))
+
+
+def _differs(report: WeekReport) -> str:
+    """Say why the week before reads otherwise in the comparison, where it does."""
+    before = report.trend.weeks[-2] if report.trend is not None and len(report.trend.weeks) > 1 else None
+    often = _value(before, "often") if before is not None else None
+    there = report.level.often.previous
+    if often is None or there is None or fmt.number(often.value) == fmt.number(there):
+        return ""
+    assert before is not None
+    return say("trend.differs", week=before.number, here=fmt.number(often.value), there=fmt.number(there))
+
+
+def _cause(found: Causes, distance: str) -> str:
+    close = found.close or 0.0
+    parts = {"people": found.people or 0.0, "layout": found.layout or 0.0, "behaviour": found.behaviour or 0.0}
+    same_way = {k: v for k, v in parts.items() if v * close > 0}
+    name, size = max(same_way.items(), key=lambda item: abs(item[1]), default=("", 0.0))
+    if abs(size) < SMALL_MOVE:
+        largest = say("causes.nothing")
+    else:
+        largest = say(f"causes.mostly_{name}_{'fell' if size < 0 else 'rose'}")
+    if abs(close) < SMALL_MOVE:
+        return say("causes.sentence_same", distance=distance, largest=say("causes.nothing") if not name else largest)
+    change = say("causes.less" if close < 0 else "causes.more", percent=fmt.percent(abs(close)))
+    return say("causes.sentence", change=change, distance=distance, largest=largest)
+
+
+def _redesign(found: Redesign, limit: float) -> tuple[BarRow, ...]:
+    """Return how often and how risky, before and after: people who stay away make an area no riskier."""
+    n = found.n_weeks or 0
+    parts = [say(f"redesign.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]
+    people = found.people
+    if people is not None and people.change is not None:
+        is_same = round(people.change * 100) == 0
+        parts.append(
+            say("redesign.people_same") if is_same else say("redesign.people", change=fmt.fewer_more(people.change))
+        )
+    if found.doubts:
+        parts.append(say("redesign.doubt", doubts="; ".join(reason_text(d).rstrip(".") for d in found.doubts)))
+    about = say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date()))
+    rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
+    for kind, e in (("often", found.often), ("risky", found.effect)):
+        if e is None:
+            continue
+        clear = e.verdict in ("clear_fall", "clear_rise") and e.change is not None
+        verdict = terms.verdict_words(e)
+        rows.append(
+            BarRow(
+                name=say(f"redesign.{kind}"),
+                bar=svg.change_bar(e, limit=limit),
+                words=say("changed.clear", verdict=verdict, change=fmt.signed(e.change)) if clear else verdict,
+                detail=fmt.likely_signed(e) or reason_text(e.reason),
+                direction=terms.direction(e.verdict),
+            )
+        )
+    return tuple(rows)

@@ -1,0 +1,198 @@
+"""The cards of the numbered spots in words: rate, change, since when, when, how sure, what to ask."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, UsualHours
+from vsd_analytics.report.draw import small_maps
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.reasons import reason_text
+
+N_DOTS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Card:
+    """One card, ready to print.
+
+    Attributes:
+        number: As on the map.
+        name: Of the spot.
+        value, unit: Its figure.
+        change: What became of it, in words.
+        direction: good, bad or same; colours that.
+        notes: Further lines: excess.
+        area: How often in its area, where the figure above is not that.
+        when: When it is busy.
+        dots: For each of three dots, whether it is full.
+        sure: high, medium or low, in words.
+        reason: Why.
+        ask: What to ask about the room.
+        picture: What stands around the spot, with its bands; empty for none.
+    """
+
+    number: int
+    name: str
+    value: str
+    unit: str
+    change: str
+    direction: str
+    notes: tuple[str, ...]
+    area: str
+    when: str
+    dots: tuple[bool, ...]
+    sure: str
+    reason: str
+    ask: str
+    picture: Markup
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cards:
+    """The cards and what stands above them.
+
+    Attributes:
+        title: What the spots are.
+        sub: How they were chosen.
+        cards: At most three.
+        has_pictures: True when a card has one of a camera.
+    """
+
+    title: str
+    sub: str
+    cards: tuple[Card, ...]
+    has_pictures: bool
+
+
+def cards(report: WeekReport) -> Cards | None:
+    """Return the cards of the week; None where no spot is numbered."""
+    found = report.spots
+    if found is None or not found.cards:
+        return None
+    n = len(found.cards)
+    number = {2: say("spots.two"), 3: say("spots.three")}.get(n, str(n))
+    if found.kind == "tested":
+        title = say("spots.tested", plural=n, n=number)
+        first, last = (fmt.date_short(d) if d is not None else "" for d in (found.first, found.last))
+        sub = say("spots.sub_tested", first=first, last=last)
+    else:
+        title = say("spots.busiest", plural=n, n=number)
+        why = reason_text(found.reason).rstrip(".")
+        sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
+    made = tuple(_card(c, report) for c in found.cards)
+    return Cards(
+        title=title, sub=sub, cards=made, has_pictures=any(p.camera_name is not None for p in report.spot_pictures)
+    )
+
+
+def _card(card: SpotCard, report: WeekReport) -> Card:
+    value, unit, notes, area = _figures(card, report)
+    change, direction = _change(card.often, report) if card.ratio is None else _since(card)
+    evidence = card.evidence
+    level = {"high": 3, "medium": 2, "low": 1}.get(evidence.sureness if evidence is not None else "", 0)
+    return Card(
+        number=card.number,
+        name=card.name,
+        value=value,
+        unit=unit,
+        change=change,
+        direction=direction,
+        notes=notes,
+        area=area,
+        when=_when(card.usual),
+        dots=tuple(i < level for i in range(N_DOTS)),
+        sure=say(f"spots.{evidence.sureness}") if evidence is not None else "",
+        reason=_reason(evidence, report) if evidence is not None else "",
+        ask=card.ask,
+        picture=spot_scene(report, card.number),
+    )
+
+
+def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, ...], str]:
+    often = card.often
+    if card.ratio is None:
+        return fmt.number(often.value if often is not None else None), say("spots.rate_unit"), (), ""
+    if card.ratio.value is None:
+        return fmt.MISSING, reason_text(card.ratio.reason), (), ""
+    unit, notes, area = say("spots.ratio_unit"), [], ""
+    if card.ratio.lo is not None and card.ratio.hi is not None:
+        unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
+    if card.excess_per_week is not None:
+        notes.append(say("spots.excess", n=fmt.count(card.excess_per_week)))
+    if often is not None and often.value is not None:
+        change, _ = _change(often, report, within=True)
+        key = "spots.area_rate_change" if change else "spots.area_rate"
+        area = say(key, rate=fmt.number(often.value), change=change)
+    return fmt.number(card.ratio.value), unit, tuple(notes), area
+
+
+def _since(card: SpotCard) -> tuple[str, str]:
+    if card.is_new is None:
+        return "", "same"
+    if card.is_new:
+        return say("spots.new"), "bad"
+    key = "spots.since_first" if card.is_since_first else "spots.since"
+    return say(key, date=fmt.date_short(card.since)) if card.since is not None else "", "same"
+
+
+def _change(often: Estimate | None, report: WeekReport, *, within: bool = False) -> tuple[str, str]:
+    """Return the change of an area in words, and its direction; empty where nothing is compared."""
+    if report.state != "normal" or report.previous is None or often is None:
+        return "", "same"
+    if often.verdict in ("clear_fall", "clear_rise") and often.change is not None:
+        said = say("spots.change", change=fmt.fewer_more(often.change), week=report.previous.number)
+        return said, terms.direction(often.verdict)
+    key = "no_change" if often.verdict == "no_clear_change" else "little"
+    return say(f"spots.{'' if within else 'cap_'}{key}", week=report.previous.number), "same"
+
+
+def _when(usual: UsualHours | None) -> str:
+    if usual is None:
+        return say("spots.when_unknown")
+    if usual.last_hour - usual.first_hour >= 11:
+        return say("spots.when_all_day")
+    first, last = fmt.hour_label(usual.first_hour), fmt.hour_label(usual.last_hour + 1)
+    if usual.weekday is None:
+        return say("spots.when_hours", first=first, last=last)
+    return say("spots.when_day", first=first, last=last, day=fmt.DAYS[usual.weekday])
+
+
+def _reason(evidence: Evidence, report: WeekReport) -> str:
+    parts = [
+        say("spots.reason_days", plural=evidence.days_present, n=evidence.days_present),
+        say("spots.reason_hours", share=fmt.percent(evidence.recorded_share)),
+    ]
+    if evidence.is_camera_down:
+        camera = terms.camera_name(evidence.camera_name or "")
+        parts = [say("spots.reason_down", camera=camera, hours=fmt.hours(evidence.lost_h))]
+    elif evidence.error_m is None:
+        parts.append(say("spots.reason_no_error"))
+    else:
+        parts.append(say("spots.reason_error", error=fmt.distance(evidence.error_m, report.rules.distance_unit)))
+    return terms.sentence(", ".join(parts))
+
+
+def spot_scene(report: WeekReport, number: int, *, is_alone: bool = False) -> Markup:
+    """Draw what stands around a numbered spot; empty without a picture of it.
+
+    Args:
+        report: The report.
+        number: Number of the spot.
+        is_alone: The drawing carries the plan itself and can be taken from the page.
+    """
+    found = next((p for p in report.spot_pictures if p.number == number), None)
+    floor = next((m for m in report.maps if m.kind != "picture"), None)
+    if found is None or floor is None:
+        return Markup("")
+    if found.camera_name is None:
+        label = say("spots.floor_label", floor=floor.title, number=number)
+    else:
+        label = say("spots.picture_label", camera=terms.camera_name(found.camera_name), number=number)
+    return small_maps.scene(found, floor, rules=report.rules, name=f"spot{number}", label=label, is_alone=is_alone)

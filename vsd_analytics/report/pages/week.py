@@ -1,0 +1,408 @@
+"""The weekly page: one HTML file with one style, no script, no request, equal bytes for equal reports."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from dataclasses import dataclass, fields
+from functools import cache
+from itertools import pairwise
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.figures.week.model_recording import Outage
+from vsd_analytics.figures.week.results import AreaRow
+from vsd_analytics.report.draw import floor_plan, svg
+from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages import sections, tables
+from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
+from vsd_analytics.report.pages.json_and_csv import rounded
+from vsd_analytics.report.pages.key_figures import Tile, tiles
+from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
+from vsd_analytics.report.pages.site_log import LogRow, log_rows
+from vsd_analytics.report.pages.spot_cards import Cards, cards
+from vsd_analytics.report.words import figure_titles, terms
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.catalogue import say, say_html
+from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.resources import shipped
+from vsd_analytics.result import Reason
+
+WIDE = 1.8
+LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
+_SECTIONS = ("where", "spots", "when", "changed", "trend", "next", "data", "about")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnMap:
+    """A map and its drawing.
+
+    Attributes:
+        shown: The map.
+        drawing: It as SVG.
+        is_wide: True when it is so much wider than high that paper has more room below than beside it.
+    """
+
+    shown: FloorMap
+    drawing: Markup
+    is_wide: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeRow:
+    """One row of the table of changes: texts and the interval bar."""
+
+    name: str
+    previous: str
+    value: str
+    bar: Markup
+    words: str
+    detail: str
+    direction: str
+    is_total: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutageRow:
+    """An outage and whose it was."""
+
+    who: str
+    outage: Outage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """Everything the templates may use; each field is one variable.
+
+    Attributes:
+        report: The figures.
+        story: The words made from them.
+        style: The page's only style.
+        style_hash: Base64 SHA-256 of `style`, for the content security policy.
+        span: First and last day in words.
+        shown: Sections on this page.
+        contents: Anchor and name of each section.
+        anchors: Name of the section behind each anchor.
+        things_title: Heading of the things to know.
+        tiles: Key figures.
+        titles: Titles of the figures.
+        maps: Maps with drawings.
+        figures: The drawings beside the maps.
+        has_spots: True when numbers are drawn on a map.
+        heat_legend: Steps of the map's ramp.
+        doubles: True when each step of the map doubles.
+        hour_legend: Steps of the timetable's ramp.
+        is_ranked: True when areas may be ordered and shares shown.
+        areas: Areas in the order of the page.
+        table: The timetable.
+        down: Names of cameras that were down in some hour.
+        masked_hours: True when the count of any hour is too small to print.
+        held_hours: True when any other hour is held back, as it would tell such a count.
+        held_areas: The same of areas.
+        mask_middle: What an hour too small to print counts in averages.
+        second: True when the clocks were set back.
+        is_compared: True when changes are shown.
+        why_not_compared: Why not.
+        axis: Labels above the interval bars.
+        changes: Rows of the table of changes.
+        strips: Rows of the table of recorded hours.
+        outages: Missing hours, one by one.
+        distance: The legal distance in the site's unit, on one line.
+        readings_note: How far the second reading can be trusted, or why there is none.
+        between: Violations between groups per open hour, by area; empty for none.
+        cards: The numbered spots.
+        unusual: Hours far from usual.
+        causes: What moved the time spent close.
+        redesigns: What logged changes did.
+        trend: The last weeks.
+        outlook: The week to come.
+        log: What happened at the site.
+        log_section: Where that list stands: "trend" below charts that mark it, else "changed".
+        messages: How many messages are missing, in words.
+        more_figures: Rows of the table of further figures.
+    """
+
+    report: WeekReport
+    story: Story
+    style: Markup
+    style_hash: str
+    span: tuple[str, str]
+    shown: frozenset[str]
+    contents: tuple[tuple[str, str], ...]
+    anchors: dict[str, str]
+    things_title: str
+    tiles: tuple[Tile, ...]
+    titles: dict[str, str]
+    maps: tuple[DrawnMap, ...]
+    figures: MapFigures
+    has_spots: bool
+    heat_legend: tuple[tables.Step, ...]
+    doubles: bool
+    hour_legend: tuple[tables.Step, ...]
+    is_ranked: bool
+    areas: tuple[AreaRow, ...]
+    table: tables.TimetableRows
+    down: str
+    masked_hours: bool
+    held_hours: bool
+    held_areas: bool
+    mask_middle: float
+    second: bool
+    is_compared: bool
+    why_not_compared: str
+    axis: Markup
+    changes: tuple[ChangeRow, ...]
+    strips: tuple[tables.StripRow, ...]
+    outages: tuple[OutageRow, ...]
+    distance: str
+    readings_note: str
+    between: dict[str | None, float | None]
+    cards: Cards | None
+    unusual: sections.Listed | None
+    causes: sections.BarTable | None
+    redesigns: sections.BarTable | None
+    trend: sections.TrendView | None
+    outlook: sections.Listed | None
+    log: tuple[LogRow, ...]
+    log_section: str
+    messages: str
+    more_figures: tuple[FigureRow, ...]
+
+
+def render_html(report: WeekReport, *, paper: str = "a4") -> str:
+    """Return the page of a week as one self-contained HTML file.
+
+    Floats are rounded as in the JSON twin first, so that both say the same.
+
+    Args:
+        report: The figures; its story is made here when it has none.
+        paper: a4 or letter: what the page is printed on.
+    """
+    page = make_page(report, paper=paper)
+    context = {f.name: getattr(page, f.name) for f in fields(page)}
+    text = environment().get_template("week.html.j2").render(context)
+    return re.sub(r"\n\s*\n+", "\n", text)
+
+
+def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
+    """Return what the templates show; see `Page`."""
+    report = finish(rounded(report))
+    if report.story is None:
+        raise AssertionError("finish fills the story")
+    style = _style(report, paper=paper)
+    is_compared = report.state == "normal" and report.level.often.verdict is not None
+    is_ranked = report.state in ("normal", "first_week", "settings_changed")
+    weeks, figures = sections.trend(report), map_figures(report)
+    log_section = "trend" if weeks is not None and weeks.panels else "changed"
+    shown = _shown(report, figures, log_section=log_section)
+    timetable = tables.timetable(report)
+    limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
+    steps = report.rules.heat_steps
+    names = {c.camera_id: c.name for c in report.coverage.cameras}
+    return Page(
+        report=report,
+        story=report.story,
+        style=Markup(style),
+        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        span=fmt.date_span(report.week.monday, report.week.sunday),
+        shown=shown,
+        contents=tuple((k, say(f"nav.{k}")) for k in _SECTIONS if k in shown),
+        anchors={k: say(f"nav.{k}") for k in _SECTIONS},
+        things_title=_things_title(len(report.story.things)),
+        tiles=tiles(report),
+        titles={name: getattr(figure_titles, name)(report) for name in ("where", "when", "changed", "data")},
+        maps=tuple(_drawn(m, i, report, is_ranked=is_ranked) for i, m in enumerate(report.maps)),
+        figures=figures,
+        has_spots=is_ranked and any(m.spots for m in report.maps),
+        heat_legend=tables.legend(steps, is_count=False),
+        doubles=all(abs(b - 2 * a) < 1e-9 for a, b in pairwise(steps)),
+        hour_legend=tables.legend(report.rules.hour_steps, is_count=True),
+        is_ranked=is_ranked,
+        areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
+        table=timetable,
+        down=terms.joined(terms.camera_name(names.get(c, c)) for c in _down(report)),
+        masked_hours=any(c.is_masked for c in report.when.cells),
+        held_hours=any(c.is_held_back for c in report.when.cells),
+        held_areas=any(a.is_held_back for a in report.areas),
+        mask_middle=report.rules.mask_below / 2,
+        second=any(row.is_second for row in timetable.rows),
+        is_compared=is_compared,
+        why_not_compared=_why_not_compared(report),
+        axis=svg.change_axis(limit),
+        changes=_changes(report, limit=limit) if is_compared else (),
+        strips=tables.strips(report),
+        outages=tuple(_outage(o, names) for o in report.coverage.outages),
+        distance=fmt.distance_unbroken(report.rules.distance_m, report.rules.distance_unit),
+        readings_note=sections.readings_note(report),
+        between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
+        cards=cards(report),
+        unusual=sections.unusual(report),
+        causes=sections.causes(report),
+        redesigns=sections.redesigns(report),
+        trend=weeks,
+        outlook=sections.outlook(report),
+        log=log_rows(report, with_weeks=log_section == "trend"),
+        log_section=log_section,
+        messages=_messages(report),
+        more_figures=more_figures(report),
+    )
+
+
+def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> frozenset[str]:
+    always = {"data", "about"}
+    always |= {"trend"} if report.trend is not None and report.trend.weeks else set()
+    if report.level.often.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
+        always |= {"next"}
+    if report.state == "no_data":
+        return frozenset(always | ({"changed"} if report.log and log_section == "changed" else set()))
+    maps = {"where"} if report.maps else set()
+    if (report.spots is not None and report.spots.cards) or figures.footsteps is not None:
+        maps |= {"spots"}
+    hours = set() if report.level.often.state == "not_measurable" else {"when"}
+    return frozenset({"changed"} | always | hours | maps)
+
+
+def _things_title(n: int) -> str:
+    return say({3: "things.title_three", 2: "things.title_two"}.get(n, "things.title_one"))
+
+
+def _messages(report: WeekReport) -> str:
+    n, n_gaps = report.coverage.missing_messages, report.coverage.message_gaps
+    if not n:
+        return ""
+    return say("data.messages", plural=n, n=fmt.count(n), gaps=say("data.gaps", plural=n_gaps, n=fmt.count(n_gaps)))
+
+
+def _down(report: WeekReport) -> list[str]:
+    """Return the cameras that missed at least an hour the others may have recorded, most missed first."""
+    lost: dict[str, float] = {}
+    for outage in report.coverage.outages:
+        if len(outage.camera_ids) < len(report.coverage.cameras):
+            for camera_id in outage.camera_ids:
+                lost[camera_id] = lost.get(camera_id, 0.0) + outage.open_h
+    return sorted((c for c, h in lost.items() if h >= 0.5), key=lambda c: (-lost[c], c))[:3]
+
+
+def _why_not_compared(report: WeekReport) -> str:
+    match report.state:
+        case _ if report.level.often.state == "not_measurable":
+            return say("changed.why_not_measurable")
+        case "first_week":
+            return say("changed.why_first_week")
+        case "settings_changed":
+            change = report.settings_change
+            is_cameras = change is not None and change.name == "cameras"
+            return say("changed.why_cameras" if is_cameras else "changed.why_settings")
+        case "too_incomplete":
+            return say("changed.why_incomplete", limit=fmt.percent(report.rules.min_coverage))
+        case "empty":
+            return say("changed.why_empty")
+        case _:
+            return say("changed.why_no_data")
+
+
+def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) -> DrawnMap:
+    spots = shown.spots if is_ranked else ()
+    label = say("where.label", title=shown.title, week=report.week.number)
+    if spots:
+        label += say(
+            "where.label_spots",
+            spots="; ".join(say("where.label_spot", number=s.number, name=s.name) for s in spots),
+        )
+    elif not shown.bands:
+        label += say("where.label_none")
+    if shown.unseen:
+        label += say("where.label_unseen")
+    if report.areas:
+        label += say("where.label_table")
+    if not is_ranked and shown.spots:
+        shown = FloorMap(**{f.name: getattr(shown, f.name) for f in fields(shown)} | {"spots": ()})
+    drawing = floor_plan.floor_map(shown, index=index, rules=report.rules, label=label.strip())
+    x0, y0, x1, y1 = shown.extent
+    return DrawnMap(shown=shown, drawing=drawing, is_wide=x1 - x0 > WIDE * (y1 - y0))
+
+
+def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
+    rows = [_change_row(a.name, a.often, limit=limit, is_masked=a.is_masked) for a in report.areas]
+    return (*rows, _change_row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
+
+
+def _change_row(
+    name: str, estimate: Estimate, *, limit: float, is_masked: bool = False, is_total: bool = False
+) -> ChangeRow:
+    if is_masked:
+        estimate = Estimate(value=None, verdict="too_little_data", reason=Reason("hidden.area"))
+    clear = estimate.verdict in ("clear_fall", "clear_rise")
+    said = say("changed.not_measurable") if estimate.state == "not_measurable" else terms.verdict_words(estimate)
+    unknown = estimate.change is None
+    detail = fmt.likely_signed(estimate) or reason_text(estimate.reason)
+    if estimate.reason == GIVES_AWAY:
+        said, detail = say("changed.held"), say("changed.held_text")
+    return ChangeRow(
+        name=name,
+        previous=fmt.number(estimate.previous),
+        value=fmt.number(estimate.value),
+        bar=svg.change_bar(estimate, limit=limit),
+        words=say("changed.clear", verdict=said, change=fmt.signed(estimate.change)) if clear and not unknown else said,
+        detail=detail,
+        direction=terms.direction(estimate.verdict),
+        is_total=is_total,
+    )
+
+
+def _outage(outage: Outage, names: dict[str, str]) -> OutageRow:
+    everyone = len(outage.camera_ids) == len(names) > 1
+    who = say("data.all_cameras") if everyone else terms.joined(names.get(c, c) for c in outage.camera_ids)
+    return OutageRow(who=who, outage=outage)
+
+
+def _style(report: WeekReport, *, paper: str = "a4") -> str:
+    """Return the style without comments and indents, with the printed footers of this report."""
+    footer = css_string(f"{report.site.name}, week {report.week.number}, {report.week.year}")
+    font = "font: 8pt Arial, sans-serif; color: #525d68"
+    pages = (
+        f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
+        f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
+    )
+    return shipped_style() + pages + (LETTER if paper == "letter" else "")
+
+
+@cache
+def shipped_style(name: str = "report.css") -> str:
+    """Return a shipped style without comments and indents."""
+    text = (shipped("reports") / "static" / name).read_text(encoding="utf-8")
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    return "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
+
+
+def css_string(text: str) -> str:
+    r"""Return `text` as a CSS string in which every character but ASCII letters, digits and ` ,.-` is escaped.
+
+    Example:
+        >>> css_string('a"</style>')
+        '"a\\22 \\3c \\2f style\\3e "'
+    """
+    safe = re.compile(r"[A-Za-z0-9 ,.\-]")
+    return '"' + "".join(c if safe.match(c) else f"\\{ord(c):x} " for c in text) + '"'
+
+
+@cache
+def environment() -> Environment:
+    """Return the templates with everything `format` writes as filters; undefined names are errors, text is escaped."""
+    made = Environment(
+        loader=FileSystemLoader(shipped("reports") / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters.update(fmt.FILTERS, reason=reason_text)
+    made.globals.update(say=say, say_html=say_html)
+    return made

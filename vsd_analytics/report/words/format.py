@@ -1,0 +1,229 @@
+"""How numbers, dates and ranges are written on the page: the only place where they become text.
+
+Integers from 10 up, one decimal below, two significant digits below 1; thousands comma; a true minus sign; local times.
+Templates call these as filters and do no arithmetic of their own.
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import date, datetime
+from typing import Final
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.geometry.scale_bar import M_PER_FT
+from vsd_analytics.report.words.catalogue import say
+
+MINUS: Final = "\u2212"
+MISSING: Final = "\u2013"
+DAYS: Final = tuple(say("format.days").split())
+MONTHS: Final = tuple(say("format.months").split())
+
+
+def number(value: float | None) -> str:
+    """Write a figure: 1,234; 121; 4.2; 0.42; 0; an en dash when missing.
+
+    Example:
+        >>> number(1234.4), number(9.96), number(4.21), number(0.4167), number(0), number(None)
+        ('1,234', '10', '4.2', '0.42', '0', '–')
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    size = abs(value)
+    if size == 0 or size >= 9.95:
+        text = f"{size:,.0f}"
+    elif size >= 0.995:
+        text = f"{size:.1f}"
+    elif size >= 0.0005:
+        text = f"{size:.2g}"
+    else:
+        text = say("format.tiny")
+    return (MINUS if value < 0 and text != "0" else "") + text
+
+
+def count(value: float | None) -> str:
+    """Write a whole number with a thousands comma; an en dash when missing."""
+    return MISSING if value is None else f"{round(value):,}".replace("-", MINUS)
+
+
+def percent(share: float | None) -> str:
+    """Write a share as whole percent; what is not quite all or none never looks like it.
+
+    Example:
+        >>> percent(0.927), percent(0.998), percent(0.001), percent(1), percent(0)
+        ('93%', 'over 99%', 'under 1%', '100%', '0%')
+    """
+    if share is None or not math.isfinite(share):
+        return MISSING
+    text = f"{share * 100:,.0f}%"
+    if text == "0%" and share > 0:
+        return say("format.nearly_none", percent="1%")
+    return say("format.nearly_all", percent="99%") if text == "100%" and share < 1 else text
+
+
+def percent_short(share: float | None) -> str:
+    """Write a share as in `percent`, short enough for a narrow column: >99%, <1%."""
+    if share is not None and 0 < share < 0.005:
+        return "<1%"
+    return ">99%" if share is not None and 0.995 <= share < 1 else percent(share)
+
+
+def signed(change: float | None) -> str:
+    """Write a relative change with its sign: −43%, +8%, 0%."""
+    if change is None or not math.isfinite(change):
+        return MISSING
+    points = round(change * 100)
+    return f"{'+' if points > 0 else MINUS if points < 0 else ''}{abs(points):,}%"
+
+
+def fewer_more(change: float | None) -> str:
+    """Write a relative change in words: 14% fewer, 8% more, about the same."""
+    if change is None:
+        return MISSING
+    points = round(change * 100)
+    if points == 0:
+        return say("format.same")
+    return say("format.fewer" if points < 0 else "format.more", percent=f"{abs(points):,}%")
+
+
+def likely_change(estimate: Estimate) -> str:
+    """Write the interval of a change: likely between 10% and 18% fewer; empty when there is none."""
+    lo, hi = estimate.change_lo, estimate.change_hi
+    if lo is None or hi is None:
+        return ""
+    low, high = round(lo * 100), round(hi * 100)
+    if low == high:
+        return say("format.likely", change=say("format.no_change") if low == 0 else fewer_more(lo))
+    if low < 0 and high < 0:
+        return say("format.likely_fewer", low=f"{-high:,}%", high=f"{-low:,}%")
+    if low > 0 and high > 0:
+        return say("format.likely_more", low=f"{low:,}%", high=f"{high:,}%")
+    ends = [say("format.no_change") if round(v * 100) == 0 else fewer_more(v) for v in (lo, hi)]
+    return say("format.likely_between", low=ends[0], high=ends[1])
+
+
+def likely_signed(estimate: Estimate) -> str:
+    """Write the interval of a change shortly: likely −49% to −37%; empty when there is none."""
+    if estimate.change_lo is None or estimate.change_hi is None:
+        return ""
+    return say("format.likely_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
+
+
+def likely_level(estimate: Estimate) -> str:
+    """Write the interval of a level: likely between 116 and 126; empty when there is none."""
+    if estimate.lo is None or estimate.hi is None:
+        return ""
+    return say("format.likely_between", low=number(estimate.lo), high=number(estimate.hi))
+
+
+def one_in(rate: float) -> str:
+    """Write a small rate as one in so many: 0.035 is "1 in 28"."""
+    return say("format.one_in", n=f"{math.floor(1 / rate):,}") if 0 < rate <= 0.5 else number(rate)
+
+
+def metres(value: float) -> str:
+    """Write a distance to the centimetre: 2 m, 1.83 m (six feet), 5 m."""
+    return say("format.metres", n=f"{round(value, 2):g}")
+
+
+def distance(value_m: float, unit: str = "m") -> str:
+    """Write a distance in the site's unit: 2 m; in feet to a tenth: 6 ft, 1.6 ft.
+
+    Example:
+        >>> distance(2.0), distance(1.8288, "ft"), distance(0.5, "ft")
+        ('2 m', '6 ft', '1.6 ft')
+    """
+    return metres(value_m) if unit == "m" else say("format.feet", n=f"{round(value_m / M_PER_FT, 1):g}")
+
+
+def metres_unbroken(value: float) -> str:
+    """Write a distance that stays on one line, for running text."""
+    return metres(value).replace(" ", "\u00a0")
+
+
+def distance_unbroken(value_m: float, unit: str = "m") -> str:
+    """Write a distance in the site's unit that stays on one line."""
+    return distance(value_m, unit).replace(" ", "\u00a0")
+
+
+def seconds(value: float) -> str:
+    """Write a duration: 3 seconds, 1 second, 2.5 seconds."""
+    return say("format.seconds", plural=value, n=f"{value:g}")
+
+
+def hours(value: float) -> str:
+    """Write a number of hours with its word: 10 hours, 1 hour, 2.5 hours, under an hour."""
+    if 0 < value < 0.95:
+        return say("format.under_an_hour")
+    text = f"{value:,.1f}".removesuffix(".0") if value < 10 else f"{value:,.0f}"
+    return say("format.hours", plural=1 if text == "1" else 2, n=text)
+
+
+def ended(text: str) -> str:
+    """Return a sentence somebody wrote with a stop at its end."""
+    text = text.strip()
+    return text if text[-1:] in {".", "!", "?", ""} else f"{text}."
+
+
+def weekday(day: date) -> str:
+    """Write the day's name: Monday."""
+    return DAYS[day.weekday()]
+
+
+def day_short(day: date) -> str:
+    """Write the day's name in three letters: Mon."""
+    return DAYS[day.weekday()][:3]
+
+
+def date_short(day: date) -> str:
+    """Write a date shortly: Mon 9 Nov."""
+    return say("format.day_date", day=day_short(day), date=day.day, month=MONTHS[day.month - 1][:3])
+
+
+def date_long(day: date) -> str:
+    """Write a date in full: Monday 9 November 2026."""
+    return say("format.date_long", day=weekday(day), date=day.day, month=MONTHS[day.month - 1], year=day.year)
+
+
+def date_span(first: date, last: date) -> tuple[str, str]:
+    """Write two dates without repeating what they share: Monday 9, Sunday 15 November 2026."""
+    head = f"{weekday(first)} {first.day}"
+    if (first.month, first.year) != (last.month, last.year):
+        head += f" {MONTHS[first.month - 1]}"
+    if first.year != last.year:
+        head += f" {first.year}"
+    return head, date_long(last)
+
+
+def clock(at: datetime) -> str:
+    """Write the local time: 17:00."""
+    return f"{at.hour:02d}:{at.minute:02d}"
+
+
+def hour_label(hour: int) -> str:
+    """Write an hour of the day: 08:00."""
+    return f"{hour:02d}:00"
+
+
+def instant_short(at: datetime) -> str:
+    """Write an instant shortly: Wed 11 Nov, 12:00."""
+    return say("format.instant", date=date_short(at.date()), clock=clock(at))
+
+
+def instant_long(at: datetime) -> str:
+    """Write an instant in full: Monday 16 November 2026, 06:00."""
+    return say("format.instant", date=date_long(at.date()), clock=clock(at))
+
+
+def masked(mask_below: int) -> str:
+    """Write a count that is held back: <5."""
+    return f"<{mask_below}"
+
+
+_FILTERS: Final = (
+    *(number, count, percent, percent_short, signed, fewer_more, likely_change, likely_signed, likely_level),
+    *(metres, metres_unbroken, distance, distance_unbroken, seconds),
+    *(hours, ended, weekday, day_short, date_short, date_long, clock, hour_label),
+    *(instant_short, instant_long, masked),
+)
+FILTERS: Final = {f.__name__: f for f in _FILTERS}

@@ -1,0 +1,280 @@
+"""The words of the page, made by rule from the figures: headline, lead, three things to know, one question.
+
+The headline reads the two verdicts, never a point estimate alone. The catalogue's table `headline.pair` is the whole
+4 x 5 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
+"because" is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
+from vsd_analytics.figures.week.results import AreaRow, LogLine
+from vsd_analytics.report.model.week import Span, Story, WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import has, say
+from vsd_analytics.report.words.no_data import nothing
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.things_to_know import question, things
+
+MAX_WORDS: Final = 15
+OFTEN: Final = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
+RISKY: Final = (*OFTEN, "not_measurable")
+"""The two keys of the table `headline.pair` of the catalogue: how often, how risky."""
+
+
+def finish(report: WeekReport) -> WeekReport:
+    """Return the report with its story filled in."""
+    return report if report.story is not None else replace(report, story=tell(report))
+
+
+def tell(report: WeekReport) -> Story:
+    """Make the words of the page.
+
+    Args:
+        report: The figures; `report.story` is not read.
+
+    Returns:
+        Headline with the name of its rule, lead, at most three things to know, one question, notes.
+    """
+    rule, headline = _headline(report)
+    lead, notes = _lead(report)
+    return Story(
+        headline=headline,
+        rule=rule,
+        lead=tuple(lead),
+        things=things(report),
+        question=question(report),
+        notes=tuple(notes),
+    )
+
+
+def risk_key(report: WeekReport) -> str:
+    """Return the second key of the table: the verdict on how risky, or not_measurable."""
+    risky = report.level.risky
+    if risky.state == "not_measurable":
+        return "not_measurable"
+    return risky.verdict or "too_little_data"
+
+
+def often_key(report: WeekReport) -> str:
+    """Return the first key of the table: the verdict on how often."""
+    return report.level.often.verdict or "too_little_data"
+
+
+def _headline(report: WeekReport) -> tuple[str, str]:
+    week, often = report.week, report.level.often
+    match report.state:
+        case "no_data":
+            told = nothing(report)
+            return told.rule, told.headline
+        case "too_incomplete":
+            return "too_incomplete", say("headline.too_incomplete", week=week.number)
+        case "empty":
+            return "empty", say("headline.empty", week=week.number)
+        case _ if often.state == "not_measurable":
+            return "not_measurable", say("headline.not_measurable")
+        case _ if often.value is None:
+            return "few", say("headline.few", week=week.number)
+        case "first_week":
+            return "first_week", say("headline.first_week", rate=fmt.number(often.value))
+        case "settings_changed":
+            return "settings_changed", _settings_headline(report)
+        case _:
+            pass
+    keys = often_key(report), risk_key(report)
+    rule, key = "/".join(k.removeprefix("clear_") for k in keys), f"headline.pair.{keys[0]}.{keys[1]}"
+    people = terms.with_people(report.level.people.change, report.level.people.verdict)
+    said = say("headline.people", people=people) if people and people != say("words.with_as_many") else ""
+    moved = terms.moved(often.change) if often.change is not None else say("headline.changed")
+    text = say(key, moved=moved, people=said)
+    if terms.n_words(text) > MAX_WORDS:
+        text = say(key, moved=moved, people="")
+    entry = change_to_name(report)
+    if entry is not None and ":" not in text:
+        for words_after in _after(entry):
+            longer = say("headline.after", headline=text, entry=words_after)
+            if terms.n_words(longer) <= MAX_WORDS:
+                return f"{rule}/after", longer
+    return rule, text
+
+
+def _settings_headline(report: WeekReport) -> str:
+    change = report.settings_change
+    when = say("headline.since", week=terms.week_before(report))
+    if change is not None and change.at is not None:
+        when = say("headline.on_day", day=fmt.weekday(change.at.date()))
+    key = f"headline.setting_{change.name if change is not None else 'other'}"
+    return say(key if has(key) else "headline.setting_other", when=when)
+
+
+def change_to_name(report: WeekReport) -> LogLine | None:
+    """Return the log entry the headline may name with "after", or None.
+
+    It lies in an area whose own verdict is the headline's, was logged by a person, and most of that area's change came
+    after it.
+    """
+    verdict = report.level.often.verdict
+    if report.state != "normal" or verdict not in ("clear_fall", "clear_rise"):
+        return None
+    moved_areas = {a.area_id for a in report.areas if a.often.verdict == verdict and a.area_id is not None}
+    entries = [
+        line
+        for line in report.log
+        if line.kind == "logged"
+        and line.area_id in moved_areas
+        and line.moved_after is not None
+        and line.moved_after > 0.5
+    ]
+    return max(entries, key=lambda e: (e.moved_after or 0.0, e.at), default=None)
+
+
+def _after(entry: LogLine) -> list[str]:
+    text = entry.text.strip().rstrip(".")
+    quoted = [say("format.quoted", text=text)] if 0 < terms.n_words(text) <= 6 and len(text) <= 48 else []
+    return [*quoted, say("headline.after_area", area=entry.area_name or entry.area_id)]
+
+
+def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    coverage, rules = report.coverage, report.rules
+    distance, pause = fmt.distance(rules.distance_m, rules.distance_unit), fmt.seconds(rules.episode_min_s)
+    often = report.level.often
+    match report.state:
+        case "no_data":
+            told = nothing(report)
+            return [Span(text=told.lead)], list(told.notes)
+        case "too_incomplete":
+            share, limit = fmt.percent(coverage.share), fmt.percent(rules.min_coverage)
+            return [Span(text=say("lead.too_incomplete", share=share, limit=limit))], _missing_notes(report)
+        case "empty":
+            seen = ""
+            if coverage.seen_h is not None:
+                seen = say("lead.empty_seen", seen=fmt.number(coverage.seen_h), open=fmt.number(coverage.open_h))
+            text = say(
+                "lead.empty",
+                recorded=fmt.number(coverage.recorded_h),
+                scheduled=fmt.number(coverage.scheduled_h),
+                seen=seen,
+                distance=distance,
+                time=pause,
+            )
+            return [Span(text=text)], [say("lead.empty_note", distance=distance)]
+        case _ if often.value is None:
+            return _unknown_lead(report)
+        case "first_week":
+            level = fmt.likely_level(often)
+            tail = say("lead.first_week", level=say("lead.in_brackets", text=level) if level else "")
+            return [_people_came(report), _times(report), Span(text=tail)], [say("lead.first_week_note")]
+        case "settings_changed":
+            return _settings_lead(report)
+        case _:
+            return _normal_lead(report), []
+
+
+def _unknown_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    """Say why how often is not given, and what is known all the same."""
+    often, level, coverage = report.level.often, report.level, report.coverage
+    parts = [
+        reason_text(often.reason) or say("lead.little_data"),
+        say("lead.recorded", share=fmt.percent(coverage.share)),
+    ]
+    if level.people.value is not None:
+        parts.append(say("lead.in_view", people=fmt.number(level.people.value)))
+    code = "" if often.reason is None else often.reason.code
+    notes = {NO_IDS.code: [say("lead.mend_ids")], NO_FLOOR.code: [say("lead.mend_floor")]}.get(code, [])
+    return [Span(text=" ".join(terms.sentence(p) for p in parts))], notes
+
+
+def _people_came(report: WeekReport) -> Span:
+    rules = report.rules
+    return Span(text=say("lead.people_came", distance=fmt.distance(rules.distance_m, rules.distance_unit)))
+
+
+def _times(report: WeekReport) -> Span:
+    return Span(text=say("lead.times", rate=fmt.number(report.level.often.value)), is_strong=True)
+
+
+def _normal_lead(report: WeekReport) -> list[Span]:
+    often = report.level.often
+    spans = [_people_came(report), _times(report)]
+    since, likely = terms.week_before(report), fmt.likely_change(often)
+    match often.verdict:
+        case "clear_fall" | "clear_rise":
+            spans.append(Span(text=say("lead.clear", change=fmt.fewer_more(often.change), since=since, likely=likely)))
+        case "no_clear_change":
+            said = say("lead.in_brackets", text=likely) if likely else ""
+            spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
+        case _:
+            spans.append(Span(text=say("lead.unknown", since=since)))
+    spans += _risk_spans(report)
+    clear = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
+    same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
+    same_way.sort(key=lambda a: -abs(a.often.change or 0.0))
+    if same_way and len(clear) <= 3:
+        areas = terms.joined(_with_change(a) for a in same_way)
+        spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
+    spot = report.busiest_spot
+    if spot is not None and spot.area_id is not None and spot.area_id not in {a.area_id for a in same_way}:
+        spans.append(Span(text=say("lead.look_at", area=spot.name)))
+    return [*spans[:-1], replace(spans[-1], text=spans[-1].text.rstrip())]
+
+
+def _with_change(area: AreaRow) -> str:
+    if area.often.change is None:
+        return area.name
+    return say("lead.area_change", area=area.name, change=fmt.fewer_more(area.often.change))
+
+
+def _risk_spans(report: WeekReport) -> list[Span]:
+    risky, people = report.level.risky, report.level.people
+    said = terms.with_people(people.change, people.verdict)
+    with_people = say("headline.people", people=said) if said else ""
+    if risky.state == "not_measurable":
+        return [Span(text=say("lead.risky_unknown", reason=reason_text(risky.reason) or say("lead.no_positions")))]
+    if risky.state == "not_enough_data" or risky.value is None:
+        return [Span(text=say("lead.risky_little", reason=reason_text(risky.reason) or say("lead.few_seen")))]
+    spans = [Span(text=say("lead.per_person_hour")), Span(text=fmt.number(risky.value), is_strong=True)]
+    match risky.verdict:
+        case "clear_fall" | "clear_rise":
+            change, likely = fmt.fewer_more(risky.change), fmt.likely_change(risky)
+            tail = say("lead.risky_clear", change=change, likely=likely, people=with_people)
+        case "no_clear_change":
+            tail = say("lead.risky_same", people=with_people)
+        case _:
+            tail = say("lead.risky_other", people=with_people)
+    return [*spans, Span(text=tail)]
+
+
+def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    change = report.settings_change
+    if change is None:
+        return [Span(text=say("lead.setting_blank"))], []
+    when = ""
+    if change.at is not None:
+        when = say("lead.setting_when", date=fmt.date_long(change.at.date()), clock=fmt.clock(change.at))
+    key = f"lead.setting_{change.name}"
+    text = say(
+        key if has(key) else "lead.setting_other",
+        name=change.name,
+        before=change.before,
+        after=change.after,
+        when=when,
+    )
+    notes = [say("lead.setting_command", command=change.command)] if change.command else []
+    return [Span(text=text + say("lead.setting_end"))], notes
+
+
+def _missing_notes(report: WeekReport) -> list[str]:
+    longest = sorted(report.coverage.outages, key=lambda o: -o.open_h * len(o.camera_ids))[:2]
+    names = {c.camera_id: c.name for c in report.coverage.cameras}
+    lines = []
+    for outage in sorted(longest, key=lambda o: o.start):
+        start, end = fmt.instant_short(outage.start), fmt.instant_short(outage.end)
+        who = terms.joined(terms.camera_name(names.get(c, c)) for c in outage.camera_ids)
+        if len(outage.camera_ids) == len(names):
+            who = say("lead.all_cameras") if len(names) > 1 else ""
+        lines.append(say("lead.outage_who" if who else "lead.outage", start=start, end=end, who=who))
+    return [say("lead.missing", outages="; ".join(lines))] if lines else []

@@ -1,0 +1,125 @@
+"""The words of the report: one term for one thing, and the list of words it never uses (report brief, 4.2)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Final, get_args
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.result import Verdict
+
+# Words and phrases that must not stand on a page, in a message or in a template.
+FORBIDDEN: Final = (
+    *("infringement", "incident", "offender", "normalised rate", "normalized rate", "per observation"),
+    *("sigma", "p-value", "statistically significant", "significant", "significantly", "improved", "worse"),
+    *("uptime", "NaN", "null", "cluster", "ROI", "hot zone", "proved", "caused", "because of", "compliance", "family"),
+    *("\u00b1", "p < "),
+)
+
+REST: Final = say("words.rest")
+"""Name of the floor outside all areas."""
+VERDICT_WORDS: Final[dict[Verdict, str]] = {v: say(f"words.{v}") for v in get_args(Verdict)}
+
+# Fractions a headline may use, with the size they stand for.
+_FRACTIONS: Final = tuple(
+    (a / b, say(f"words.fraction.{a}_{b}"))
+    for a, b in (
+        *((1, 20), (1, 10), (1, 8), (1, 7), (1, 6), (1, 5), (1, 4), (1, 3)),
+        *((2, 5), (1, 2), (3, 5), (2, 3), (3, 4), (4, 5), (9, 10)),
+    )
+)
+
+
+def forbidden_in(text: str) -> list[str]:
+    """Return the forbidden words that stand in `text`, whole words only, in the order of the list."""
+    found = []
+    for word in FORBIDDEN:
+        start = r"(?<!\w)" if word[0].isalnum() else ""
+        end = r"(?!\w)" if word[-1].isalnum() else ""
+        flags = 0 if word in ("NaN", "ROI") else re.IGNORECASE
+        if re.search(start + re.escape(word) + end, text, flags):
+            found.append(word)
+    return found
+
+
+def moved(change: float) -> str:
+    """Say by how much violations moved: "fell by about a seventh", "about doubled", "rose slightly".
+
+    Args:
+        change: Relative change, -0.14 for 14 % fewer.
+    """
+    size = abs(change)
+    if size < 0.03:
+        return say("words.fell_slightly" if change < 0 else "words.rose_slightly")
+    if change > 0.95:
+        return say("words.doubled") if change < 1.15 else say("words.times", n=f"{change + 1:.1f}")
+    if change < -0.95:
+        return say("words.stopped")
+    _, name = min(_FRACTIONS, key=lambda f: abs(f[0] - size))
+    return say("words.fell" if change < 0 else "words.rose", fraction=name)
+
+
+def direction(verdict: Verdict | None) -> str:
+    """Return the class of a verdict: good, bad or same."""
+    return {"clear_fall": "good", "clear_rise": "bad"}.get(verdict or "", "same")
+
+
+def verdict_words(estimate: Estimate) -> str:
+    """Return the verdict in words; too little data where there is none."""
+    return VERDICT_WORDS[estimate.verdict or "too_little_data"]
+
+
+def camera_name(name: str) -> str:
+    """Return how a sentence speaks of a camera: Camera “Aisles”; names that already say camera stay as they are."""
+    return name if name.casefold().startswith(("cam", "sensor")) else say("words.camera", name=name)
+
+
+def with_people(change: float | None, verdict: Verdict | None) -> str:
+    """Say how many more people there were: with 15% more people; empty when it is not known.
+
+    Small changes that are not clear are "about as many people".
+    """
+    if change is None:
+        return ""
+    if abs(change) < 0.005 or (abs(change) < 0.05 and verdict not in ("clear_fall", "clear_rise")):
+        return say("words.with_as_many")
+    return say("words.with_people", change=fmt.fewer_more(change))
+
+
+def joined(names: Iterable[str]) -> str:
+    """Join names as people do: a, b and c."""
+    items = list(names)
+    if len(items) < 2:
+        return "".join(items)
+    return say("format.and", first=", ".join(items[:-1]), last=items[-1])
+
+
+def n_words(sentence: str) -> int:
+    """Count the words of a sentence."""
+    return len(sentence.split())
+
+
+def capital(text: str) -> str:
+    """Return `text` with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def sentence(text: str) -> str:
+    """Return `text` with a capital first letter and one full stop at its end."""
+    text = text.strip().rstrip(".")
+    return f"{text[:1].upper()}{text[1:]}."
+
+
+def week_before(report: WeekReport) -> str:
+    """Return how a sentence speaks of the week before: week 45."""
+    return say("words.week", number=report.previous.number) if report.previous else say("words.last_week")
+
+
+def moment(at: datetime) -> str:
+    """Return how a sentence speaks of an hour of the week: Saturday 13:00."""
+    return f"{fmt.weekday(at.date())} {fmt.clock(at)}"

@@ -1,0 +1,191 @@
+"""Three things to know and one question, made by rule from the figures (report brief, 4.1 and 4.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_recording import CameraRecord
+from vsd_analytics.figures.week.results import AreaRow
+from vsd_analytics.report.model.week import Thing, WeekReport
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.no_data import nothing
+from vsd_analytics.report.words.questions import ask
+from vsd_analytics.report.words.reasons import reason_text
+
+
+def weakest_camera(report: WeekReport) -> CameraRecord | None:
+    """Return the camera that recorded least, if that is less than a full share of its open hours."""
+    known = [c for c in report.coverage.cameras if c.share is not None]
+    weakest = min(known, key=lambda c: c.share or 0.0, default=None)
+    return weakest if weakest and (weakest.share or 0.0) < report.rules.full_hour_share else None
+
+
+def things(report: WeekReport) -> tuple[Thing, ...]:
+    """Return what worked, what to watch and what not to trust, each with the anchor of its proof."""
+    if report.state == "no_data":
+        told = nothing(report)
+        return (Thing(kind="distrust", title=told.title, text=told.text, target="data"),)
+    recorded = say("things.recorded", share=fmt.percent(report.coverage.share))
+    if report.state == "too_incomplete":
+        return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
+    if report.state == "normal" and report.level.often.value is not None:
+        return _worked(report), _watch(report), _distrust(report)
+    worked = Thing(kind="worked", title=recorded, text=say("things.enough"), target="data")
+    if report.level.often.value is None:
+        is_few = report.level.often.state != "not_measurable"
+        return (replace(worked, text=say("things.few" if is_few else "things.no_means")), _distrust(report))
+    return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
+
+
+def _worked(report: WeekReport) -> Thing:
+    since = terms.week_before(report)
+    for line in report.log:
+        if line.since is not None and line.since.verdict == "clear_fall" and line.area_name:
+            text = say(
+                "things.worked_text",
+                at=terms.moment(line.at),
+                change=fmt.fewer_more(line.since.change),
+                since=since,
+                likely=fmt.likely_change(line.since),
+            )
+            title = say("things.worked", area=line.area_name)
+            return Thing(kind="worked", title=title, text=text, target="changed")
+    if not report.areas:
+        return _worked_at_all(report, since)
+    falls = [a for a in report.areas if a.often.verdict == "clear_fall"]
+    if falls:
+        best = min(falls, key=lambda a: a.often.change or 0.0)
+        title = say("things.fell", area=best.name)
+        return Thing(kind="worked", title=title, text=_against(best.often, since), target="changed")
+    text = say("things.none_fell_text", since=since)
+    return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
+
+
+def _worked_at_all(report: WeekReport, since: str) -> Thing:
+    """Say the same of a floor without areas."""
+    often = report.level.often
+    if often.verdict == "clear_fall" and often.change is not None:
+        return Thing(kind="worked", title=say("things.floor_fell"), text=_against(often, since), target="changed")
+    text = say("things.nothing_fell_text", since=since, verdict=terms.verdict_words(often).lower())
+    return Thing(kind="worked", title=say("things.nothing_fell"), text=text, target="changed")
+
+
+def _watch(report: WeekReport) -> Thing:
+    rises = [a for a in report.areas if a.often.verdict == "clear_rise"]
+    if rises and report.state == "normal":
+        top = max(rises, key=lambda a: a.often.change or 0.0)
+        text = _against(top.often, terms.week_before(report))
+        return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
+    spot = report.busiest_spot
+    if spot is not None:
+        row = next((a for a in report.areas if a.area_id == spot.area_id), None)
+        key = "things.busiest_share" if spot.floor_share is None else "things.busiest_floor"
+        text = terms.sentence(say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share)))
+        own = _own_change(row) if report.state == "normal" else ""
+        title = say("things.busiest_spot", area=spot.name)
+        return Thing(kind="watch", title=title, text=f"{text}{own}", target="where")
+    busiest = report.busiest_hour
+    if busiest is not None:
+        title = say("things.busiest_hour", at=terms.moment(busiest.start))
+        return Thing(kind="watch", title=title, text=say("things.busiest_hour_text"), target="when")
+    return Thing(kind="watch", title=say("things.unranked"), text=say("things.unranked_text"), target="when")
+
+
+def _against(often: Estimate, since: str) -> str:
+    change, likely = fmt.fewer_more(often.change), fmt.likely_change(often)
+    return terms.sentence(say("things.against", change=change, since=since, likely=likely))
+
+
+def _own_change(row: AreaRow | None) -> str:
+    if row is None or row.often.change is None or row.often.verdict != "no_clear_change":
+        return ""
+    if round(row.often.change * 100) == 0:
+        return say("things.own_same")
+    key = "things.own_up" if row.often.change > 0 else "things.own_down"
+    return say(key, percent=fmt.percent(abs(row.often.change)))
+
+
+def _leans_on(area: AreaRow, camera: CameraRecord, report: WeekReport) -> bool:
+    """Tell whether what a camera missed leaves an area incomplete."""
+    is_thin = area.recorded_share is None or area.recorded_share < report.rules.full_hour_share
+    return is_thin and camera.camera_id in area.cameras
+
+
+def _distrust(report: WeekReport) -> Thing:
+    left_out = [c for c in report.coverage.cameras if c.not_counted is not None]
+    if left_out and report.level.often.value is not None:
+        title = say("things.not_counted", plural=len(left_out), cameras=_named(left_out))
+        return _doubt(title, terms.sentence(reason_text(left_out[0].not_counted)), "data")
+    if report.level.often.state == "not_measurable":
+        return _doubt(say("things.no_often"), terms.sentence(reason_text(report.level.often.reason)), "about")
+    apart = [c for c in report.coverage.cameras if c.not_compared is not None]
+    if apart and report.state == "normal":
+        title = say("things.not_compared", plural=len(apart), cameras=_named(apart))
+        text = say("things.not_compared_text", reason=terms.sentence(reason_text(apart[0].not_compared)))
+        return _doubt(title, text, "changed")
+    camera = weakest_camera(report)
+    is_told = report.state != "normal" and len(report.coverage.cameras) == 1  # the first thing says what it recorded
+    if camera is not None and not is_told:
+        return _weak(camera, report)
+    if report.coverage.is_inferred:
+        return _doubt(say("things.inferred"), say("things.inferred_text"), "data")
+    if report.level.risky.state == "not_measurable":
+        text = terms.sentence(reason_text(report.level.risky.reason) or say("lead.no_positions"))
+        return _doubt(say("things.no_risk"), text, "about")
+    return _doubt(say("things.chance"), say("things.chance_text"), "about")
+
+
+def _weak(camera: CameraRecord, report: WeekReport) -> Thing:
+    areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]
+    is_clear = any(a.often.verdict in ("clear_fall", "clear_rise") for a in areas)
+    key = "things.weak_areas_clear" if is_clear else "things.weak_areas"
+    seen = say(key, areas=terms.joined(a.name for a in areas)) if areas else ""
+    title = say("things.weak_camera", camera=terms.camera_name(camera.name), share=fmt.percent(camera.share))
+    return _doubt(title, say("things.weak_camera_text", areas=seen), "data")
+
+
+def _doubt(title: str, text: str, target: str) -> Thing:
+    return Thing(kind="distrust", title=title, text=text, target=target)
+
+
+def _named(cameras: Sequence[CameraRecord]) -> str:
+    return terms.joined(terms.camera_name(c.name) for c in cameras)
+
+
+def question(report: WeekReport) -> str:
+    """Return the one question for the next meeting: about the room, never about people."""
+    if report.state == "no_data":
+        return nothing(report).question
+    if report.level.often.state == "not_measurable":
+        return say("question.no_means")
+    if report.level.often.value is None and report.state != "too_incomplete":
+        return say("question.few")
+    if report.state == "empty":
+        return say("question.empty", distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit))
+    camera = weakest_camera(report)
+    spot = report.busiest_spot
+    row = next((a for a in report.areas if spot is not None and a.area_id == spot.area_id), None)
+    owns_spot = row is not None and camera is not None and row.cameras == (camera.camera_id,)
+    if report.state == "too_incomplete" and (camera is None or (camera.share or 0.0) > report.coverage.share - 0.1):
+        return say("question.cameras")
+    if camera is not None and (report.state == "too_incomplete" or owns_spot):
+        return say("question.camera", camera=terms.camera_name(camera.name))
+    rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.area_id is not None]
+    if rises and report.state == "normal":
+        return say("question.rose", area=max(rises, key=lambda a: a.often.change or 0.0).name)
+    busiest = report.busiest_hour
+    when = say("question.busy")
+    if busiest is not None:
+        when = say("question.when", day=fmt.weekday(busiest.start.date()), clock=fmt.clock(busiest.start))
+    if spot is None:
+        return say("question.other_times", when=when)
+    if spot.area_id is None:
+        return say("question.rest", when=when)
+    card = next((c for c in (report.spots.cards if report.spots else ()) if c.area_id == spot.area_id), None)
+    if card is not None and card.question:
+        return card.question
+    return ask(spot.name, None, area=None, fixtures=(), when=say("question.above_all", when=when))

@@ -1,0 +1,423 @@
+"""`vsd purge`: removal of records by age (their facts are sealed), by camera and time, and of pseudonym keys.
+
+This module decides what to remove, seals facts first, and refuses to remove more than half of the store without
+`--force`. How removal survives a crash is the job of `store.removal`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vsd_analytics.errors import StoreError
+from vsd_analytics.ingest.quarantine_scope import quarantined_in_scope
+from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.site.model import Site
+from vsd_analytics.store import Store, durable, quarantine
+from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour, list_parts
+from vsd_analytics.store.part_files import engines_of
+from vsd_analytics.store.removal import Intent, RecordScope, remove_records, removing, rows_in_scope
+from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
+from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.build_result import BuildResult
+from vsd_analytics.warehouse.day_files import day_files_around
+from vsd_analytics.warehouse.sealed import CurrentRules
+from vsd_analytics.warehouse.sqlfiles import relations
+
+LARGEST_SHARE = 0.5
+"""Share of the stored days or records that a purge may remove without `--force`. More is usually a typing error."""
+
+NOT_SEALED = ("pairs",)
+"""Facts that hold the place of a single person at an instant, as records do: they are removed with the records."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Purged:
+    """What a purge removed, or would remove.
+
+    Attributes:
+        records: Number of records by table.
+        n_days: UTC days they lie in.
+        first, last: First and last of these days.
+        n_sealed: Hours whose facts are sealed; in a purge by camera, sealed hours whose facts lose the camera.
+        n_quarantined: Records removed from quarantine.
+        n_doubtful: Those of n_quarantined whose camera or time cannot be read.
+        keys: Site days whose keys were destroyed.
+    """
+
+    records: Mapping[TableName, int] = field(default_factory=dict)
+    n_days: int = 0
+    first: date | None = None
+    last: date | None = None
+    n_sealed: int = 0
+    n_quarantined: int = 0
+    n_doubtful: int = 0
+    keys: Sequence[date] = ()
+
+    @property
+    def is_nothing(self) -> bool:
+        """Return whether there was nothing to remove."""
+        return not (any(self.records.values()) or self.n_sealed or self.n_quarantined or self.keys)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Terms:
+    """Options of a purge.
+
+    Attributes:
+        now: Current time, for the audit line.
+        reason: The user's reason, for the audit line.
+        is_forced: Allow the removal of more than half of the store.
+        is_dry_run: Return what would be removed, and remove nothing.
+        on_wait: Called when the purge has to wait for a report or query.
+        on_plan, on_hours: Progress of the facts that are computed first; see `warehouse.build.build`.
+    """
+
+    now: datetime
+    reason: str | None = None
+    is_forced: bool = False
+    is_dry_run: bool = False
+    on_wait: Callable[[], None] | None = None
+    on_plan: Callable[[int], None] | None = None
+    on_hours: Callable[[int], None] | None = None
+
+
+def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
+    """Remove the records of all UTC days before a date, and seal their facts first.
+
+    The facts of the first hour of `before` are sealed too, because they were computed from the hour before as well.
+    Quarantined records that arrived before the date, or at an unknown time, are removed too.
+
+    Args:
+        site: The project.
+        before: First UTC date whose records stay.
+        terms: Options.
+
+    Raises:
+        StoreError: E310, more than half of the stored days would be removed; E311, a reader did not finish in time;
+            E302, E313, a file is damaged.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    edge = (before - date(1970, 1, 1)).days * 24
+    cutoff = datetime(before.year, before.month, before.day, tzinfo=UTC)
+    store.fold()
+    if not terms.is_dry_run and any(p.hour < edge for p in _parts(store)):
+        build(site, last_hour=edge, on_plan=terms.on_plan, on_hours=terms.on_hours)  # the long part, without locks
+    with removing(store.root, on_wait=terms.on_wait), store.reporting_damage():
+        store.fold_held()
+        every = _parts(store)
+        going = [p for p in every if p.hour < edge]
+        is_old = _came_before(cutoff)
+        n_old = _n_quarantined(site.root / quarantine.FOLDER, is_old)
+        days = sorted({p.hour // 24 for p in going})
+        _guard(len(days), len({p.hour // 24 for p in every}), "days", terms)
+        sealer = _Sealer(site, store, edge)
+        found = Purged(
+            records=_n_records(store, last_hour=edge - 1),
+            n_days=len(days),
+            first=date_of_hour(days[0] * 24) if days else None,
+            last=date_of_hour(days[-1] * 24) if days else None,
+            n_sealed=len(sealer.hours(days)),
+            n_quarantined=n_old,
+        )
+        if terms.is_dry_run or found.is_nothing:
+            return found
+        if days:
+            sealer.seal(days, on=terms.now.astimezone(UTC).date())
+        if n_old:
+            quarantine.drop(site.root / quarantine.FOLDER, lambda _, entry: entry is not None and is_old(entry))
+        unlink = [*(p.path for p in going), *_facts_of(site, sealer.sealed_now(edge))]
+        entry = _entry(terms, found, {"older_than": before.isoformat()})
+        remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=_below(site.root, unlink)))
+        return found
+
+
+def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> Purged:
+    """Remove the records of one camera, or of all, in [first_ms, after_ms): to undo a wrong ingest, or on request.
+
+    Afterwards the tables are as if these records had never arrived, and correct ones can be ingested. In sealed hours
+    the records are gone already: there the camera's rows are removed from the facts, and nothing can be ingested.
+    Quarantined records are removed too, unless they are known to be of another camera or time
+    (`ingest.quarantine_scope`).
+
+    Args:
+        site: The project.
+        camera_id: Camera; None = all.
+        first_ms: Start, UTC milliseconds.
+        after_ms: End, exclusive.
+        terms: Options.
+
+    Raises:
+        StoreError: E310, more than half of the stored records would be removed; E312, the range covers a sealed hour in
+            part; otherwise as `purge_older`.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    which = RecordScope(camera_id, first_ms, after_ms)
+    store.fold()
+    with removing(store.root, on_wait=terms.on_wait), store.reporting_damage():
+        store.fold_held()
+        rewrite: dict[TableName, list[Part]] = {}
+        records: dict[TableName, int] = {}
+        for table in TABLES:
+            parts = store.parts(table, first_hour=first_ms // HOUR_MS, last_hour=(after_ms - 1) // HOUR_MS)
+            store.refuse_damaged(parts)
+            counts = {p: n for p in parts if (n := rows_in_scope(p.path, which))}
+            rewrite[table], records[table] = list(counts), sum(counts.values())
+        sealed = _sealed_hours(site, which)
+        in_quarantine = quarantined_in_scope(site, which)
+        hours = sorted({p.hour for parts in rewrite.values() for p in parts})
+        days = sorted({h // 24 for h in (*hours, *sealed)})
+        _guard(sum(records.values()), sum(_n_records(store).values()), "records", terms)
+        found = Purged(
+            records=records,
+            n_days=len(days),
+            first=date_of_hour(days[0] * 24) if days else None,
+            last=date_of_hour(days[-1] * 24) if days else None,
+            n_sealed=len(sealed),
+            n_quarantined=len(in_quarantine.lines),
+            n_doubtful=in_quarantine.n_doubtful,
+        )
+        if terms.is_dry_run or found.is_nothing:
+            return found
+        what = {"camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
+        intent = Intent(
+            site_id=site.site_id,
+            entry=_entry(terms, found, what),
+            unlink=_below(site.root, _facts_of(site, hours)),
+            which=which,
+            rewrite={t: _below(site.root, [p.path for p in parts]) for t, parts in rewrite.items() if parts},
+            unseal=tuple(sealed),
+            quarantined=tuple(sorted(map(durable.digest, in_quarantine.lines))),
+        )
+        remove_records(store.root, intent)
+        return found
+
+
+def forget_keys(site: Site, *, before: date | None = None, purged: date | None = None, terms: Terms) -> Purged:
+    """Destroy the pseudonym keys of site days: nobody can link their pseudonyms to the engine's track ids again.
+
+    Args:
+        site: The project.
+        before: Destroy the keys of site days that ended before this UTC date, even if records of them are stored;
+            None = of site days that began before the end of the last purge by age and have no record any more.
+        purged: First UTC date whose records the purge left or, in a dry run, would leave; None = as the seals say.
+        terms: Options.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    keys = DayKeys(site.root / "secrets")
+    with removing(store.root, on_wait=terms.on_wait):
+        store.fold_held()
+        if before is None:
+            is_over = _purged_days(site, store, purged)
+            days = [d for d in keys.days() if is_over(d)]
+        else:
+            days = [d for d in keys.days() if _site_day_end_ms(site, d) <= _iso_ms(before)]
+        found = Purged(keys=days)
+        if not terms.is_dry_run and days:
+            remove_records(store.root, Intent(site_id=site.site_id, entry=_entry(terms, found, {}), forget=tuple(days)))
+        return found
+
+
+class _Sealer:
+    """Seals the facts of the hours before `edge`, and of the hour at it.
+
+    The facts of the hour at the edge were computed from records of the hour before, which the purge removes: they could
+    not be computed the same way again.
+    """
+
+    def __init__(self, site: Site, store: Store, edge: int) -> None:
+        self._site, self._store, self._edge = site, store, edge
+        self._seals = Seals(site.root / FOLDER, site_id=site.site_id)
+        self._rules = CurrentRules(site)
+
+    def hours(self, days: Sequence[int]) -> list[int]:
+        """Return the hours with records of some UTC days before the edge, and the edge hour if it follows them."""
+        present = {p.hour for p in _parts(self._store) if p.hour <= self._edge}
+        found = sorted(h for h in present if h // 24 in days and h < self._edge)
+        return [*found, self._edge] if self._edge in present and self._edge // 24 - 1 in days else found
+
+    def seal(self, days: Sequence[int], *, on: date) -> None:
+        """Copy the facts of the hours durably, then write each day's seal. Hours sealed before stay as they are.
+
+        A seal is written after all files it names are on disk: a crash before leaves unsealed copies, which `sweep`
+        removes next time.
+        """
+        self._seals.sweep([*days, self._edge // 24])
+        hours = self.hours(days)
+        built = build(self._site, first_hour=hours[0], last_hour=hours[-1], has_lock=True)
+        for day in sorted({h // 24 for h in hours}):
+            old = self._seals.read(day)
+            is_whole = day < self._edge // 24
+            new = [h for h in hours if h // 24 == day and (old is None or not old.holds(h))]
+            if (not new and not is_whole) or (old is not None and old.is_whole):
+                continue
+            units = {h: self._hour(h, built) for h in new}
+            seal = DaySeal(
+                day=day,
+                is_whole=is_whole,
+                sealed_on=on.isoformat(),
+                hours={**({} if old is None else old.hours), **units},
+                camera_days=self._unit([DAY_FACT], day * 24, built.day_fingerprints[day]) if is_whole else None,
+            )
+            self._seals.write(seal)
+
+    def sealed_now(self, edge: int) -> list[int]:
+        """Return the sealed hours up to and including `edge`."""
+        return sorted(self._seals.between(None, edge))
+
+    def _hour(self, hour: int, built: BuildResult) -> UnitSeal:
+        names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in NOT_SEALED]
+        unit = self._unit(names, hour, built.fingerprints[hour])
+        records: dict[str, int] = {}
+        engines: dict[str, tuple[tuple[str, ...], ...]] = {}
+        last_ms: dict[str, int] = {}
+        for table in TABLES:
+            parts = self._store.parts(table, first_hour=hour, last_hour=hour)
+            records[table] = sum(pq.read_metadata(p.path).num_rows for p in parts)
+            engines[table] = tuple(tuple(engines_of(p.path)) for p in parts)
+            for part in parts:
+                for camera_id, ms in _last_ms(part.path):
+                    last_ms[camera_id] = max(ms, last_ms.get(camera_id, ms))
+        cameras = tuple(sorted(last_ms))
+        return replace(
+            unit,
+            causes=self._rules.of_hour(hour, present=cameras),
+            records=records,
+            engines=engines,
+            last_ms=last_ms,
+            cameras=cameras,
+        )
+
+    def _unit(self, names: Sequence[str], hour: int, fingerprint: str) -> UnitSeal:
+        facts: dict[str, str] = {}
+        for name in names:
+            parts = list_parts(self._site.root / "facts", name, self._site.site_id, first_hour=hour, last_hour=hour)
+            data = next(p.path for p in parts if p.digest == fingerprint).read_bytes()
+            facts[name] = self._seals.put(name, hour, data)
+        return UnitSeal(fingerprint=fingerprint, causes={}, facts=facts)
+
+
+def _parts(store: Store) -> list[Part]:
+    return [p for t in TABLES for p in store.parts(t)]
+
+
+def _n_records(store: Store, *, last_hour: int | None = None) -> dict[TableName, int]:
+    return {t: sum(pq.read_metadata(p.path).num_rows for p in store.parts(t, last_hour=last_hour)) for t in TABLES}
+
+
+def _last_ms(path: Path) -> list[tuple[str, int]]:
+    rows = pq.ParquetFile(path).read(columns=["camera_id", "ts"])
+    rows = pa.table({"camera_id": rows["camera_id"], "ms": rows["ts"].cast(pa.int64())})
+    last = rows.group_by("camera_id").aggregate([("ms", "max")])
+    return list(zip(last["camera_id"].to_pylist(), last["ms_max"].to_pylist(), strict=True))
+
+
+def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
+    """Return the sealed hours in the range of a purge; E312 where the range covers one in part.
+
+    Sealed facts are sums of an hour, so a part of an hour cannot be taken out of them.
+    """
+    last_hour = (which.after_ms - 1) // HOUR_MS
+    found = Seals(site.root / FOLDER, site_id=site.site_id).between(which.first_ms // HOUR_MS, last_hour)
+    hours = [h for h, unit in found.items() if unit.last_ms and which.camera_id in (None, *unit.last_ms)]
+    cut = [h for h in hours if h * HOUR_MS < which.first_ms or (h + 1) * HOUR_MS > which.after_ms]
+    if cut:
+        first, after = (datetime.fromtimestamp(s, tz=UTC) for s in (cut[0] * 3600, (cut[-1] + 1) * 3600))
+        raise StoreError(
+            "the range ends inside an hour whose records were purged",
+            code="E312",
+            why="of such an hour only sums are stored, so a camera can be removed from the whole hour only",
+            mend=f"use whole UTC hours: the range cuts those from {first:%Y-%m-%dT%H:%M}Z to {after:%Y-%m-%dT%H:%M}Z;"
+            " include them or leave them out",
+        )
+    return hours
+
+
+def _facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
+    """Return the fact files of some hours, of the UTC days they lie in, and the day files computed from them."""
+    root, wanted = site.root / "facts", set(hours)
+    days = {h // 24 for h in wanted}
+    found: list[Path] = []
+    if not wanted:
+        return found
+    for relation in relations("facts").values():
+        parts = list_parts(root, relation.name, site.site_id, first_hour=min(days) * 24, last_hour=max(days) * 24 + 23)
+        found += [p.path for p in parts if (p.hour // 24 in days if relation.unit == "day" else p.hour in wanted)]
+    return [*found, *day_files_around(site, wanted)]
+
+
+def _guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:
+    if terms.is_forced or terms.is_dry_run or n_going <= LARGEST_SHARE * n_stored:
+        return
+    raise StoreError(
+        f"{n_going:,} of {n_stored:,} stored {what} would be removed",
+        code="E310",
+        why="that is more than half, which is usually a mistake",
+        mend="check with --dry-run; if it is right, add --force",
+    )
+
+
+def _came_before(cutoff: datetime) -> Callable[[quarantine.QuarantineEntry], bool]:
+    return lambda entry: entry.at is None or entry.at < cutoff
+
+
+def _n_quarantined(folder: Path, is_old: Callable[[quarantine.QuarantineEntry], bool]) -> int:
+    found = (entry for path in quarantine.files(folder) for _, entry in quarantine.entries(path))
+    return sum(entry.n_not_kept or 1 for entry in found if entry is not None and is_old(entry))
+
+
+def _purged_days(site: Site, store: Store, purged: date | None) -> Callable[[date], bool]:
+    """Return a function: whether a site day began before the end of the purged time and has no record any more."""
+    if purged is not None:
+        end_ms = _iso_ms(purged)
+    else:
+        seals = Seals(site.root / FOLDER, site_id=site.site_id)
+        whole = (d for d in reversed(seals.days()) if (seal := seals.read(d)) is not None and seal.is_whole)
+        end_ms = (next(whole, -1) + 1) * 24 * HOUR_MS
+    stored = {p.hour * HOUR_MS for p in _parts(store)}
+    if purged is not None:  # a dry run did not remove the hours before
+        stored = {ms for ms in stored if ms >= end_ms}
+
+    def is_over(day: date) -> bool:
+        first_ms, after_ms = _site_day_end_ms(site, day - timedelta(days=1)), _site_day_end_ms(site, day)
+        return first_ms < end_ms and not any(first_ms - HOUR_MS < ms < after_ms for ms in stored)
+
+    return is_over
+
+
+def _site_day_end_ms(site: Site, day: date) -> int:
+    """Return the instant a site day ends (UTC milliseconds): at `day_starts` of the next local day."""
+    midnight = datetime(day.year, day.month, day.day) + timedelta(days=1, minutes=site.day_starts_min)
+    return round(midnight.replace(tzinfo=site.zone).timestamp() * 1000)
+
+
+def _entry(terms: Terms, found: Purged, what: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the audit line."""
+    entry: dict[str, Any] = {"at": terms.now.astimezone(UTC).isoformat(timespec="seconds"), **what}
+    entry["records"] = dict(found.records)
+    entry["utc_days"] = [d.isoformat() for d in (found.first, found.last) if d is not None]
+    entry |= {"sealed_hours": found.n_sealed, "quarantined": found.n_quarantined}
+    if found.keys:
+        entry["forgotten_days"] = [d.isoformat() for d in found.keys]
+    if terms.reason is not None:
+        entry["reason"] = terms.reason
+    return entry
+
+
+def _below(root: Path, paths: Sequence[Path]) -> tuple[str, ...]:
+    return tuple(str(p.relative_to(root)) for p in paths)
+
+
+def _iso(ms: int) -> str:
+    return datetime.fromtimestamp(ms / 1000, tz=UTC).isoformat(timespec="milliseconds")
+
+
+def _iso_ms(day: date) -> int:
+    return (day - date(1970, 1, 1)).days * 86_400_000

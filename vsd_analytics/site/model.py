@@ -1,0 +1,307 @@
+"""A site as `vsd.toml` describes it: floors, cameras with their calibrations, areas, opening hours, change log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import date, datetime
+from pathlib import Path
+from typing import Literal
+from zoneinfo import ZoneInfo
+
+from vsd_analytics.settings import Settings
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A homography from image pixels to floor metres, valid from an instant on.
+
+    Attributes:
+        homography: 3x3, row by row: (x, y, w) = H (u, v, 1), floor position (x/w, y/w) in metres.
+        valid_from: UTC instant from which it is valid; None = always.
+        calibration_id: 8 hexadecimal digits of the BLAKE2 hash of the nine numbers.
+        error_m: Root mean square error over the points it was made from; None for a given matrix.
+        source: File it was read from.
+    """
+
+    homography: tuple[tuple[float, float, float], ...]
+    valid_from: datetime | None
+    calibration_id: str
+    error_m: float | None = None
+    source: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """A camera, or any sensor that acts as one.
+
+    Attributes:
+        camera_id: Identifier.
+        name: Display name; free text, always escaped.
+        floor_id: Floor it looks at.
+        calibrations: In order of `valid_from`; empty when the engine sends floor metres.
+        picture: Picture of the empty scene.
+        picture_px: Width and height of the picture the homography is for; None = unknown.
+        hz: Processed frames per second; None = median frame interval of the day.
+        clock: IANA zone of times without an offset.
+        engine_ids: What the engine calls this camera.
+        view: Polygon in floor metres of what it sees; None = taken from homography and picture size.
+    """
+
+    camera_id: str
+    name: str
+    floor_id: str
+    calibrations: tuple[Calibration, ...] = ()
+    picture: Path | None = None
+    picture_px: tuple[int, int] | None = None
+    hz: float | None = None
+    clock: str = "UTC"
+    engine_ids: tuple[str, ...] = ()
+    view: tuple[Point, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """A floor and its plan. Floor x runs right, y up, metres.
+
+    Attributes:
+        floor_id: Identifier.
+        name: Display name.
+        plan: SVG, PNG or JPG picture of the plan.
+        plan_m_per_px: Metres per plan pixel.
+        plan_origin_m: Floor metres of the plan's lower left corner.
+    """
+
+    floor_id: str
+    name: str
+    plan: Path | None = None
+    plan_m_per_px: float | None = None
+    plan_origin_m: Point = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A named polygon on a floor, in floor metres; `ask` is what the report is to ask about it, None = by rule."""
+
+    area_id: str
+    name: str
+    floor_id: str
+    polygon: tuple[Point, ...]
+    ask: str | None = None
+
+
+FixtureKind = Literal["shelf", "wall", "till", "other"]
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """Something nobody walks through, as a polygon in floor metres.
+
+    Attributes:
+        fixture_id: Identifier.
+        name: Display name; free text, always escaped.
+        floor_id: Floor it stands on.
+        polygon: Its footprint.
+        kind: "shelf" (also counters and displays), "wall" (also closed rooms), "till", or "other".
+        is_movable: True when staff could move it, so that a report may ask whether it should.
+        height_m: Its height, so that a picture shows what it hides; None = unknown.
+    """
+
+    fixture_id: str
+    name: str
+    floor_id: str
+    polygon: tuple[Point, ...]
+    kind: FixtureKind = "shelf"
+    is_movable: bool = False
+    height_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    """One line of the site's change log: what was moved, when, where.
+
+    Attributes:
+        at: Instant of the change (with offset).
+        text: Free text, always escaped.
+        area_id: Area it concerns, or None for the whole site.
+    """
+
+    at: datetime
+    text: str
+    area_id: str | None = None
+
+
+AlarmKind = Literal["gathering", "contact", "silence"]
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmRule:
+    """A situation that raises an alarm while it lasts.
+
+    Attributes:
+        alarm_id: Identifier.
+        kind: "gathering" (at least `n_people` connected by distances under `distance_m`), "contact" (two people of
+            different groups closer than `distance_m`), or "silence" (a camera sends nothing).
+        for_s: How long it must last before the alarm starts, in seconds.
+        area_id: Area it must happen in; None = anywhere.
+        camera_ids: Cameras it is about; empty = all.
+        n_people: People of a gathering.
+        cooldown_s: After an end, the same situation at the same place raises no alarm for this long, in seconds.
+        is_open_only: Only during opening hours.
+    """
+
+    alarm_id: str
+    kind: AlarmKind
+    for_s: float
+    area_id: str | None = None
+    camera_ids: tuple[str, ...] = ()
+    n_people: int = 3
+    cooldown_s: float = 300.0
+    is_open_only: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmDelivery:
+    """Where alarms go besides the screen.
+
+    Attributes:
+        webhook: http(s) address that gets each event as a JSON POST; None = none.
+        topic: MQTT topic of the broker of `[mqtt]` that gets each event; None = none.
+    """
+
+    webhook: str | None = None
+    topic: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Broker:
+    """The MQTT broker frame messages come from.
+
+    Attributes:
+        host: Name or address.
+        port: TCP port.
+        topics: Topic filters subscribed to.
+        client_id: Names the persistent session; one listener per client id.
+        username: None = no login; the password is never in vsd.toml: see `password_file`.
+        password_file: File with the password on its first line; the environment's VSD_MQTT_PASSWORD wins.
+        is_tls: Encrypt.
+        ca_file: Certificates to trust; None = the system's.
+        cert_file, key_file: Certificate and key that name this client to the broker.
+        status_topic: Topic of the heartbeat; None = none.
+    """
+
+    host: str
+    port: int = 1883
+    topics: tuple[str, ...] = ("vsd/+/frames",)
+    client_id: str = "vsd-listen"
+    username: str | None = None
+    password_file: Path | None = None
+    is_tls: bool = False
+    ca_file: Path | None = None
+    cert_file: Path | None = None
+    key_file: Path | None = None
+    status_topic: str | None = None
+
+
+MailTls = Literal["starttls", "tls", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class MailRoute:
+    """How the weekly mail is sent: by an SMTP server, or by a mail program of this machine.
+
+    Attributes:
+        sender: Address it comes from.
+        to: Addresses it goes to.
+        smtp: Name or address of the server; None = `sendmail`.
+        port: TCP port of the server.
+        tls: "starttls" (encrypted before anything is said), "tls" (from the first byte), "none" (no login then).
+        user: None = no login; the password is never in vsd.toml: see `password_file`.
+        password_file: File outside the project with the password on its first line; the environment's
+            VSD_MAIL_PASSWORD wins.
+        ca_file: Certificates to trust; None = the system's.
+        sendmail: Program that takes a mail on its standard input; None = `smtp`.
+    """
+
+    sender: str
+    to: tuple[str, ...] = ()
+    smtp: str | None = None
+    port: int = 587
+    tls: MailTls = "starttls"
+    user: str | None = None
+    password_file: Path | None = None
+    ca_file: Path | None = None
+    sendmail: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EngineError:
+    """The measurement error of the site's engine, as the site states it: from a data sheet or a check by hand.
+
+    Attributes:
+        precision: Share of its violation records that are true, above 0 to 1; None = not known.
+        recall: Share of the true violation records that it gives, above 0 to 1; None = not known.
+        distance_sd_m: Standard deviation of a distance it measures, near the legal one; None = not known.
+    """
+
+    precision: float | None = None
+    recall: float | None = None
+    distance_sd_m: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A site as `vsd.toml` and the files it names describe it.
+
+    Attributes:
+        site_id: Identifier, a Hive folder name.
+        name: Display name.
+        timezone: IANA zone all local times are in.
+        root: The project folder.
+        opening: For weekday 0 (Monday) to 6: tuple of (start, end) in minutes after local midnight; None = always open.
+        closed: Local dates on which the site is closed.
+        day_starts_min: Minutes after local midnight at which a site day starts.
+        floors, cameras, areas, fixtures: In the order of the file.
+        settings: Values in force.
+        broker: `[mqtt]`; None = no live source.
+        alarms: `[[alarm]]`, in the order of the file.
+        alarm_delivery: `[alarms]`.
+        engine: `[engine]`; None = nothing is known of the engine's error.
+        mail: `[mail]`; None = mails are written, not sent.
+        base_url: `[report] base_url`, where the folder of reports can be read, without a slash at its end; None = none.
+        chromium: `[report] chromium`, the browser that prints PDFs; None = looked for on the PATH.
+        ingest_map: `[ingest.map]`, ours to theirs.
+        setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
+    """
+
+    site_id: str
+    name: str
+    timezone: str
+    root: Path
+    opening: tuple[tuple[tuple[int, int], ...], ...] | None = None
+    closed: frozenset[date] = frozenset()
+    day_starts_min: int = 240
+    floors: tuple[Floor, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    areas: tuple[Area, ...] = ()
+    fixtures: tuple[Fixture, ...] = ()
+    broker: Broker | None = None
+    alarms: tuple[AlarmRule, ...] = ()
+    alarm_delivery: AlarmDelivery = field(default_factory=AlarmDelivery)
+    engine: EngineError | None = None
+    mail: MailRoute | None = None
+    base_url: str | None = None
+    chromium: Path | None = None
+    settings: Settings = field(default_factory=Settings)
+    ingest_map: dict[str, str] = field(default_factory=dict)
+    setting_sources: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def zone(self) -> ZoneInfo:
+        """Return the site's time zone."""
+        return ZoneInfo(self.timezone)
+
+    def camera(self, camera_id: str) -> Camera:
+        """Return the camera with this id; KeyError if there is none."""
+        return next(c for c in self.cameras if c.camera_id == camera_id)

@@ -1,0 +1,158 @@
+"""Puts the reports of several projects where one page can link to them, and takes in what stands there.
+
+Reports that lie below the index are linked where they are; others are copied into a folder named after their project.
+Nothing is ever deleted there: a week whose records or report are gone from its project stays listed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from vsd_analytics.errors import UsageError, VsdError, Where
+from vsd_analytics.site_index.read_reports import Shelf, files_in, kind_of, read_shelf, read_twin
+from vsd_analytics.store.durable import publish
+from vsd_analytics.store.page_folders import sweep_pages
+
+REPORTS = "reports"
+MARK = b'<meta name="generator" content="vsd-analytics site index">'
+
+
+@dataclass(frozen=True, slots=True)
+class ReportSource:
+    """A project whose reports are listed.
+
+    Attributes:
+        folder: Project folder.
+        name: Name of its folder in links: a-z, 0-9, - and _.
+    """
+
+    folder: Path
+    name: str
+
+    @property
+    def reports(self) -> Path:
+        """Return its folder of reports."""
+        return self.folder / REPORTS
+
+
+def sources_of(folders: Sequence[Path]) -> tuple[ReportSource, ...]:
+    """Return the projects in some folders.
+
+    Args:
+        folders: Project folders: each has a vsd.toml or a folder `reports`.
+
+    Raises:
+        UsageError: E101, a folder is no project, or two have one name.
+    """
+    sources: dict[str, ReportSource] = {}
+    for folder in dict.fromkeys(f.resolve() for f in folders):
+        if not (folder / REPORTS).is_dir() and not (folder / "vsd.toml").is_file():
+            raise UsageError(
+                f"{folder} is no project",
+                why="it has neither a vsd.toml nor a folder reports",
+                mend="name project folders, or their common folder with --root",
+            )
+        name = re.sub(r"[^a-z0-9_-]+", "-", folder.name.lower()).strip("-") or "site"
+        if name in sources:
+            raise UsageError(
+                f"two projects are called {name}",
+                where=Where(str(folder)),
+                why=f"{sources[name].folder} is, too, and pages are published under the name of the folder",
+                mend="rename one of the two folders",
+            )
+        sources[name] = ReportSource(folder, name)
+    return tuple(sources.values())
+
+
+def projects_below(root: Path) -> list[Path]:
+    """Return `root` if it is a project, else all projects directly in it, by name.
+
+    Raises:
+        UsageError: E101, there are none.
+    """
+    if (root / "vsd.toml").is_file():
+        return [root]
+    found = sorted(p for p in root.iterdir() if (p / "vsd.toml").is_file()) if root.is_dir() else []
+    if not found:
+        raise UsageError(
+            f"there is no project in {root}",
+            why="a project is a folder with a vsd.toml",
+            mend="--root FOLDER-OF-PROJECTS, or name the project folders",
+        )
+    return found
+
+
+def gather(sources: Iterable[ReportSource], out: Path) -> Shelf:
+    """Return the weeks of all projects, with links relative to `out`; copy what does not lie below it.
+
+    Args:
+        sources: Projects.
+        out: Folder the index will stand in.
+    """
+    shelves = [_gathered(source, out.resolve()) for source in sources]
+    return Shelf(
+        entries=tuple(e for s in shelves for e in s.entries), problems=tuple(p for s in shelves for p in s.problems)
+    )
+
+
+def write_index(out: Path, page: str) -> Path:
+    """Put the page at `out/index.html`, wholly or not at all.
+
+    Raises:
+        UsageError: E515, an index.html that is not ours stands there.
+    """
+    path = out / "index.html"
+    if path.exists() and MARK not in path.read_bytes()[:8192]:
+        raise UsageError(
+            f"{path} was not written by vsd site build",
+            code="E515",
+            where=Where(str(path)),
+            why="it may be a page of your own, which is never written over",
+            mend="--out ANOTHER-FOLDER, or move that file",
+        )
+    out.mkdir(parents=True, exist_ok=True)
+    publish(path, page.encode())
+    sweep_pages(out)
+    return path
+
+
+def _gathered(source: ReportSource, out: Path) -> Shelf:
+    reports = source.reports.resolve()
+    if reports.is_relative_to(out):
+        prefix = "".join(f"{quote(part)}/" for part in reports.relative_to(out).parts)
+        return read_shelf(reports, project=source.name, prefix=prefix)
+    known = read_shelf(reports, project=source.name)
+    target = out / source.name
+    target.mkdir(parents=True, exist_ok=True)
+    for name in files_in(reports):
+        kind = kind_of(name)
+        if kind is not None and (kind != "twin" or _is_readable(reports / name)):
+            _copy(reports / name, target / name)
+    sweep_pages(target)
+    published = read_shelf(target, project=source.name, prefix=f"{source.name}/")
+    named = {_name(p) for p in known.problems}
+    return Shelf(
+        entries=published.entries,
+        problems=(*known.problems, *(p for p in published.problems if _name(p) not in named)),
+    )
+
+
+def _is_readable(path: Path) -> bool:
+    try:
+        return read_twin(path) is not None
+    except VsdError:
+        return False
+
+
+def _copy(path: Path, to: Path) -> None:
+    data = path.read_bytes()
+    if not to.is_file() or to.is_symlink() or to.read_bytes() != data:
+        publish(to, data, is_synced=False)
+
+
+def _name(problem: VsdError) -> str:
+    return Path(problem.where.file).name if problem.where is not None else problem.what

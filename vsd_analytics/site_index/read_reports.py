@@ -1,0 +1,296 @@
+"""Reads the twins in a folder of reports, and names every file that cannot be listed.
+
+A twin is hostile until it has been checked: it is small enough, a plain file, of our schema, about the week and floor
+its name says. Links are made from the names of files that exist, never from what stands in a twin.
+"""
+
+from __future__ import annotations
+
+import re
+import stat
+from dataclasses import dataclass, fields
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import quote
+
+import msgspec
+
+from vsd_analytics.errors import CONTROL, VsdError, Where
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.results import (
+    BusiestHour,
+    BusiestSpot,
+    LogLine,
+    Provenance,
+    Rules,
+    SettingsChange,
+    SiteRef,
+    WeekRef,
+    WeekState,
+)
+from vsd_analytics.report.model.week import SCHEMA, Span
+from vsd_analytics.report.words.reasons import decode_reason
+
+MAX_BYTES: Final = 20_000_000
+"""A twin is a few hundred kilobytes; what is far larger is no twin and is not read into memory."""
+KINDS: Final = {".html": "report", ".pdf": "pdf", ".json": "twin"}
+STEM: Final = re.compile(r"(?P<iso>\d{4}-W\d{2})(?:-(?P<floor>[a-z0-9][a-z0-9_-]{0,62}))?")
+"""Names of reports: 2026-W46, or 2026-W46-ground where a site has several floors."""
+PLANNER: Final = re.compile(rf"{STEM.pattern}-planner")
+_YEARS: Final = range(1900, 2200)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """The part of a twin's `coverage` that the index shows; same names."""
+
+    share: float
+    seen_h: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Levels:
+    """The part of a twin's `level` that the index shows; same names."""
+
+    often: Estimate
+    risky: Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """The part of a twin's `story` that the index shows; same names."""
+
+    headline: str
+    lead: tuple[Span, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twin:
+    """What the index needs of a `report.model.WeekReport`; same names, units and meanings.
+
+    Other parts of the file may be there or not: later versions only add to the schema.
+    """
+
+    schema: str
+    site: SiteRef
+    week: WeekRef
+    generated_at: datetime
+    provenance: Provenance
+    rules: Rules
+    state: WeekState
+    coverage: Recorded
+    level: Levels
+    story: Told
+    busiest_spot: BusiestSpot | None = None
+    busiest_hour: BusiestHour | None = None
+    log: tuple[LogLine, ...] = ()
+    settings_change: SettingsChange | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One week of one floor that can be listed.
+
+    Attributes:
+        project: Name of the project it is of.
+        stem: Name of its files without the ending.
+        twin: Its figures; None of a page whose twin is missing.
+        links: Address, relative to the index, by kind: report, pdf, twin, planner.
+    """
+
+    project: str
+    stem: str
+    twin: Twin | None
+    links: dict[str, str]
+
+    @property
+    def monday(self) -> date:
+        """Return the first day of its week, from its name."""
+        return monday_of(self.stem)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shelf:
+    """What a folder of reports holds.
+
+    Attributes:
+        entries: Weeks, in the order of their names.
+        problems: What could not be listed, or only in part, as warnings with what, where, why and mend.
+    """
+
+    entries: tuple[Entry, ...] = ()
+    problems: tuple[VsdError, ...] = ()
+
+
+def read_shelf(folder: Path, *, project: str, prefix: str = "") -> Shelf:
+    """Return the weeks in a folder of reports.
+
+    Args:
+        folder: Folder with `2026-W46.json` and its pages; one that does not exist holds nothing.
+        project: Name of the project, to tell sites of one name apart.
+        prefix: Address of `folder` relative to the index, ending in "/" unless empty.
+    """
+    problems: list[VsdError] = []
+    names = files_in(folder)
+    twins: dict[str, Twin] = {}
+    for name in (n for n in names if n.endswith(".json")):
+        try:
+            twins[name.removesuffix(".json")] = read_twin(folder / name)
+        except VsdError as problem:
+            problems.append(problem)
+    stems = sorted({Path(n).stem for n in names if kind_of(n) in ("report", "twin")} | twins.keys())
+    entries = []
+    for stem in stems:
+        if stem not in twins and f"{stem}.html" not in names:
+            continue  # a twin that could not be read and nothing beside it: named above
+        links = {kind: prefix + quote(f"{stem}{end}") for end, kind in KINDS.items() if f"{stem}{end}" in names}
+        if f"{stem}-planner.html" in names:
+            links["planner"] = prefix + quote(f"{stem}-planner.html")
+        if stem not in twins:
+            links.pop("twin", None)
+            if f"{stem}.json" not in names:
+                problems.append(_without_figures(folder / f"{stem}.html"))
+        entries.append(Entry(project=project, stem=stem, twin=twins.get(stem), links=links))
+    return Shelf(entries=tuple(entries), problems=tuple(problems))
+
+
+def files_in(folder: Path) -> list[str]:
+    """Return the names of the plain files in a folder, in order; no links, pipes or devices, and no hidden ones."""
+    if not folder.is_dir():
+        return []
+    return sorted(p.name for p in folder.iterdir() if not p.name.startswith(".") and stat.S_ISREG(p.lstat().st_mode))
+
+
+def monday_of(stem: str) -> date:
+    """Return the Monday of the week a report's name begins with.
+
+    Raises:
+        ValueError: There is no such week.
+    """
+    monday = date.fromisocalendar(int(stem[:4]), int(stem[6:8]), 1)
+    if monday.year not in _YEARS:
+        raise ValueError(f"{monday} lies outside {_YEARS.start} to {_YEARS.stop - 1}")
+    return monday
+
+
+def kind_of(name: str) -> str | None:
+    """Return what a file of a week is by its name: report, pdf, twin, planner, or None for any other file.
+
+    Example:
+        >>> kind_of("2026-W46.html"), kind_of("2026-W46-ground.json"), kind_of("2026-W46-planner.html")
+        ('report', 'twin', 'planner')
+    """
+    stem, _, end = name.rpartition(".")
+    if end == "html" and PLANNER.fullmatch(stem):
+        return "planner"
+    return KINDS.get(f".{end}") if _is_report(stem) else None
+
+
+def _is_report(stem: str) -> bool:
+    try:
+        return STEM.fullmatch(stem) is not None and bool(monday_of(stem))
+    except ValueError:
+        return False
+
+
+def read_twin(path: Path) -> Twin:
+    """Return a twin.
+
+    Raises:
+        VsdError: W510, it is damaged; W511, it is something else; W512, a newer version wrote it. Warnings: the others
+            can still be listed.
+    """
+    if path.lstat().st_size > MAX_BYTES:
+        raise _foreign(path, why=f"it is larger than {MAX_BYTES // 1_000_000} MB; a twin has a fraction of one")
+    data = path.read_bytes()
+    try:
+        head = msgspec.json.decode(data)
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        raise _damaged(path, why=f"it is no whole JSON text: {_said(error)}") from None
+    _check_schema(head.get("schema") if isinstance(head, dict) else None, path)
+    try:
+        needed = {f.name: head[f.name] for f in fields(Twin) if f.name in head}
+        twin = msgspec.convert(_cleaned(needed), Twin, dec_hook=decode_reason)
+        is_week = _is_week(twin.week)
+    except (msgspec.ValidationError, RecursionError, ValueError, OverflowError) as error:
+        raise _damaged(path, why=_said(error)) from None
+    if twin.generated_at.tzinfo is None:
+        raise _damaged(path, why="its instants have no offset")
+    if not is_week:
+        raise _damaged(path, why="its week, its Monday and its Sunday do not fit together")
+    name = STEM.fullmatch(path.name.removesuffix(".json"))
+    if name is None or name["iso"] != twin.week.iso or name["floor"] not in (None, twin.site.floor_id):
+        raise _foreign(path, why="its name and the week and floor in it differ, so that it may be of another page")
+    return twin
+
+
+def _check_schema(schema: Any, path: Path) -> None:
+    family, _, version = SCHEMA.partition("/")
+    match = re.fullmatch(rf"{re.escape(family)}/(\d{{1,6}})", schema) if isinstance(schema, str) else None
+    if match is None:
+        raise _foreign(path, why=f"it does not say that it is of {family}")
+    if int(match[1]) > int(version):
+        raise VsdError(
+            "a twin was written by a newer version and is not listed",
+            code="W512",
+            where=Where(str(path)),
+            why=f"it is {match[0]}; this version reads up to {SCHEMA}",
+            mend="pip install --upgrade vsd-analytics",
+        )
+    if match[0] != SCHEMA:
+        raise _foreign(path, why=f"it is {match[0]}, which never was")
+
+
+def _is_week(week: WeekRef) -> bool:
+    iso = week.monday.isocalendar()
+    return (
+        iso.weekday == 1
+        and iso.year in _YEARS
+        and (week.year, week.number) == (iso.year, iso.week)
+        and week.iso == f"{iso.year}-W{iso.week:02d}"
+        and week.sunday == date.fromordinal(week.monday.toordinal() + 6)
+    )
+
+
+def _cleaned(value: Any) -> Any:
+    """Return plain values without control characters and overrides of the direction of writing in any text."""
+    if isinstance(value, str):
+        return CONTROL.sub("\ufffd", value)
+    if isinstance(value, dict):
+        return {key: _cleaned(inner) for key, inner in value.items()}
+    return [_cleaned(inner) for inner in value] if isinstance(value, list) else value
+
+
+def _said(error: BaseException) -> str:
+    return "it is nested too deeply" if isinstance(error, RecursionError) else str(error)
+
+
+def _damaged(path: Path, *, why: str) -> VsdError:
+    return VsdError(
+        "a twin is damaged and is not listed",
+        code="W510",
+        where=Where(str(path)),
+        why=why,
+        mend=f"vsd report --week {path.name[:8]} --format html,json" if STEM.fullmatch(path.stem) else "delete it",
+    )
+
+
+def _foreign(path: Path, *, why: str) -> VsdError:
+    return VsdError(
+        "a JSON file among the reports is no twin of a weekly report and is not listed",
+        code="W511",
+        where=Where(str(path)),
+        why=why,
+        mend="move it to another folder",
+    )
+
+
+def _without_figures(page: Path) -> VsdError:
+    return VsdError(
+        "a page has no twin, so that it is listed without its figures",
+        code="W513",
+        where=Where(str(page)),
+        why=f"{page.stem}.json is missing, and the records of today would give another page or none",
+        mend=f"vsd report --week {page.stem[:8]} --format html,json",
+    )

@@ -1,0 +1,163 @@
+"""The sentences of the index: the headline over all floors, its lead, and one line for each earlier week.
+
+Pure functions of the twins, one branch each for what floors can amount to. Numbers of floors and sites are words, so
+that every figure on the page is a twin's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import date
+from typing import Final
+
+from vsd_analytics.report.model.week import Span
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.terms import capital, sentence, verdict_words
+from vsd_analytics.site_index.floor_weeks import FloorWeeks, Standing, standing, verdict_of
+from vsd_analytics.site_index.read_reports import Twin
+
+_NUMBERS: Final = tuple(say("index.numbers").split())
+NAMED: Final = 3
+"""Floors a sentence names; the others are counted."""
+_CHANGED: Final = frozenset[Standing]({"fall", "rise"})
+_UNCHANGED: Final = frozenset[Standing]({"same", "none"})
+_WITHOUT_DATA: Final = frozenset[Standing]({"no_data", "absent"})
+
+
+def headline(floors: Sequence[FloorWeeks], monday: date) -> str:
+    """Return the sentence over all floors for a week: how many changed clearly, how many did not.
+
+    Args:
+        floors: All floors.
+        monday: First day of the week.
+    """
+    only = floors[0].twin(monday) if len(floors) == 1 else None
+    if only is not None:
+        return only.story.headline.strip().rstrip(".")
+    found = [standing(f.twin(monday)) for f in floors]
+    n_changed, n_unchanged = (sum(s in kind for s in found) for kind in (_CHANGED, _UNCHANGED))
+    n_unknown = len(found) - n_changed - n_unchanged
+    if all(s in _WITHOUT_DATA for s in found):
+        return say("index.headline.no_data")
+    if n_unknown == len(found):
+        return say("index.headline.nothing_compared")
+    if all(s == "none" for s in found):
+        return say("index.headline.none")
+    if n_changed == len(found):
+        return say("index.headline.both" if n_changed == 2 else "index.headline.all", n=in_words(n_changed))
+    is_all = not n_unknown and not (n_changed and n_unchanged)
+    n, plural = in_words(n_changed), max(n_changed, 1)
+    parts = [say("index.headline.changed_this_week" if is_all else "index.headline.changed", plural=plural, n=n)]
+    if n_changed and n_unchanged:
+        parts.append(say("index.headline.did_not", n=in_words(n_unchanged)))
+    if n_unknown:
+        parts.append(say("index.headline.not_compared", n=in_words(n_unknown)))
+    return capital("; ".join(parts))
+
+
+def lead(floors: Sequence[FloorWeeks], monday: date) -> tuple[Span, ...]:
+    """Return the sentences below the headline: how many floors there are, which changed, which lack data.
+
+    Those of a single floor are its report's.
+    """
+    only = floors[0].twin(monday) if len(floors) == 1 else None
+    if only is not None:
+        return only.story.lead
+    said = [(f, standing(f.twin(monday))) for f in floors]
+    spans = [Span(text=sentence(_places(floors)))]
+    changed = [(f, t) for f, s in said if s in _CHANGED and (t := f.twin(monday)) is not None]
+    for floor, twin in changed[:NAMED]:
+        spans += [Span(text=" "), Span(text=f"{floor.full_name}:", is_strong=True), Span(text=f" {_change(twin)}.")]
+    if len(changed) > NAMED:
+        spans += [Span(text=" "), Span(text=capital(say("index.more_changed", n=in_words(len(changed) - NAMED))))]
+    return (*spans, *(Span(text=f" {text}") for text in _lacking(said)))
+
+
+def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
+    """Return the one line an earlier week gets: which floors changed clearly and which lack data, if any."""
+    if len(floors) == 1:
+        only = floors[0].twin(monday)
+        return "" if only is None else only.story.headline.strip().rstrip(".")
+    there = [(f, t, standing(t)) for f in floors if (t := f.twin(monday)) is not None]
+    told = [
+        say(
+            "index.changed",
+            floor=f.full_name,
+            verdict=_small(verdict_words(t.level.often)),
+            change=fmt.signed(t.level.often.change),
+        )
+        for f, t, s in there
+        if s in _CHANGED
+    ]
+    told += [f"{f.full_name}: {short_reason(t)}" for f, t, s in there if s in ("no_data", "incomplete")]
+    if told:
+        rest = len(told) - NAMED
+        return _and_more("; ".join(told[:NAMED]), rest)
+    if there and all(s == "none" for _, _, s in there):
+        return say("index.headline.none")
+    if any(s in _UNCHANGED for _, _, s in there):
+        return say("index.no_change")
+    return say("index.nothing_compared") if there else ""
+
+
+def short_reason(twin: Twin) -> str:
+    """Return in a few words what an abnormal week is: no data, 38% of open hours recorded, first week."""
+    match twin.state:
+        case "no_data":
+            return say("index.no_data")
+        case "too_incomplete":
+            return say("index.recorded", share=fmt.percent(twin.coverage.share))
+        case "first_week":
+            return say("index.first_week")
+        case "settings_changed":
+            return say("index.setting_changed")
+        case "empty":
+            return say("index.no_violations")
+        case _:
+            return say("index.not_compared") if verdict_of(twin.level.often) is None else ""
+
+
+def in_words(n: int) -> str:
+    """Return a small number as a word.
+
+    Example:
+        >>> in_words(0), in_words(3), in_words(13)
+        ('no', 'three', '13')
+    """
+    return _NUMBERS[n] if n < len(_NUMBERS) else f"{n:,}"
+
+
+def _places(floors: Sequence[FloorWeeks]) -> str:
+    n_sites = len({(f.key.project, f.key.site_id) for f in floors})
+    return say("index.places", plural=n_sites, floors=in_words(len(floors)), sites=in_words(n_sites))
+
+
+def _change(twin: Twin) -> str:
+    often = twin.level.often
+    likely = fmt.likely_change(often)
+    if likely:
+        return say("index.change_likely", change=fmt.fewer_more(often.change), likely=likely)
+    return say("index.change", change=fmt.fewer_more(often.change))
+
+
+def _lacking(said: Iterable[tuple[FloorWeeks, Standing]]) -> list[str]:
+    """Return one sentence for each way in which floors lack data this week."""
+    by_kind: dict[Standing, list[str]] = {}
+    for floor, found in said:
+        by_kind.setdefault(found, []).append(floor.full_name)
+    kinds: tuple[Standing, ...] = ("no_data", "incomplete", "absent")
+    return [say(f"index.lacking.{kind}", floors=_some(by_kind[kind])) for kind in kinds if kind in by_kind]
+
+
+def _some(names: list[str]) -> str:
+    """Return the names, those beyond the first three counted."""
+    return _and_more("; ".join(names[:NAMED]), len(names) - NAMED)
+
+
+def _and_more(text: str, n_more: int) -> str:
+    return say("index.and_more", text=text, n=in_words(n_more)) if n_more > 0 else text
+
+
+def _small(text: str) -> str:
+    return text[:1].lower() + text[1:]

@@ -1,0 +1,73 @@
+"""Opening DuckDB: in memory, in UTC, without downloading extensions; only Parquet files persist."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vsd_analytics.store.spill import new_folder
+
+if TYPE_CHECKING:
+    import duckdb
+
+CAREFUL = "join_order"
+"""The optimizer that a careful connection disables: joins then run in the order they are written."""
+
+
+def connect(
+    *, memory_limit: str | None = None, threads: int | None = None, is_careful: bool = False
+) -> duckdb.DuckDBPyConnection:
+    """Return a new in-memory connection in UTC that never fetches an extension.
+
+    Args:
+        memory_limit: DuckDB's `memory_limit`, such as "4GB"; None = DuckDB's default.
+        threads: DuckDB's `threads`; None = one per core.
+        is_careful: Run joins in the order they are written: slower, for a query that failed with an internal error.
+
+    Returns:
+        The connection. It has the macro `unix_millis(ts)`, so that SQL files run on other engines too. Names in queries
+        are relations, never Python variables. What does not fit into memory spills to a private folder (`spill`).
+    """
+    import duckdb
+
+    config: dict[str, str | bool | int | float | list[str]] = {
+        "autoinstall_known_extensions": False,
+        "autoload_known_extensions": False,
+        "python_enable_replacements": False,
+        "temp_directory": str(new_folder()),
+    }
+    if memory_limit is not None:
+        config["memory_limit"] = memory_limit
+    if threads is not None:
+        config["threads"] = threads
+    if is_careful:
+        config["disabled_optimizers"] = CAREFUL
+    connection = duckdb.connect(config=config)
+    connection.execute("set timezone = 'UTC'")
+    if connection.execute("select current_setting('enable_progress_bar')").fetchall()[0][0]:
+        connection.execute("set enable_progress_bar = false")  # setting it fails in notebooks without ipywidgets
+    connection.execute("create macro unix_millis(t) as epoch_ms(t)")
+    return connection
+
+
+@contextlib.contextmanager
+def one_thread(connection: duckdb.DuckDBPyConnection) -> Iterator[None]:
+    """Let a connection use one thread meanwhile; a connection whose settings are locked is left as it is."""
+    before, is_locked = connection.execute(
+        "select current_setting('threads'), current_setting('lock_configuration')"
+    ).fetchall()[0]
+    if is_locked:
+        yield
+        return
+    connection.execute("set threads = 1")
+    try:
+        yield
+    finally:
+        connection.execute(f"set threads = {int(before):d}")
+
+
+def literal_list(paths: Iterable[Path]) -> str:
+    """Return paths as a SQL list of texts, for views over `read_parquet`: a view cannot have bound values."""
+    return "[" + ", ".join("'" + str(p).replace("'", "''") + "'" for p in paths) + "]"

@@ -1,0 +1,44 @@
+"""Stretches of stored days: days with records, separated where more than a year has none.
+
+A camera whose clock fell back to the year 2000 makes the first stored day 26 years older. No command may spend time,
+memory or files on the years between, and the operator must hear of such records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from vsd_analytics.store.layout import date_of_hour
+
+FAR_DAYS = 366
+"""A longer gap in days separates two stretches: comparisons of a year with the year before need the days between, and
+a clock that was reset is wrong by many years."""
+
+FAR_OFF_FIX = (
+    "if the clock of a camera was wrong then, remove these records as if they had never come: "
+    "vsd purge --camera ID --range DAYS"
+)
+
+
+def stretches(days: Collection[int]) -> list[list[int]]:
+    """Return day numbers in order, split where two successive ones are more than FAR_DAYS apart."""
+    found: list[list[int]] = []
+    for day in sorted(set(days)):
+        if found and day - found[-1][-1] <= FAR_DAYS:
+            found[-1].append(day)
+        else:
+            found.append([day])
+    return found
+
+
+def far_off(days: Collection[int]) -> list[list[int]]:
+    """Return all stretches but the main one: the stretch with most days, and of equal ones the last."""
+    found = stretches(days)
+    main = max(found, key=lambda s: (len(s), s[-1]), default=None)
+    return [s for s in found if s is not main]
+
+
+def day_range(stretch: Collection[int]) -> str:
+    """Return the UTC days a stretch of day numbers spans as text, such as "2026-11-09 to 2026-11-15"."""
+    first, last = (date_of_hour(day * 24).isoformat() for day in (min(stretch), max(stretch)))
+    return first if first == last else f"{first} to {last}"

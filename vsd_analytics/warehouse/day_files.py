@@ -1,0 +1,218 @@
+"""Day files: a relation's rows of one day, computed once from the facts around it and read by every later query.
+
+The header of a relation says by which day its rows are stored (`stored_by: local_date`, `site_day` or `utc_day`). The
+rows of one day are one file, whose name holds the fingerprint of all their inputs:
+
+```
+facts/days/<relation>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
+```
+
+The rows of a mart equal those of a warehouse of that day alone; the rows of a fact are those of the day's 24 UTC hours.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from pathlib import Path
+
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.durable import is_temporary
+from vsd_analytics.store.layout import list_parts, unit_folder
+from vsd_analytics.warehouse.build_result import BuildResult
+from vsd_analytics.warehouse.dimensions import params
+from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, text_hash
+from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.stored_days import Extent
+
+AROUND_H = 25
+"""Hours of facts loaded on either side of a range: a day for episodes and site days that reach into it, and one hour
+more for a site day on which the clocks are put back."""
+
+FOLDER = Path("facts", "days")
+SITE_DAY = "site_day"
+_AROUND_DAYS = 2
+"""A day file may be computed from facts AROUND_H hours off, counted from a local day that itself is up to 14 hours off
+the UTC day of its name: never more than two UTC days away."""
+_EPOCH = date(1970, 1, 1)
+_OF_AREAS = {"areas", "area_cells"}
+
+
+@dataclass(frozen=True, slots=True)
+class DayFile:
+    """The file of one relation and day.
+
+    Attributes:
+        path: Its path, whether it exists or not.
+        inputs: Hash of each kind of input of its rows; part of the file's metadata.
+        has_facts: There are facts around that day. Rows of a day without any follow from the calendar alone and are
+            not stored: an empty year would fill the disk with files.
+    """
+
+    path: Path
+    inputs: InputHashes
+    has_facts: bool = True
+
+
+class DayFiles:
+    """Paths and input hashes of the day files of a range of local days.
+
+    Args:
+        site: The project.
+        built: The facts of the range and of AROUND_H hours on either side.
+        extents: The local days, in order.
+    """
+
+    def __init__(self, site: Site, built: BuildResult, *, extents: Sequence[Extent]) -> None:
+        self._site, self._extents = site, extents
+        self._params, self._times = params(site), SiteInputs(site)
+        # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
+        hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
+        self._hours: Mapping[int, object] = {**dict(built.fingerprints), **hours}
+        days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
+        self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
+        self._hashes: dict[tuple[int, int], str] = {}
+
+    def utc_files(self, relation: Relation, *, first_hour: int, last_hour: int) -> dict[int, DayFile]:
+        """Return the day files of a fact by UTC day number: of days with records that lie whole in a range of hours."""
+        days = sorted({h // 24 for h in self._hours})
+        whole = [d for d in days if d * 24 >= first_hour and d * 24 + 23 <= last_hour]
+        columns = text_hash(list(relation.columns))  # sealed rows are read with today's columns
+        inputs = {d: {"facts": self._facts(d * 24, d * 24 + 23), "sql": columns} for d in whole}
+        return {d: self._file(relation, _EPOCH + timedelta(days=d), inputs[d]) for d in whole}
+
+    def files(self, relation: Relation) -> dict[date, DayFile]:
+        """Return the day files of a mart by day: local dates, or the site days that touch them."""
+        before = timedelta(days=1 if relation.stored_by == SITE_DAY else 0)
+        spans = [(e.first_day - before, e.last_day) for e in self._extents]
+        days = [first + timedelta(days=i) for first, last in spans for i in range((last - first).days + 1)]
+        shared, no_facts = self._shared(relation), text_hash([[], []])
+        own = {d: self._own(relation, d) for d in days}
+        return {
+            d: self._file(relation, d, {**shared, **inputs}, has_facts=inputs["facts"] != no_facts)
+            for d, inputs in own.items()
+        }
+
+    def _file(self, relation: Relation, day: date, inputs: InputHashes, *, has_facts: bool = True) -> DayFile:
+        root = self._site.root / FOLDER
+        folder = unit_folder(root, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
+        path = folder / f"00-{day_fingerprint(relation.name, day, inputs)}.parquet"
+        return DayFile(path, inputs, has_facts)
+
+    def _shared(self, relation: Relation) -> dict[str, str]:
+        """Return the input hashes that all days share: queries, settings, and what they read of vsd.toml."""
+        marts = _marts_of(relation)
+        read = {name for r in marts for name in r.reads}
+        used = sorted({p for r in marts for p in r.params})
+        found = {
+            "sql": text_hash(sorted((r.name, r.sql) for r in marts)),
+            "settings": text_hash({p: self._params[p] for p in used}),
+        }
+        if "cameras" in read:
+            found["cameras"] = text_hash([(c.camera_id, c.floor_id, c.hz) for c in self._site.cameras])
+        if "owner_cells" in read:
+            found["views"] = self._times.owners
+        if read & _OF_AREAS:
+            areas = [(a.area_id, a.floor_id, a.polygon) for a in self._site.areas]
+            found["areas"] = text_hash([areas, self._site.settings.cell_m])
+        return found
+
+    def _own(self, relation: Relation, day: date) -> dict[str, str]:
+        """Return the input hashes of one day: of the facts around it, and of its calendar."""
+        site = self._site
+        midnights = [day + timedelta(days=k) for k in (0, 1, 2)]
+        edges = [round(datetime(d.year, d.month, d.day, tzinfo=site.zone).timestamp()) for d in midnights]
+        opened = None if site.opening is None else site.opening[day.weekday()]
+        hours = (edges[0] // 3600 - AROUND_H, (edges[1] - 1) // 3600 + AROUND_H)
+        if relation.stored_by == SITE_DAY:  # track ids end with it, so no row reads beyond it
+            starts_s = site.day_starts_min * 60
+            hours = ((edges[0] + starts_s) // 3600 - 1, (edges[1] + starts_s) // 3600 + 1)
+        return {
+            "facts": self._facts(*hours),
+            "calendar": text_hash([site.timezone, edges, site.day_starts_min, opened, day in site.closed]),
+        }
+
+    def _facts(self, first_hour: int, last_hour: int) -> str:
+        if (first_hour, last_hour) not in self._hashes:
+            hours = [(h, self._hours[h]) for h in range(first_hour, last_hour + 1) if h in self._hours]
+            days = range(first_hour // 24, last_hour // 24 + 1)
+            known = [(d, self._days[d]) for d in days if d in self._days]
+            self._hashes[first_hour, last_hour] = text_hash([hours, known])
+        return self._hashes[first_hour, last_hour]
+
+
+def day_fingerprint(name: str, day: date, inputs: InputHashes) -> str:
+    """Return the fingerprint in the name of a day file: 16 hexadecimal digits."""
+    return text_hash([name, day.isoformat(), sorted(inputs.items())])
+
+
+def relations_stored_by_day() -> list[Relation]:
+    """Return the facts and marts that have day files."""
+    return [r for r in relations("facts", "marts").values() if r.stored_by]
+
+
+def superseded(files: Iterable[DayFile]) -> list[Path]:
+    """Return the other files in the folders of some day files: older fingerprints, and temporary files.
+
+    Listing the folders also finds those whose writer was killed between writing the new file and removing the old.
+    """
+    wanted = {file.path for file in files}
+    found: list[Path] = []
+    for folder in sorted({path.parent for path in wanted}):
+        with contextlib.suppress(FileNotFoundError):
+            others = (p for p in folder.iterdir() if p not in wanted)
+            found += [p for p in others if p.suffix == ".parquet" or is_temporary(p)]
+    return found
+
+
+def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
+    """Return the superseded files of all days that have several files.
+
+    Args:
+        site: The project.
+        built: The facts of everything stored.
+    """
+    several: list[tuple[Relation, list[int]]] = []
+    for relation in relations_stored_by_day():
+        n_files = Counter(p.hour // 24 for p in list_parts(site.root / FOLDER, relation.name, site.site_id))
+        if days := sorted(d for d, n in n_files.items() if n > 1):
+            several.append((relation, days))
+    dates = [_EPOCH + timedelta(days=d) for d in sorted({d for _, days in several for d in days})]
+    of_days = DayFiles(site, built, extents=[Extent(d, d) for d in dates])
+    found: list[Path] = []
+    for relation, days in several:
+        hours = {"first_hour": days[0] * 24, "last_hour": days[-1] * 24 + 23}
+        files = of_days.utc_files(relation, **hours) if relation.layer == "facts" else of_days.files(relation)
+        found += superseded(files.values())
+    return found
+
+
+def day_files_around(site: Site, hours: Iterable[int]) -> list[Path]:
+    """Return all day files, fresh or not, whose rows may have been computed from facts of some UTC hours."""
+    near = {h // 24 + k for h in hours for k in range(-_AROUND_DAYS, _AROUND_DAYS + 1)}
+    if not near:
+        return []
+    within = {"first_hour": min(near) * 24, "last_hour": max(near) * 24}
+    parts = (
+        p for r in relations_stored_by_day() for p in list_parts(site.root / FOLDER, r.name, site.site_id, **within)
+    )
+    return [p.path for p in parts if p.hour // 24 in near]
+
+
+def _marts_of(relation: Relation) -> list[Relation]:
+    """Return a mart and all marts it reads, directly or through others.
+
+    Facts are left out: the fingerprints of hours cover their SQL.
+    """
+    known = relations("marts")
+    found: dict[str, Relation] = {}
+    queue = [relation.name]
+    while queue:
+        name = queue.pop()
+        if name in known and name not in found:
+            found[name] = known[name]
+            queue += known[name].reads
+    return list(found.values())

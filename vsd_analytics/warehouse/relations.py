@@ -1,0 +1,114 @@
+"""The facts and marts of one DuckDB connection: created when a query first names them, computed at most once.
+
+A relation is a view until it is read a second time, by a second query or by two relations of one query. From then on
+it is a table. Facts of a range do not change while the connection is open, so view and table have the same rows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from vsd_analytics.store.duck import one_thread
+from vsd_analytics.warehouse.sqlfiles import Relation, relations
+
+if TYPE_CHECKING:
+    import duckdb
+
+_WORD = re.compile(r"[a-z_][a-z0-9_]*")
+_SECOND_READ = 2
+
+
+@dataclass(frozen=True, slots=True)
+class RelationSource:
+    """Where the rows of a relation come from.
+
+    Attributes:
+        query: A query that returns them.
+        reads: Facts and marts that the query reads.
+        materialise_at: The relation becomes a table when it is read this many times; None = never.
+        is_files: The query reads many small files. One thread reads them: several only wait for each other.
+    """
+
+    query: str
+    reads: tuple[str, ...] = ()
+    materialise_at: int | None = _SECOND_READ
+    is_files: bool = False
+
+
+class Catalog:
+    """The facts and marts of one connection.
+
+    Args:
+        con: The connection; the small relations of `dimensions` are on it already.
+        source: Returns where the rows of a relation come from; called once for each relation that is read.
+    """
+
+    def __init__(self, con: duckdb.DuckDBPyConnection, source: Callable[[Relation], RelationSource]) -> None:
+        self._con, self._source = con, source
+        self._known = relations("facts", "marts")
+        self._sources: dict[str, RelationSource] = {}
+        self._views, self._tables = set[str](), set[str]()
+        self._n_reads: Counter[str] = Counter()
+
+    def prepare(self, query: str) -> None:
+        """Create the relations that a query names, and materialise those that are read a second time."""
+        self._create(set(self.named(query)))
+
+    def named(self, query: str) -> list[str]:
+        """Return the relations whose names occur in a query, in its order.
+
+        A name in a text literal counts too: one view too many costs nothing.
+        """
+        return list(dict.fromkeys(w for w in _WORD.findall(query.lower()) if w in self._known))
+
+    def materialise(self, names: Iterable[str]) -> None:
+        """Compute relations now and hold their rows in tables."""
+        for name in names:
+            self._create({name})
+            self._materialise(name)
+
+    def _create(self, named: set[str]) -> None:
+        """Create relations and all they read, in order; count how often each is read, views by views included."""
+        reached = set[str]()
+        queue = list(named)
+        self._n_reads.update(named)
+        while queue:
+            name = queue.pop()
+            # A table has its rows: nothing behind it is read any more, so the count stops here.
+            if name in reached or name in self._tables:
+                continue
+            reached.add(name)
+            if name not in self._sources:
+                self._sources[name] = self._source(self._known[name])
+            read = [r for r in self._sources[name].reads if r in self._known]
+            self._n_reads.update(read)
+            queue += read
+        for name in (n for n in self._known if n in reached):
+            materialise_at = self._sources[name].materialise_at
+            if materialise_at is not None and self._n_reads[name] >= materialise_at:
+                self._materialise(name)
+            elif name not in self._views:
+                self._con.execute(f"create temp view {name} as {self._sources[name].query}")
+                self._views.add(name)
+
+    def _materialise(self, name: str) -> None:
+        if name in self._tables:
+            return
+        if name in self._views:
+            is_view = self._con.execute(
+                "select count(*) > 0 from duckdb_views() where view_name = $name", {"name": name}
+            ).fetchall()[0][0]
+            if not is_view:  # a caller replaced the view by a table of its own
+                self._tables.add(name)
+                return
+            self._con.execute(f"drop view {name}")
+            self._views.discard(name)
+        source = self._sources[name]
+        with one_thread(self._con) if source.is_files else nullcontext():
+            self._con.execute(f"create temp table {name} as {source.query}")
+        self._tables.add(name)

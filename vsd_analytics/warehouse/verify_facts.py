@@ -1,0 +1,260 @@
+"""`vsd verify`: checks that every file of a store is undamaged and that facts belong to the stored records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from vsd_analytics.errors import StoreError
+from vsd_analytics.site.model import Site
+from vsd_analytics.store import Store, removal
+from vsd_analytics.store.durable import file_digest
+from vsd_analytics.store.layout import Part, date_of_hour, list_parts, unit_folder
+from vsd_analytics.store.seals import DAY_FACT, FOLDER, Seals
+from vsd_analytics.store.verify_files import (
+    Check,
+    StoreFault,
+    all_parts,
+    check_names,
+    check_parts,
+    check_spool,
+    foreign_files,
+    is_part,
+)
+from vsd_analytics.warehouse.audits import audit_rows
+from vsd_analytics.warehouse.build import BuildPlan, build_plan
+from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
+from vsd_analytics.warehouse.day_files import day_fingerprint, relations_stored_by_day
+from vsd_analytics.warehouse.factfiles import is_undamaged, noted_inputs
+from vsd_analytics.warehouse.sqlfiles import relations
+
+_RECOMPUTE = "delete it and run vsd build: facts are computed from the store again"
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """The checks of `vsd verify` and their findings.
+
+    Attributes:
+        checks: One entry per kind of check.
+        n_fresh, n_stale, n_missing: Number of hours with records whose facts are fresh, stale or not computed. The
+            latter two are computed when they are needed. None when facts were not checked.
+    """
+
+    checks: tuple[Check, ...]
+    n_fresh: int | None = None
+    n_stale: int | None = None
+    n_missing: int | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Return whether no finding needs action."""
+        return not self.damages
+
+    @property
+    def damages(self) -> tuple[StoreFault, ...]:
+        """Return the findings that need action."""
+        return tuple(f for c in self.checks for f in c.damages)
+
+    @property
+    def notes(self) -> tuple[StoreFault, ...]:
+        """Return the findings that need no action."""
+        return tuple(f for c in self.checks for f in c.findings if f.is_note)
+
+
+def verify(
+    site: Site,
+    *,
+    first_hour: int | None = None,
+    last_hour: int | None = None,
+    with_facts: bool = True,
+    on_bytes: Callable[[int], None] | None = None,
+    on_rows: Callable[[int], None] | None = None,
+) -> Verification:
+    """Check every byte and row of a project's store, and return what is damaged or does not belong there.
+
+    Compares the hash of every part with its name (so one flipped bit shows), its columns with the schema, and every
+    row's hour, order and key; every file name with the layout; every fact file, also sealed ones, with its digest.
+    Changes nothing, except that it first finishes a removal of records that a crash interrupted, as every command does.
+    Memory is bounded by the rows of an hour.
+
+    Args:
+        site: The project.
+        first_hour: First UTC hour number whose parts and facts are checked; None = everything. Spool and names are
+            always checked as a whole.
+        last_hour: Last one, inclusive.
+        with_facts: Check facts as well.
+        on_bytes: Called with the number of bytes of parts done.
+        on_rows: Called with the number of rows done.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    intents = _check_intents(store)
+    with _undisturbed(store, intents):
+        parts, columns, sound = check_parts(
+            all_parts(store, first_hour=first_hour, last_hour=last_hour), on_bytes=on_bytes
+        )
+        checks = [parts, columns, *audit_rows(sound, on_rows=on_rows), check_spool(store), check_names(store), intents]
+        if not with_facts:
+            return Verification(tuple(checks))
+        checks.append(check_sealed(site))
+        try:
+            wanted = build_plan(site, first_hour=first_hour, last_hour=last_hour)
+        except StoreError as error:
+            if error.code != "E313":  # check_sealed reported the damaged seal; without it the facts cannot be judged
+                raise
+            return Verification(tuple(checks))
+        checks += check_facts(site, wanted, first_hour=first_hour, last_hour=last_hour)
+        n_fresh = sum(files is not None and all(p.exists() for p in files) for files in wanted.hours.values())
+        n_missing = sum(not any(_files_of(site, hour)) for hour in wanted.hours)
+        return Verification(tuple(checks), n_fresh, len(wanted.hours) - n_fresh - n_missing, n_missing)
+
+
+def _check_intents(store: Store) -> Check:
+    """Return the check of removals of records that were begun and not finished."""
+    pending = removal.pending(store.root)
+    findings = [
+        StoreFault(
+            "E302",
+            path,
+            "a note of records that shall be removed is damaged",
+            "its bytes do not match the hash in its name: no command can finish this removal",
+            "move it away, then run the same vsd purge again",
+        )
+        for path in pending
+        if file_digest(path) != path.stem
+    ]
+    return Check("removals", len(pending), "files", "what shall be removed can be removed", tuple(findings))
+
+
+def _undisturbed(store: Store, intents: Check) -> AbstractContextManager[None]:
+    """Hold off removals while the store is read, unless a damaged note makes that impossible."""
+    return nullcontext() if intents.findings or not store.root.is_dir() else removal.reading(store.root)
+
+
+def check_sealed(site: Site) -> Check:
+    """Return the check of sealed facts: all files exist, each with the bytes that were sealed."""
+    seals = Seals(site.root / FOLDER, site_id=site.site_id)
+    findings = [
+        StoreFault(
+            "E313",
+            path,
+            "sealed facts are damaged or gone" if path.suffix == ".parquet" else "a seal is damaged",
+            "the bytes are not those that were sealed, and the records they were computed from were removed",
+            "restore the folder sealed from a backup",
+        )
+        for path in seals.damaged()
+    ]
+    days = {seals.path(day).relative_to(seals.root).as_posix() for day in seals.days()}
+
+    def is_known(name: str) -> bool:
+        return name in days or is_part(name.partition("/")[2], site.site_id)
+
+    n, foreign = foreign_files(seals.root, is_known)
+    promise = "the facts of purged hours are there as they were sealed"
+    return Check("sealed", n, "files", promise, (*findings, *foreign))
+
+
+def check_facts(
+    site: Site, wanted: BuildPlan, *, first_hour: int | None = None, last_hour: int | None = None
+) -> tuple[Check, Check]:
+    """Return two checks of fact files: that each is undamaged and of its own hour, and that its hour has records.
+
+    Args:
+        site: The project.
+        wanted: Which files the range should have.
+        first_hour: First UTC hour number; None = open.
+        last_hour: Last one, inclusive.
+    """
+    n, damaged, orphans = 0, [], []
+    inputs = {
+        path: noted
+        for files in (*wanted.hours.values(), *wanted.days.values())
+        for path, noted in (files or {}).items()
+    }
+    known = relations("facts")
+    for relation in sorted(known):
+        numbers = {d * 24 for d in wanted.days} if relation == DAY_FACT else set(wanted.hours)
+        for part in list_parts(site.root / "facts", relation, site.site_id, first_hour=first_hour, last_hour=last_hour):
+            try:
+                data = part.path.read_bytes()
+            except FileNotFoundError:
+                continue
+            except OSError:
+                data = b""
+            n += 1
+            if not is_undamaged(data):
+                damaged.append(_damaged_fact(part.path))
+            elif part.path in inputs and noted_inputs(data) != inputs[part.path]:
+                damaged.append(_other_fact(part.path))
+            elif part.hour not in numbers or _is_superseded(part, relation, wanted):
+                orphans.append(_orphan(part.path))
+
+    by_day = {r.name for r in relations_stored_by_day()}
+    n_day_files, day_findings = _check_days(site, by_day, first_hour=first_hour, last_hour=last_hour)
+
+    def is_known(name: str) -> bool:
+        relation, _, rest = name.partition("/")
+        if relation == DAYS_FOLDER.name:
+            relation, _, rest = rest.partition("/")
+            return relation in by_day and is_part(rest, site.site_id)
+        return relation in known and is_part(rest, site.site_id)
+
+    n_names, foreign = foreign_files(site.root / "facts", is_known)
+    return (
+        Check("facts", n + n_day_files, "files", "their bytes are those of their digest", (*damaged, *day_findings)),
+        Check("fact names", n_names, "files", "each is of an hour with records", (*orphans, *foreign)),
+    )
+
+
+def _check_days(
+    site: Site, names: Collection[str], *, first_hour: int | None, last_hour: int | None
+) -> tuple[int, list[StoreFault]]:
+    """Return the number of day files checked, and findings of those that are damaged or under a wrong name."""
+    n, found = 0, []
+    first = None if first_hour is None else first_hour - 24  # the file of a day lies in its first hour
+    for name in sorted(names):
+        for part in list_parts(site.root / DAYS_FOLDER, name, site.site_id, first_hour=first, last_hour=last_hour):
+            n += 1
+            try:
+                data = part.path.read_bytes()
+            except FileNotFoundError:
+                continue
+            except OSError:
+                data = b""
+            if not is_undamaged(data):
+                found.append(_damaged_fact(part.path))
+            elif day_fingerprint(name, date_of_hour(part.hour), noted_inputs(data)) != part.digest:
+                found.append(_other_fact(part.path))
+    return n, found
+
+
+def _is_superseded(part: Part, relation: str, wanted: BuildPlan) -> bool:
+    """Return whether the fresh file of the unit exists beside this one, as a stopped build may leave it."""
+    files = wanted.days[part.hour // 24] if relation == DAY_FACT else wanted.hours[part.hour]
+    fresh = [p for p in files or {} if p.parent == part.path.parent]
+    return part.path not in fresh and bool(fresh) and fresh[0].exists()
+
+
+def _files_of(site: Site, hour: int) -> Iterator[Path]:
+    for relation in relations("facts").values():
+        if relation.unit == "hour":
+            folder = unit_folder(site.root / "facts", relation.name, site.site_id, hour)
+            yield from folder.glob(f"{hour % 24:02d}-*.parquet")
+
+
+def _damaged_fact(path: Path) -> StoreFault:
+    why = "its bytes do not match the digest in it: the disk or a program changed them, or it has no digest"
+    return StoreFault("E302", path, "a file of the computed facts is damaged", why, _RECOMPUTE)
+
+
+def _other_fact(path: Path) -> StoreFault:
+    why = "it is undamaged, but was computed from other inputs than the facts of its hour: it was copied or renamed"
+    return StoreFault("E302", path, "a fact file has the name of another one", why, _RECOMPUTE)
+
+
+def _orphan(path: Path) -> StoreFault:
+    why = "the store has no record of its hour, or a fresh file replaces this one; no query reads it"
+    mend = "nothing: a build removes it when nobody reads facts"
+    return StoreFault("E307", path, "a fact file that belongs to no records of today", why, mend, is_note=True)
