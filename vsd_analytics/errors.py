@@ -1,4 +1,4 @@
-"""Errors for people: every message says what, where, why and how to mend it, under a code `vsd explain` knows.
+"""Errors for people: every message says what, where, why and how to fix it, under a code `vsd explain` knows.
 
 All classes inherit `VsdError`, so `except VsdError` catches everything this package raises on purpose.
 """
@@ -44,7 +44,7 @@ class VsdError(Exception):
         code: `E` and three digits; `vsd explain CODE` tells more.
         where: The place, if there is one.
         why: Why it matters or what was expected and found instead.
-        mend: What to do, as a command or a line of vsd.toml where possible.
+        fix: What to do, as a command or a line of vsd.toml where possible.
     """
 
     default_code = "E100"
@@ -56,14 +56,14 @@ class VsdError(Exception):
         code: str | None = None,
         where: Where | None = None,
         why: str | None = None,
-        mend: str | None = None,
+        fix: str | None = None,
     ) -> None:
         super().__init__(what)
         self.what = what
         self.code = code or self.default_code
         self.where = where
         self.why = why
-        self.mend = mend
+        self.fix = fix
 
     def as_dict(self) -> dict[str, Any]:
         """Return the object `--json` prints for an error."""
@@ -75,7 +75,8 @@ class VsdError(Exception):
             "code": self.code,
             "message": self.what,
             "why": self.why,
-            "mend": self.mend,
+            "fix": self.fix,
+            "mend": self.fix,
             "where": where,
         }
 
@@ -137,14 +138,14 @@ def disk_error(error: BaseException, *, path: object = None) -> DiskError | None
     number: int = getattr(error, "errno", None) or next((n for n in _DISK_FAULTS if os.strerror(n) in text), 0)
     if number not in _DISK_FAULTS:
         return None
-    code, what, mend = _DISK_FAULTS[number]
+    code, what, fix = _DISK_FAULTS[number]
     file = path if path is not None else getattr(error, "filename", None)
     told = DiskError(
         what,
         code=code,
         where=None if file is None else Where(os.fsdecode(file) if isinstance(file, bytes) else str(file)),
         why=f"{os.strerror(number)}: what was not acknowledged is not stored, what was acknowledged is safe",
-        mend=f"{mend}, then run the same command again: nothing counts twice",
+        fix=f"{fix}, then run the same command again: nothing counts twice",
     )
     told.errno, told.strerror = number, os.strerror(number)
     return told

@@ -18,6 +18,7 @@ from planted_floors import site_of
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_POSITIONS
 from vsd_analytics.figures.maps import CellMap, burden_map, cell_maps, excess_map, exposure_map, risk_map
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -304,12 +305,14 @@ def test_where_hardly_anybody_was_no_risk_is_known(tmp_path: Path) -> None:
     ("knows", "reason"),
     [((), NO_POSITIONS), (("distances",), NO_POSITIONS), (("people",), NO_FLOOR)],
 )
-def test_what_the_engine_does_not_send_is_not_measurable(tmp_path: Path, knows: tuple[str, ...], reason: str) -> None:
+def test_what_the_engine_does_not_send_is_not_measurable(
+    tmp_path: Path, knows: tuple[str, ...], reason: Reason
+) -> None:
     site = site_of(tmp_path)
     with planted(site, [hour_of(1)], knows=knows) as warehouse:
         found = cell_maps(warehouse, floor=site.floors[0])
     for one in (found.burden, found.risk, found.excess):
-        assert (one.state, reason_text(one.reason), one.values) == ("not_measurable", reason, None)
+        assert (one.state, one.reason, one.values) == ("not_measurable", reason, None)
 
 
 def test_people_without_distances_still_have_a_map_of_exposure(tmp_path: Path) -> None:

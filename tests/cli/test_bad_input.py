@@ -59,7 +59,7 @@ def _message(**changes: Any) -> str:
     return json.dumps({**json.loads(MESSAGE), **changes}) + "\n"
 
 
-# name of the file, content, code of the message, words it says, how to mend
+# name of the file, content, code of the message, words it says, how to fix
 REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
     "no such file": ("a.csv", None, "E201", "there is no file", "spelling"),
     "empty file": ("a.csv", "", "E202", "a.csv is empty", "export it again"),
@@ -85,7 +85,7 @@ REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_file_that_cannot_be_used_is_refused_with_a_mend(vsd: Vsd, tmp_path: Path, name: str) -> None:
-    file, content, error_code, words, mend = REFUSED[name]
+    file, content, error_code, words, fix = REFUSED[name]
     if content is not None:
         (tmp_path / file).write_bytes(content.encode() if isinstance(content, str) else content)
     for command in ("check", "ingest"):
@@ -93,7 +93,7 @@ def test_a_file_that_cannot_be_used_is_refused_with_a_mend(vsd: Vsd, tmp_path: P
         assert code == 2
         assert err.startswith(f"error[{error_code}]: ")
         assert words in err
-        assert mend in next(line for line in err.splitlines() if line.startswith("  fix: "))
+        assert fix in next(line for line in err.splitlines() if line.startswith("  fix: "))
         assert f"more: vsd explain {error_code}" in err
     code, out, err = vsd("ingest", tmp_path / file, "--json")
     assert code == 2
@@ -215,7 +215,7 @@ def test_a_wrong_call_is_exit_code_2_and_says_how_to_call(vsd: Vsd, arguments: l
     assert (code, err) == (2, "")
     told = json.loads(out)
     assert (told["ok"], told["code"]) == (False, "E101")
-    assert words in f"{told['message']} {told['mend']}"
+    assert words in f"{told['message']} {told['fix']}"
 
 
 def test_no_project_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

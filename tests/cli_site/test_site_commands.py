@@ -428,7 +428,7 @@ def test_old_calibration_broken_config_and_real_track_ids_need_you(vsd: Vsd, pro
 def test_doctor_without_a_project_says_how_to_begin(vsd: Vsd) -> None:
     code, found = findings(vsd)
     assert code == 1
-    assert "vsd init" in found["vsd.toml"]["mend"]
+    assert "vsd init" in found["vsd.toml"]["fix"]
 
 
 def test_settings_are_shown_with_their_source(vsd: Vsd, project: Path, monkeypatch: pytest.MonkeyPatch) -> None:

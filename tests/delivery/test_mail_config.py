@@ -1,4 +1,4 @@
-"""`[mail]`, `[report] base_url` and `chromium` of vsd.toml: read, or refused with line and mend."""
+"""`[mail]`, `[report] base_url` and `chromium` of vsd.toml: read, or refused with line and fix."""
 
 from __future__ import annotations
 
@@ -91,8 +91,8 @@ def test_what_cannot_be_is_refused_with_its_line(tmp_path: Path, more: str, said
     for problem in found:
         assert problem.where is not None
         assert problem.where.line
-        assert problem.mend
-        assert "hunter2" not in problem.what + (problem.mend or "") + (problem.where.text or "")
+        assert problem.fix
+        assert "hunter2" not in problem.what + (problem.fix or "") + (problem.where.text or "")
 
 
 def test_a_project_inside_a_folder_of_secrets_may_not_hide_one_by_dots(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def test_the_browser_that_is_named_wins_and_is_never_replaced(tmp_path: Path) ->
     with pytest.raises(ReportError, match="VSD_CHROMIUM") as caught:
         find_chromium(environ={"VSD_CHROMIUM": "/no/such"}, configured=other, **find)  # type: ignore[arg-type]
     assert caught.value.code == "E520"
-    assert "apt install chromium" in (no_chromium().mend or "")
+    assert "apt install chromium" in (no_chromium().fix or "")
 
 
 def test_the_browser_sees_one_file_in_an_empty_home_and_no_secret(

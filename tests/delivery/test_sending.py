@@ -88,7 +88,7 @@ def route(port: int, **more: Any) -> MailRoute:
 def refusal(call: Callable[[], Any]) -> MailError:
     with pytest.raises(MailError) as caught:
         call()
-    assert caught.value.mend
+    assert caught.value.fix
     return caught.value
 
 

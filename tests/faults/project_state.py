@@ -89,7 +89,7 @@ def state(root: Path) -> State:
 
 
 def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bool = True) -> list[str]:
-    """Return what is wrong with a project as a fault left it, read as anybody would and before anything mends it.
+    """Return what is wrong with a project as a fault left it, read as anybody would and before anything repairs it.
 
     Args:
         root: The project.

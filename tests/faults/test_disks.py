@@ -1,4 +1,4 @@
-"""Real faults of a disk: full, read-only, broken, with a flipped bit, a torn part, a foreign file; then mended."""
+"""Real faults of a disk: full, read-only, broken, with a flipped bit, a torn part, a foreign file; then fixed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Told:
     err: str
 
     def has(self, error: str, *words: str) -> bool:
-        """Tell whether it ended with a whole message for people: code, where, why, mend."""
+        """Tell whether it ended with a whole message for people: code, where, why, fix."""
         lines = [f"error[{error}]: ", "\n  why: ", "\n  fix: ", f"\n more: vsd explain {error}"]
         return self.code == 2 and all(w in self.err for w in (*lines, *words))
 

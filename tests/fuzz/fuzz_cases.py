@@ -31,7 +31,7 @@ def run_case(judge: Judge, number: int, *, seed: int) -> Verdict:
     """Make case `number` and run it.
 
     Raises:
-        Exception: Whatever is not a `VsdError` and came out, or `WrongRowsError`: the failure to be mended.
+        Exception: Whatever is not a `VsdError` and came out, or `WrongRowsError`: the failure to be fixed.
     """
     rng = Random(f"{seed}/{number}")
     world = WORLDS[number % len(WORLDS)]

@@ -224,7 +224,7 @@ def test_a_twin_with_any_part_spoilt_is_read_or_refused_in_words(
     else:
         assert refused.code in ("W510", "W511", "W512")
         assert refused.why
-        assert refused.mend
+        assert refused.fix
 
 
 TWIN = to_json(many.report())

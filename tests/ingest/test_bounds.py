@@ -66,7 +66,7 @@ def test_a_cell_of_gigabytes_is_refused_from_the_footer(tmp_path: Path) -> None:
     assert (result.error.code, result.n_records) == ("E206", {})
     said = str(result.error)
     assert "20,000,403 bytes; at most 4,000,000 are read" in said
-    assert "unpack_free_mb" in (result.error.mend or "")
+    assert "unpack_free_mb" in (result.error.fix or "")
 
 
 def test_a_footer_that_lies_about_a_page_is_found_out_by_the_page(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_more_rows_than_bytes_can_say_are_refused_and_a_setting_lets_them_in(tmp
     assert (code(result), result.n_records) == ("E209", {})
     assert result.error is not None
     assert "20,000 records or more; at most 10,000 are read" in str(result.error)
-    assert "records_free" in (result.error.mend or "")
+    assert "records_free" in (result.error.fix or "")
     assert take_table(tmp_path, rows, records_free=20_000).n_records == {"observations": 20_000}
 
 
@@ -178,7 +178,7 @@ def test_a_text_that_unpacks_without_end_is_refused_after_what_is_allowed(tmp_pa
     result = take(tmp_path, tmp_path / "a.jsonl.x", unpack_free_mb=0.1)
     assert code(result) == "E206"
     assert result.error is not None
-    assert "unpack_ratio_max" in (result.error.mend or "") or "unpack_free_mb" in (result.error.mend or "")
+    assert "unpack_ratio_max" in (result.error.fix or "") or "unpack_free_mb" in (result.error.fix or "")
     assert take(tmp_path, tmp_path / "a.jsonl.x").n_records == {"frames": 10_000}
 
 
@@ -196,7 +196,7 @@ def test_a_source_of_unreadable_records_is_read_no_further(tmp_path: Path, name:
     result = take(tmp_path, tmp_path / name, options, unreadable_max=1000)
     assert code(result) == "E209"
     assert result.error is not None
-    assert "unreadable_max" in (result.error.mend or "")
+    assert "unreadable_max" in (result.error.fix or "")
     assert sum(result.n_records.values()) >= 1
     assert code(take(tmp_path, tmp_path / name, options, unreadable_max=2000)) == ""
 
@@ -229,7 +229,7 @@ def test_frames_with_more_people_than_a_picture_holds_are_quarantined(tmp_path: 
     options = {"camera": "cam-1", "start": NINE_MS}
     for path in (tmp_path / "a.jsonl", tmp_path / "log.csv", folder):
         result = take(tmp_path, path, options, persons_max=20)
-        assert result.n_rejected == ({} if n == 20 else {"too-many-people": 1}), path
+        assert result.n_rejected == ({} if n == 20 else {"too-many": 1}), path
         assert result.n_records["observations"] == (20 if n == 20 else 0)
 
 

@@ -107,7 +107,7 @@ def test_a_full_disk_is_no_sources_error_but_stops_the_ingest(tmp_path: Path, mo
 def test_a_camera_that_is_not_of_the_site_is_refused_before_anything_is_read(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as caught:
         ingest(small_site(tmp_path), [tmp_path / "none"], IngestOptions(camera="cam-11"), now=NOW)
-    assert caught.value.mend == "--camera cam-1"
+    assert caught.value.fix == "--camera cam-1"
     assert "cam-2" in str(caught.value.why)
 
 
@@ -154,7 +154,7 @@ def test_formats_are_found_by_name_or_with_a_hint(tmp_path: Path) -> None:
     assert adapter("pairs").name == "pairs"
     with pytest.raises(UsageError) as caught:
         adapter("position")
-    assert caught.value.mend == "--format positions"
+    assert caught.value.fix == "--format positions"
     (tmp_path / "x.txt").write_text("1,2,3\n")
     assert find_adapter(Source(tmp_path / "x.txt"), IngestOptions(columns=("ts", "x_m", "y_m"))).name == "table"
     with pytest.raises(InputError) as unknown:

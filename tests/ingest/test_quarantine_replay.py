@@ -1,4 +1,4 @@
-"""Replaying the quarantine: after mending, the store is what it would be had the mended site read the files."""
+"""Replaying the quarantine: after fixing, the store is what it would be had the fixed site read the files."""
 
 from __future__ import annotations
 
@@ -85,14 +85,14 @@ def test_a_camera_described_later_gives_the_store_of_a_site_that_always_had_it(
     before = small_site(tmp_path / "site", settings=PLAIN)
     path = write(tmp_path / ("a.jsonl" if write is frames_file else "a.csv"), zone)
     ingest(before, [path], IngestOptions(), now=NOW)
-    mended = with_camera(before, clock="Asia/Tokyo")
-    found = replay(mended, reason="unknown-camera")
-    always = replace(mended, root=tmp_path / "always")
+    fixed = with_camera(before, clock="Asia/Tokyo")
+    found = replay(fixed, reason="unknown-camera")
+    always = replace(fixed, root=tmp_path / "always")
     expected = ingest(always, [path], IngestOptions(), now=NOW)
-    assert stored(mended) == stored(always)
+    assert stored(fixed) == stored(always)
     assert found.n_left == 0
     assert found.n_solved == (8 if write is frames_file else 1)
-    assert {e.reason for e in left(mended)} == set(expected.sources[0].n_rejected)
+    assert {e.reason for e in left(fixed)} == set(expected.sources[0].n_rejected)
 
 
 def test_pseudonyms_of_replayed_rows_are_those_of_their_track(tmp_path: Path) -> None:
@@ -117,13 +117,13 @@ def test_a_mended_mapping_reads_lines_again_and_none_twice(tmp_path: Path) -> No
     ingest(site, [path], IngestOptions(), now=NOW)
     assert {e.reason for e in left(site)} == {"not-a-time"}
     assert replay(site).n_bad == {"not-a-time": 5}
-    mended = replace(site, ingest_map={"ts": "utc"})
-    found = replay(mended)
+    fixed = replace(site, ingest_map={"ts": "utc"})
+    found = replay(fixed)
     assert (found.n_solved, found.n_left, dict(found.n_records)) == (5, 0, {"observations": 5})
     assert files(site.root / "quarantine") == []
-    always = replace(mended, root=tmp_path / "always")
+    always = replace(fixed, root=tmp_path / "always")
     ingest(always, [path], IngestOptions(), now=NOW)
-    assert stored(mended) == stored(always)
+    assert stored(fixed) == stored(always)
 
 
 def test_a_mapping_given_on_the_command_line_wins_over_that_of_the_ingest(tmp_path: Path) -> None:
@@ -336,7 +336,7 @@ def test_list_and_replay_tell_people_and_programs(tmp_path: Path, capsys: pytest
     (tmp_path / "vsd.toml").write_text(CONFIG + 'engine_ids = ["y\\u001b[2Jard"]\n')
     code, out = vsd("quarantine", "replay", "--json")
     told = json.loads(out)
-    assert (code, told["mended"], told["still_bad"]) == (1, 1, {"wrong-number-of-fields": 1})
+    assert (code, told["fixed"], told["still_bad"]) == (1, 1, {"wrong-number-of-fields": 1})
     assert told["stored"]["observations"]["new"] == 1
     code, out = vsd("quarantine", "replay", "--reason", "unknown-camera")
     assert (code, out.splitlines()[-1][:7]) == (0, "0 of 0 ")

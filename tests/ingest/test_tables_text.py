@@ -108,7 +108,7 @@ def test_a_missing_column_of_named_columns_is_to_be_named_there(tmp_path: Path) 
     options = IngestOptions(camera="cam-1", columns=("ts", "track_a", "track_b"))
     found = read_table(tmp_path / "a.txt", "1794214801 7 8\n", options)
     assert found.error is not None
-    assert str(found.error.mend).startswith("name it in --columns: distance_m")
+    assert str(found.error.fix).startswith("name it in --columns: distance_m")
 
 
 def test_headerless_files_need_names_and_ignored_columns_may_stand_at_the_end(tmp_path: Path) -> None:
@@ -122,9 +122,9 @@ def test_headerless_files_need_names_and_ignored_columns_may_stand_at_the_end(tm
     found = read_table(tmp_path / "a.csv", text)
     assert found.error is not None
     assert found.error.code == "E203"
-    assert found.error.mend is not None
+    assert found.error.fix is not None
     assert "no header" in str(found.error.why)
-    assert "--columns" in found.error.mend
+    assert "--columns" in found.error.fix
     too_many = read_table(tmp_path / "a.csv", text, IngestOptions(columns=tuple("abcdefgh")))
     assert too_many.error is not None
     assert "8 columns, a.csv has 6" in too_many.error.what
@@ -142,8 +142,8 @@ def test_renames_are_found_whatever_their_case(tmp_path: Path) -> None:
     wrong = read_table(tmp_path / "a.csv", text, IngestOptions(camera="c", map={**renames, "x_m": "pix"}))
     assert wrong.error is not None
     assert "'pix'" in wrong.error.what
-    assert wrong.error.mend is not None
-    assert "--map" in wrong.error.mend
+    assert wrong.error.fix is not None
+    assert "--map" in wrong.error.fix
 
 
 @pytest.mark.parametrize(
@@ -168,16 +168,16 @@ def test_a_missing_column_is_named_with_the_nearest_one_found(
     assert found.error.where is not None
     assert (found.error.where.line, found.error.where.text) == (1, header)
     assert all(name in str(found.error.why) for name in header.split(","))
-    assert found.error.mend is not None
+    assert found.error.fix is not None
     if near is not None:
-        assert f"--map {column}={near}" in found.error.mend
+        assert f"--map {column}={near}" in found.error.fix
         assert header[found.error.where.column - 1 :].startswith(near)  # type: ignore[operator]
 
 
 def test_a_table_without_camera_needs_one_to_be_named(tmp_path: Path) -> None:
     found = read_table(tmp_path / "a.csv", "ts,x_m,y_m\n1794214800,1,2\n", IngestOptions())
     assert found.error is not None
-    assert found.error.mend == "--camera ID"
+    assert found.error.fix == "--camera ID"
 
 
 def test_boxes_become_foot_points_both_ways(tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_frame_numbers_become_times(tmp_path: Path) -> None:
     assert [r["ts_ms"] - NINE_MS for r in later.people] == [-800, 0, 1200]
     lacking = read_table(tmp_path / "a.csv", text)
     assert lacking.error is not None
-    assert (lacking.error.code, lacking.error.mend) == ("E207", "add --fps 25 --start 2026-11-09T08:00:00+01:00")
+    assert (lacking.error.code, lacking.error.fix) == ("E207", "add --fps 25 --start 2026-11-09T08:00:00+01:00")
 
 
 def test_periods_floor_times(tmp_path: Path) -> None:
@@ -304,8 +304,8 @@ def test_a_file_without_content_is_called_empty(tmp_path: Path, content: str | b
 def test_utf_16_is_told_from_garbage(tmp_path: Path) -> None:
     found = read_table(tmp_path / "a.csv", CSV.encode("utf-16"))
     assert found.error is not None
-    assert found.error.mend is not None
-    assert "iconv" in found.error.mend
+    assert found.error.fix is not None
+    assert "iconv" in found.error.fix
 
 
 def test_bytes_that_are_not_utf_8_keep_people_apart(tmp_path: Path) -> None:

@@ -203,7 +203,7 @@ def test_what_cannot_be_stored_is_not_acknowledged_and_comes_again(
         assert "No space left" in told(root)["error"]
         assert run.listener.status.n_acknowledged == 0
     assert numbers(root) == []
-    with Run(root) as run:  # they were not acknowledged, so the broker has them still; then the disk is mended
+    with Run(root) as run:  # they were not acknowledged, so the broker has them still; then the disk is fixed
         wait_for(lambda: told(root).get("state") == "cannot store")
         is_full = False
         wait_for(lambda: run.listener.status.n_acknowledged == 20)

@@ -96,7 +96,7 @@ def test_a_wrong_clock_is_told_and_every_message_is_durable_and_replayed_once_it
     assert f"here it is {world.now():%Y}" in status.error
     assert f"messages of cam-1 say {world.now() - ahead:%Y}" in status.error
     assert "timedatectl" in status.error
-    assert (told[0].subject, told[0].state, told[0].mend) == ("listener", "needs you", "vsd explain E708")
+    assert (told[0].subject, told[0].state, told[0].fix) == ("listener", "needs you", "vsd explain E708")
     assert world.quarantined() == ["time-out-of-range"] * N
 
     world.ahead = timedelta(0)

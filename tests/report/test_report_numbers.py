@@ -18,6 +18,7 @@ from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 
 NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
@@ -56,6 +57,9 @@ def leaves(value: Any, unit: str | None = None) -> Iterator[tuple[Any, str | Non
     """Yield every number, date and text of the twin with its unit; the words made from them are left out."""
     if isinstance(value, Story):
         return
+    if isinstance(value, Reason):
+        yield reason_text(value), unit  # the page shows the sentence, numbers and all
+        return
     if is_dataclass(value):
         for field in fields(value):
             if not (isinstance(value, FloorMap) and field.name in GEOMETRY):
@@ -73,7 +77,7 @@ def leaves(value: Any, unit: str | None = None) -> Iterator[tuple[Any, str | Non
 
 def forms(value: Any, unit: str | None) -> set[str]:
     """Return all ways one value of the twin may be written."""
-    if value is None or isinstance(value, bool | Reason):
+    if value is None or isinstance(value, bool):
         return set()
     if isinstance(value, datetime | date):
         said = [str(value.day), str(value.year)]

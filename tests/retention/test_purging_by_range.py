@@ -158,7 +158,7 @@ def test_a_range_that_cuts_a_sealed_hour_is_refused_whole(sealed: Path) -> None:
     with pytest.raises(StoreError) as caught:
         purge_range(load_site(sealed), camera_id="cam-1", first_ms=ms(9, 30), after_ms=ms(11, 0), terms=TERMS)
     assert caught.value.code == "E312"
-    assert "09:00Z" in str(caught.value.mend)
+    assert "09:00Z" in str(caught.value.fix)
     assert by_camera(sealed) == before
 
 

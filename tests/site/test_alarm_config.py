@@ -1,4 +1,4 @@
-"""[[alarm]] and [alarms] of vsd.toml: what loads, and that every mistake is told with a mend."""
+"""[[alarm]] and [alarms] of vsd.toml: what loads, and that every mistake is told with a fix."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_every_mistake_is_told_with_its_mend(tmp_path: Path, name: str) -> None:
     (problem,) = caught.value.problems
     assert problem.code == code
     assert words in problem.what
-    assert problem.mend
+    assert problem.fix
     assert problem.where is not None
     assert problem.where.line is not None
 

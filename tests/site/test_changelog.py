@@ -57,7 +57,7 @@ def test_what_is_added_is_read_back(tmp_path_factory: pytest.TempPathFactory, te
 def test_unknown_area_is_answered_with_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no area 'entrence'") as caught:
         add_entry(make_site(tmp_path), text="x", at="2026-11-11", area="entrence")
-    assert caught.value.mend == "--area entrance"
+    assert caught.value.fix == "--area entrance"
     assert not (tmp_path / "log.jsonl").exists()
 
 

@@ -57,7 +57,7 @@ def test_a_site_without_fixtures_has_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "code", "line", "said", "mend"),
+    ("text", "code", "line", "said", "fix"),
     [
         (SHELF + 'kind = "shelv"\n', "E124", 15, "'shelv' is not one of shelf, wall, till, other", 'kind = "shelf"'),
         (SHELF + 'kind = "palm tree"\n', "E124", 15, "is not one of", 'kind = "other"'),
@@ -74,11 +74,11 @@ def test_a_site_without_fixtures_has_none(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_are_told_with_line_and_mend(
-    tmp_path: Path, text: str, code: str, line: int, said: str, mend: str
+    tmp_path: Path, text: str, code: str, line: int, said: str, fix: str
 ) -> None:
     problem = the_problem(tmp_path, text)
     assert problem.code == code
     assert problem.where is not None
     assert problem.where.line == line
     assert said in problem.what
-    assert mend in str(problem.mend)
+    assert fix in str(problem.fix)

@@ -1,4 +1,4 @@
-"""vsd.toml: what loads, and that every mistake is told at once with its line and mend."""
+"""vsd.toml: what loads, and that every mistake is told at once with its line and fix."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_no_project_is_e102_with_the_way_out(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as caught:
         find_project(tmp_path)
     assert caught.value.code == "E102"
-    assert "vsd init" in str(caught.value.mend)
+    assert "vsd init" in str(caught.value.fix)
 
 
 # mistakes -------------------------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ def test_id_that_could_be_a_path_or_markup_is_refused(tmp_path: Path, camera_id:
     assert problem.code == "E125"
     assert problem.where is not None
     assert problem.where.line == 9
-    assert 'id = "' in str(problem.mend)
+    assert 'id = "' in str(problem.fix)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_mistake_is_told_with_line_text_and_mend(
     assert problem.where is not None
     assert problem.where.line == line
     assert problem.where.text == text.splitlines()[line - 1]
-    assert words in str(problem.mend)
+    assert words in str(problem.fix)
 
 
 def test_all_mistakes_are_told_at_once_by_line(tmp_path: Path) -> None:
@@ -262,7 +262,7 @@ def test_binary_file_is_a_mistake_not_a_traceback(tmp_path: Path) -> None:
 
 
 def test_empty_file_names_what_is_needed(tmp_path: Path) -> None:
-    told = " ".join(f"{p.what} {p.mend}" for p in problems(tmp_path, ""))
+    told = " ".join(f"{p.what} {p.fix}" for p in problems(tmp_path, ""))
     assert "[site]" in told
     assert "[[camera]]" in told
 
@@ -319,7 +319,7 @@ def test_plan_needs_its_scale(tmp_path: Path) -> None:
 def test_misspelt_file_is_answered_with_the_nearest_one(tmp_path: Path) -> None:
     write(tmp_path, "plans/ground.png", png(10, 10))
     plan = 'plan = "plans/grund.png"\nplan_m_per_px = 1\n'
-    assert "'ground.png'" in str(the_problem(tmp_path, SMALLEST.replace("[[camera]]", plan + "[[camera]]")).mend)
+    assert "'ground.png'" in str(the_problem(tmp_path, SMALLEST.replace("[[camera]]", plan + "[[camera]]")).fix)
 
 
 # lines, whatever the layout -------------------------------------------------------------------------------------------

@@ -163,7 +163,7 @@ def test_a_damaged_fact_file_is_named_and_made_again_once_deleted(project: Path)
     path.write_bytes(flipped(path.read_bytes(), 999))
     result = verify(site(project))
     assert found(result) == {"facts": [path.name]}
-    assert "vsd build" in result.damages[0].mend
+    assert "vsd build" in result.damages[0].fix
     path.unlink()
     assert (verify(site(project)).n_fresh, verify(site(project)).n_stale) == (2, 1)
     build(site(project))

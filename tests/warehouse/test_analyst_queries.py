@@ -93,7 +93,7 @@ def test_nothing_else_can_be_read_written_or_set(warehouse: Warehouse, folder: P
     with pytest.raises(SqlError) as caught:
         run_query(warehouse, query.format(root=root, outside=folder))
     assert caught.value.code == "E603"
-    assert caught.value.mend
+    assert caught.value.fix
     assert (sorted(folder.rglob("*")), fact_files(warehouse.site)) == before
     assert run_query(warehouse, "select count(*) as n from hours")["n"].tolist() == [24], "later queries still work"
 
@@ -109,7 +109,7 @@ def test_a_mistake_is_told_in_duckdb_words_with_a_mend(warehouse: Warehouse) -> 
     with pytest.raises(SqlError) as caught:
         run_query(warehouse, "select no_such_column from hours")
     assert "no_such_column" in str(caught.value.why)
-    assert "vsd sql --list" in str(caught.value.mend)
+    assert "vsd sql --list" in str(caught.value.fix)
 
 
 def test_missing_inside_a_list_is_null_in_rows_not_zero(warehouse: Warehouse) -> None:

@@ -84,7 +84,7 @@ def test_a_fact_that_fails_twice_is_told_with_its_relation_hour_and_camera(
     assert error.code == "E604"
     assert "episode_segments of the hours 2026-11-09T08:00Z to 2026-11-09T09:00Z" in error.what
     assert "camera cam at 2026-11-09T09:30:05.000+00:00 with 7 records" in str(error.why)
-    assert "vsd purge --camera cam --range 2026-11-09T09:00Z..2026-11-09T10:00Z" in str(error.mend)
+    assert "vsd purge --camera cam --range 2026-11-09T09:00Z..2026-11-09T10:00Z" in str(error.fix)
 
 
 def test_a_mart_is_asked_for_again_on_a_new_connection(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

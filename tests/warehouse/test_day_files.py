@@ -182,7 +182,7 @@ def test_a_day_file_of_garbage_says_how_to_mend_it(project: Site) -> None:
     path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
     with pytest.raises(StoreError, match="facts") as caught:
         rows(project)
-    assert (caught.value.code, "delete the folder facts" in str(caught.value.mend)) == ("E302", True)
+    assert (caught.value.code, "delete the folder facts" in str(caught.value.fix)) == ("E302", True)
 
 
 def test_a_damaged_day_file_is_told_to_an_analyst_as_well(project: Site) -> None:

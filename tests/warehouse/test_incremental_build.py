@@ -274,7 +274,7 @@ def test_fact_file_of_garbage_between_right_ends_says_how_to_mend_it(project: Pa
     path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
     with pytest.raises(StoreError, match="facts") as caught, open_days(make_site(project)) as warehouse:
         warehouse.rows("select * from exposure")
-    assert (caught.value.code, "delete the folder facts" in str(caught.value.mend)) == ("E302", True)
+    assert (caught.value.code, "delete the folder facts" in str(caught.value.fix)) == ("E302", True)
 
 
 def test_stored_part_that_breaks_off_is_named_by_the_build(project: Path) -> None:

@@ -104,7 +104,7 @@ def _rules(project: Project, rule_ids: Sequence[str]) -> list[AlarmRule]:
             raise UsageError(
                 f"vsd.toml has no alarm {rule_id!r}",
                 why=f"its alarms: {', '.join(known) or 'none'}",
-                mend=f"--rule {near}" if near else None,
+                fix=f"--rule {near}" if near else None,
             )
     return [r for r in known.values() if not rule_ids or r.alarm_id in rule_ids]
 
@@ -203,8 +203,8 @@ def _test(project: Project) -> None:
 
     site = project.site
     if site.alarm_delivery.webhook is None and site.alarm_delivery.topic is None:
-        mend = 'add [alarms] with webhook = "https://..." or topic = "..."'
-        raise UsageError("there is nowhere to send a sample", why="vsd.toml names no webhook and no topic", mend=mend)
+        fix = 'add [alarms] with webhook = "https://..." or topic = "..."'
+        raise UsageError("there is nowhere to send a sample", why="vsd.toml names no webhook and no topic", fix=fix)
     now_ms, camera = round(project.now.timestamp() * 1000), site.cameras[0]
     head = ("0" * 16, "test", "gathering", "start", now_ms, now_ms - 60_000)
     place = (site.site_id, camera.camera_id, camera.floor_id, None, 0.0, 0.0)
@@ -247,4 +247,4 @@ def _problem(delivery: AlarmSender) -> LiveError | None:
             why.append(f"webhook: {n_lost} events not taken: {webhook.refusal or webhook.error or 'no answer'}")
     if not why:
         return None
-    return LiveError("alarms did not arrive", code="E710", why="; ".join(why), mend="mend it, then: vsd alarms --test")
+    return LiveError("alarms did not arrive", code="E710", why="; ".join(why), fix="fix it, then: vsd alarms --test")

@@ -42,7 +42,7 @@ def calibrate(
     from vsd_analytics.errors import UsageError
 
     if matrix is not None and points is not None:
-        raise UsageError("--matrix and --points exclude each other", mend="give one of them")
+        raise UsageError("--matrix and --points exclude each other", fix="give one of them")
     since = None if valid_from is None else instant(valid_from, zone=project.site.timezone, what="--from")
     done = calibration.calibrate(project.site, camera_id=camera, matrix=matrix, points=points, valid_from=since)
     if as_json:

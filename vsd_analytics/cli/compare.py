@@ -61,10 +61,10 @@ def compare(
     """
     if number is not None:
         if periods or floor_id is not None or len(area_ids) > 1:
-            raise UsageError("--change takes its weeks from the log, and one area", mend="vsd compare --change 1")
+            raise UsageError("--change takes its weeks from the log, and one area", fix="vsd compare --change 1")
         return _change_of_log(project, number, area_ids[0] if area_ids else None, weeks, as_json=as_json)
     if len(periods) != 2:
-        raise UsageError("compare needs two periods, A and B, or --change N", mend="vsd compare 2026-W45 2026-W46")
+        raise UsageError("compare needs two periods, A and B, or --change N", fix="vsd compare 2026-W45 2026-W46")
     return _two_periods(project, periods, area_ids, floor_id, as_json=as_json)
 
 

@@ -67,7 +67,7 @@ def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str
             f"{folder} is not empty",
             code="E104",
             why="the demo writes a whole project and overwrites nothing",
-            mend="vsd demo another-folder",
+            fix="vsd demo another-folder",
         )
     started = time.perf_counter()
     with progress(None, total=7 * weeks, label="people walk", unit="day", quiet=project.quiet) as bar:

@@ -43,7 +43,8 @@ def doctor(project: Project, show_config: bool, broker_config: Path | None, as_j
         printed: dict[str, Any] = {
             "ok": not needs_you,
             "findings": [
-                {"subject": f.subject, "state": f.state, "detail": f.detail, "mend": f.mend} for f in findings
+                {"subject": f.subject, "state": f.state, "detail": f.detail, "fix": f.fix, "mend": f.fix}
+                for f in findings
             ],
         }
         if show_config:
@@ -54,8 +55,8 @@ def doctor(project: Project, show_config: bool, broker_config: Path | None, as_j
         return int(needs_you)
     for finding in findings:
         click.echo(plain(f"{finding.state:9}  {finding.subject}: {finding.detail}"))
-        if finding.mend:
-            click.echo(plain(f"{'':9}   fix: {finding.mend}"))
+        if finding.fix:
+            click.echo(plain(f"{'':9}   fix: {finding.fix}"))
     for setting in settings:
         click.echo(f"{setting.name} = {setting.value} {setting.unit}".rstrip() + f"   ({setting.source})")
     return int(needs_you)

@@ -36,7 +36,7 @@ def run(command: click.Command, arguments: list[str]) -> int:
         if isinstance(error, click.UsageError) and error.ctx is not None and not as_json:
             click.echo(error.ctx.get_usage(), err=True)
         _print_error(
-            UsageError(error.format_message(), mend="see vsd --help, or the command's own --help"), as_json=as_json
+            UsageError(error.format_message(), fix="see vsd --help, or the command's own --help"), as_json=as_json
         )
         return 2
     except BrokenPipeError:
@@ -46,14 +46,14 @@ def run(command: click.Command, arguments: list[str]) -> int:
         if verbose:
             raise
         what = f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
-        refused = VsdError(what, code="E120", mend="check the path, its permissions and the free space")
+        refused = VsdError(what, code="E120", fix="check the path, its permissions and the free space")
         _print_error(disk_error(error) or refused, as_json=as_json)
         return 2
     except Exception as error:
         if verbose:
             raise
         what = f"an internal error stopped the command: {type(error).__name__}: {error}"
-        internal = VsdError(what, code="E900", mend="run it again with -v and report what it prints")
+        internal = VsdError(what, code="E900", fix="run it again with -v and report what it prints")
         _print_error(disk_error(error) or internal, as_json=as_json)
         return 2
 
@@ -69,7 +69,7 @@ def refuse_unsupported(platform: str) -> None:
             "Windows is not supported",
             code="E130",
             why="the store needs file locks and durable renames as Linux and macOS have them",
-            mend="run it on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt",
+            fix="run it on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt",
         )
 
 

@@ -433,5 +433,5 @@ def explanation(code: str) -> str:
     if known is not None:
         return known
     close = nearest(code, [each.lower() for each in EXPLANATIONS])
-    mend = f"vsd explain {close.upper()}" if close else "vsd explain   (lists all codes)"
-    raise UsageError(f"no message has the code {code!r}", mend=mend)
+    fix = f"vsd explain {close.upper()}" if close else "vsd explain   (lists all codes)"
+    raise UsageError(f"no message has the code {code!r}", fix=fix)

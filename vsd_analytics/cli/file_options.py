@@ -99,14 +99,14 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
     renames = renames_of(given["renames"])
     size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", given["resolution"])
     if size is None:
-        raise UsageError(f"--resolution {given['resolution']!r} is not WIDTHxHEIGHT", mend="--resolution 640x480")
+        raise UsageError(f"--resolution {given['resolution']!r} is not WIDTHxHEIGHT", fix="--resolution 640x480")
     for name in ("period_s", "fps", "threshold_m"):
         if given[name] is not None and not 0 < given[name] < 1e6:
             raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
     if given["first_frame"] is not None and not abs(given["first_frame"]) < 1e15:
         raise UsageError("--first-frame must be a number of a frame")
     if given["per_camera"] and given["camera"] is not None:
-        raise UsageError("--per-camera names the cameras C1 to C7 itself", mend="leave out --camera")
+        raise UsageError("--per-camera names the cameras C1 to C7 itself", fix="leave out --camera")
     start = None
     if given["start"] is not None:
         start = round(instant(given["start"], zone=project.site.timezone, what="--start").timestamp() * 1000)
@@ -142,13 +142,13 @@ def renames_of(given: Sequence[str]) -> dict[str, str]:
     for text in (part for r in given for part in r.split(",")):
         ours, equals, theirs = text.partition("=")
         if not equals or not ours.strip() or not theirs.strip():
-            raise UsageError(f"--map {text!r} is not OURS=THEIRS", mend="--map ts=time")
+            raise UsageError(f"--map {text!r} is not OURS=THEIRS", fix="--map ts=time")
         if ours.strip() not in KNOWN:
             near = nearest(ours.strip(), KNOWN)
             raise UsageError(
                 f"--map {text!r}: no column of ours is called {ours.strip()!r}",
                 why=f"ours: {', '.join(KNOWN)}",
-                mend=f"--map {near or 'ts'}={theirs.strip()}",
+                fix=f"--map {near or 'ts'}={theirs.strip()}",
             )
         renames[ours.strip()] = theirs.strip()
     return renames

@@ -66,11 +66,11 @@ def heatmap(
 
     stored_m = project.site.settings.cell_m
     if cell_m <= 0 or cell_m > 1000 or abs(cell_m / stored_m - round(cell_m / stored_m)) > 1e-9:
-        raise UsageError(f"--cell {cell_m:g} is not a multiple of {stored_m:g} m", mend="--cell 0.5")
+        raise UsageError(f"--cell {cell_m:g} is not a multiple of {stored_m:g} m", fix="--cell 0.5")
     if kind in ("png", "svg") and out is None:
-        raise UsageError("a picture needs a file", mend=f"--out where.{kind}")
+        raise UsageError("a picture needs a file", fix=f"--out where.{kind}")
     if kind in ("png", "svg") and share:
-        raise UsageError("--share is for tables", mend="the map of vsd report hides small counts")
+        raise UsageError("--share is for tables", fix="the map of vsd report hides small counts")
     with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m) as warehouse:
         frame = operator_counts.heatmap(warehouse, floor_id=floor_id, at=at)
         if kind in ("png", "svg"):

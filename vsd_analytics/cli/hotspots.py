@@ -67,7 +67,7 @@ def hotspots(
 
     floors = [f.floor_id for f in project.site.floors]
     if (floor_id is None and len(floors) > 1) or (floor_id is not None and floor_id not in floors):
-        raise UsageError(f"which floor? This site has {', '.join(floors)}", mend=f"--floor {floors[0]}")
+        raise UsageError(f"which floor? This site has {', '.join(floors)}", fix=f"--floor {floors[0]}")
     _, until = resolve(project, week=week, days=days)
     first, _ = analysis.days_needed(project.site, until)
     with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:

@@ -46,11 +46,11 @@ def ingest(
     """
     if folder is not None:
         if files or dry_run:
-            raise UsageError("--watch DIR takes neither FILES nor --dry-run", mend="vsd ingest --watch DIR")
+            raise UsageError("--watch DIR takes neither FILES nor --dry-run", fix="vsd ingest --watch DIR")
         return _watch(project, Path(folder), given, as_json=as_json)
     if not files:
         raise UsageError(
-            "Missing argument 'FILES...'", why="neither FILES nor --watch DIR were given", mend="vsd ingest FILES..."
+            "Missing argument 'FILES...'", why="neither FILES nor --watch DIR were given", fix="vsd ingest FILES..."
         )
     return read_files(project, files, given, is_dry_run=dry_run, as_json=as_json)
 

@@ -51,7 +51,7 @@ def print_source(project: Project, source: SourceResult) -> None:
             code="W210",
             where=Where(source.source, example.line, example.text or None),
             why=example.detail[:300],
-            mend=FIXES.get(reason),
+            fix=FIXES.get(reason),
         )
         click.echo(render_error(warning, word="warning"), err=True)
     if source.error is not None:
@@ -88,7 +88,7 @@ def warn_of_full_disk(fold: FoldResult) -> None:
         warning = VsdError(
             "the disk is full: the ballast of the store was given up to put acknowledged records in their place",
             code="W304",
-            mend="free some space soon (df -h); the ballast comes back by itself",
+            fix="free some space soon (df -h); the ballast comes back by itself",
         )
         click.echo(render_error(warning, word="warning"), err=True)
 
@@ -102,7 +102,7 @@ def _warn_of_sealed(fold: FoldResult) -> None:
             f"{count(fold.n_sealed, 'record')} quarantined: {SEALED}",
             code="W210",
             why="a purge sealed their hours after they were read",
-            mend=FIXES[SEALED],
+            fix=FIXES[SEALED],
         )
         click.echo(render_error(warning, word="warning"), err=True)
 

@@ -57,7 +57,7 @@ def init(
             try:
                 check(answer.strip())
             except UsageError as error:  # asked again
-                raise click.UsageError(f"{error.why or error.what}; {error.mend}") from None
+                raise click.UsageError(f"{error.why or error.what}; {error.fix}") from None
             return answer.strip()
 
         return str(click.prompt(question, default=default, value_proc=checked, err=True))

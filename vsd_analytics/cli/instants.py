@@ -21,7 +21,7 @@ def instant(text: str, *, zone: str, what: str) -> datetime:
         _in_reach(parsed.date())
     except ValueError:
         raise UsageError(
-            f"{what}: {text!r} is not a date and time", mend=f"{what} 2026-11-11T12:00 or with an offset, …T12:00+01:00"
+            f"{what}: {text!r} is not a date and time", fix=f"{what} 2026-11-11T12:00 or with an offset, …T12:00+01:00"
         ) from None
     return parsed if parsed.tzinfo is not None else parsed.replace(tzinfo=ZoneInfo(zone))
 
@@ -57,7 +57,7 @@ def parse_week(text: str, *, last: date) -> date:
     raise UsageError(
         f"{text!r} is not a week",
         why="weeks are ISO weeks, Monday to Sunday",
-        mend="--week 2026-W46, or last, or last-2",
+        fix="--week 2026-W46, or last, or last-2",
     )
 
 
@@ -78,5 +78,5 @@ def parse_range(text: str) -> tuple[date, date]:
     except ValueError:
         days = None
     if days is None or days[0] > days[1]:
-        raise UsageError(f"{text!r} is not a range of days", mend="2026-11-09..2026-11-15, 2026-W46 or 2026-11-09")
+        raise UsageError(f"{text!r} is not a range of days", fix="2026-11-09..2026-11-15, 2026-W46 or 2026-11-09")
     return days

@@ -113,7 +113,7 @@ def _broker(project: Project) -> Broker:
             "vsd.toml names no broker",
             code="E703",
             where=Where(str(project.root / "vsd.toml")),
-            mend='add [mqtt] with host = "localhost"',
+            fix='add [mqtt] with host = "localhost"',
         )
     return project.site.broker
 

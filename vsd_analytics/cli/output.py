@@ -60,8 +60,8 @@ def render_error(error: VsdError, *, word: str = "error") -> str:
         ]
     if error.why:
         lines.append(f"  why: {plain(error.why)}")
-    if error.mend:
-        lines.append(f"  fix: {plain(error.mend)}")
+    if error.fix:
+        lines.append(f"  fix: {plain(error.fix)}")
     lines.append(f" more: vsd explain {error.code}")
     return "\n".join(lines)
 

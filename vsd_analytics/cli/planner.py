@@ -53,15 +53,15 @@ def planner(
     earlier = None if before is None else parse_week(before, last=last_monday(project))
     if earlier == monday:
         raise UsageError(
-            "a week is not compared with itself", mend=f"--before {week}-1" if week == "last" else "--before last-1"
+            "a week is not compared with itself", fix=f"--before {week}-1" if week == "last" else "--before last-1"
         )
     floors = [f.floor_id for f in project.site.floors]
     if floor_id is not None and floor_id not in floors:
         raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
         )
     if out == "-" and (as_json or (floor_id is None and len(floors) > 1)):
-        raise UsageError("there is one page for each floor", mend="--floor FLOOR --out -, without --json")
+        raise UsageError("there is one page for each floor", fix="--floor FLOOR --out -, without --json")
     with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
         from vsd_analytics.cli.report_formats import write
         from vsd_analytics.planner.planner_data import planner_pages

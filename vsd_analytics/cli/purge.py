@@ -62,10 +62,10 @@ def purge(
     if (age is None) == (span is None) and (age is not None or not forget_keys):
         raise UsageError(
             "say what to delete: either --older-than, or --range",
-            mend="vsd purge --older-than 30d --dry-run, or vsd purge --camera ID --range A..B --dry-run",
+            fix="vsd purge --older-than 30d --dry-run, or vsd purge --camera ID --range A..B --dry-run",
         )
     if camera is not None and span is None:
-        raise UsageError("--camera needs --range", mend=f"--camera {camera} --range 2026-11-09..2026-11-15")
+        raise UsageError("--camera needs --range", fix=f"--camera {camera} --range 2026-11-09..2026-11-15")
     with facts_progress(quiet=project.quiet or as_json) as (on_plan, on_hours):
         terms = purge.Terms(
             now=project.now,
@@ -108,10 +108,10 @@ def _before(project: Project, age: str) -> date:
         before = date.fromisoformat(age)
     except ValueError:
         raise UsageError(
-            f"--older-than {age!r} is neither an age nor a date", mend="--older-than 30d, 2026-10-01 or retention"
+            f"--older-than {age!r} is neither an age nor a date", fix="--older-than 30d, 2026-10-01 or retention"
         ) from None
     if before > today:
-        raise UsageError(f"--older-than {age}: that day has not begun", mend="--older-than 0d removes all before today")
+        raise UsageError(f"--older-than {age}: that day has not begun", fix="--older-than 0d removes all before today")
     return before
 
 

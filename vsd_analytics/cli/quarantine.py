@@ -132,6 +132,7 @@ def _summary_dict(summary: ReasonSummary) -> dict[str, Any]:
         "counted_not_kept": summary.n_not_kept,
         "replayable": summary.n_replayable,
         "sources": dict(summary.sources.most_common()),
+        "fix": FIXES.get(summary.reason),
         "mend": FIXES.get(summary.reason),
         "examples": [
             {
@@ -159,8 +160,8 @@ def _print_summary(summary: ReasonSummary) -> None:
         click.echo(f"               and {len(summary.sources) - _SOURCES_SHOWN:,} more sources")
     for entry in summary.examples:
         _print_example(entry)
-    if mend := FIXES.get(summary.reason):
-        click.echo(f"     fix: {mend}")
+    if fix := FIXES.get(summary.reason):
+        click.echo(f"     fix: {fix}")
 
 
 def _print_example(entry: QuarantineEntry) -> None:
@@ -179,6 +180,7 @@ def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
     return {
         "dry_run": is_dry_run,
         "tried": result.n_chosen - sum(result.n_not_replayable.values()),
+        "fixed": result.n_solved,
         "mended": result.n_solved,
         "records": dict(result.n_records),
         "left_out": dict(result.n_dropped),
@@ -200,8 +202,8 @@ def _print_replay(result: ReplayResult, *, is_dry_run: bool) -> None:
     _print_counts("left out", result.n_dropped, "")
     for reason, n in sorted(result.n_bad.items()):
         click.echo(plain(f"    still bad: {n:,} {reason}"))
-        if mend := FIXES.get(reason):
-            click.echo(f"         fix: {mend}")
+        if fix := FIXES.get(reason):
+            click.echo(f"         fix: {fix}")
     _print_counts("cannot be replayed", result.n_not_replayable, "; fix and ingest their file again")
     _print_counts("counted, not stored", result.n_not_kept, "; ingest their file again")
     for error in result.errors:
@@ -222,6 +224,6 @@ def _print_replay(result: ReplayResult, *, is_dry_run: bool) -> None:
         click.echo("nothing was written")
 
 
-def _print_counts(words: str, counts: Mapping[str, int], mend: str) -> None:
+def _print_counts(words: str, counts: Mapping[str, int], fix: str) -> None:
     for reason, n in sorted(counts.items()):
-        click.echo(plain(f"    {words}: {n:,} {reason}{mend}"))
+        click.echo(plain(f"    {words}: {n:,} {reason}{fix}"))

@@ -56,7 +56,7 @@ def nothing_stored(project: Project) -> StoreError:
         "nothing is stored yet",
         code="E301",
         why=f"the store of site {project.site.site_id!r} holds no records",
-        mend="vsd ingest FILES...",
+        fix="vsd ingest FILES...",
     )
 
 
@@ -73,7 +73,7 @@ def warehouse_of(project: Project, *, week: str | None, days: str | None, **opti
         warehouse = open_warehouse(project.site, first, last, on_plan=on_plan, on_hours=on_hours, **options)
     with warehouse:
         for note in warehouse.left_out():
-            project.say(render_error(VsdError(note, code="W311", mend=FAR_OFF_FIX), word="warning"))
+            project.say(render_error(VsdError(note, code="W311", fix=FAR_OFF_FIX), word="warning"))
         yield warehouse
 
 

@@ -22,13 +22,13 @@ def parse_span(text: str, *, project: Project) -> tuple[int, int]:
     first, dots, last = text.partition("..")
     if "T" in text:
         if not dots:
-            raise UsageError(f"--range {text!r} has no end", mend="--range 2026-11-09T10:00..2026-11-09T12:00")
+            raise UsageError(f"--range {text!r} has no end", fix="--range 2026-11-09T10:00..2026-11-09T12:00")
         ends = [_end(part, is_last=i == 1, zone=zone) for i, part in enumerate((first, last))]
     else:
         days = parse_range(text)
         ends = [_end(f"{d}", is_last=i == 1, zone=zone) for i, d in enumerate(days)]
     if ends[0] >= ends[1]:
-        raise UsageError(f"--range {text!r} ends before it begins", mend="write the earlier time first")
+        raise UsageError(f"--range {text!r} ends before it begins", fix="write the earlier time first")
     return ends[0], ends[1]
 
 
@@ -46,5 +46,5 @@ def camera_id_of(project: Project, camera: str | None) -> str | None:
         return None
     known = {name: c.camera_id for c in project.site.cameras for name in (c.camera_id, *c.engine_ids)}
     if camera not in known and not re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,62}", camera):
-        raise UsageError(f"--camera {camera!r} is no camera", mend=f"one of {', '.join(list(known)[:20])}")
+        raise UsageError(f"--camera {camera!r} is no camera", fix=f"one of {', '.join(list(known)[:20])}")
     return known.get(camera, camera)

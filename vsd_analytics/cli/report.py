@@ -82,14 +82,14 @@ def report(
     is_mailed = is_mailed or is_sent
     if as_json:
         if is_mailed or figure is not None or kinds not in (None, ("json",)):
-            raise UsageError("--json prints the figures and nothing else", mend="vsd report --week WEEK --json")
+            raise UsageError("--json prints the figures and nothing else", fix="vsd report --week WEEK --json")
         kinds, out = ("json",), "-"
     if kinds is None:
         kinds = () if is_mailed else ("html",)
     if not is_mailed and (to or sender or subject or is_zipped or is_again):
-        raise UsageError("--to, --from, --subject, --zip and --again go with a mail", mend="--mail, or --mail --send")
+        raise UsageError("--to, --from, --subject, --zip and --again go with a mail", fix="--mail, or --mail --send")
     if is_mailed and out == "-":
-        raise UsageError("a mail is a file", mend="--out DIR, or leave --out away: it goes to mail/ of the project")
+        raise UsageError("a mail is a file", fix="--out DIR, or leave --out away: it goes to mail/ of the project")
     options = report_mail.MailOptions(
         sender=sender, to=to, subject=subject, is_sent=is_sent, is_again=is_again, is_zipped=is_zipped
     )
@@ -149,7 +149,7 @@ def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[W
     floors = [f.floor_id for f in project.site.floors]
     if floor_id is not None and floor_id not in floors:
         raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
         )
     warn_of_broken_log_lines(project)
     with facts_progress(quiet=project.quiet) as (on_plan, on_hours):

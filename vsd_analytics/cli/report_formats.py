@@ -123,7 +123,7 @@ class ReportFiles:
         from vsd_analytics.report.pages.single_figures import figure_svg, to_png
 
         if self.figure is None:
-            raise UsageError(f"which figure as {kind}?", mend=f"--figure {'|'.join(FIGURES)}")
+            raise UsageError(f"which figure as {kind}?", fix=f"--figure {'|'.join(FIGURES)}")
         svg = figure_svg(self.report, self.figure)
         return svg.encode() if kind == "svg" else to_png(svg)
 
@@ -139,9 +139,9 @@ def checked(kinds: tuple[str, ...], *, figure: str | None, files: ReportFiles, i
 
     drawn = FIGURE_FORMATS & set(kinds)
     if drawn and figure is None:
-        raise UsageError(f"which figure as {min(drawn)}?", mend=f"--figure {'|'.join(FIGURES)}")
+        raise UsageError(f"which figure as {min(drawn)}?", fix=f"--figure {'|'.join(FIGURES)}")
     if figure is not None and not drawn:
-        raise UsageError("a single figure is svg or png", mend=f"--figure {figure} --format svg")
+        raise UsageError("a single figure is svg or png", fix=f"--figure {figure} --format svg")
     if "pdf" in kinds and files.chromium is None and not is_mailed:
         raise no_chromium()
 
@@ -166,17 +166,17 @@ def print_one(reports: list[ReportFiles], kinds: tuple[str, ...]) -> None:
     import json
 
     if len(kinds) > 1:
-        raise UsageError("several formats are several files", mend="--out reports/")
+        raise UsageError("several formats are several files", fix="--out reports/")
     [kind] = kinds
     if kind == "csv":
-        raise UsageError("csv is several files", mend="--out reports/")
+        raise UsageError("csv is several files", fix="--out reports/")
     if len(reports) == 1:
         [data] = reports[0].of(kind).values()
         click.echo(data, nl=False)
     elif kind == "json":
         emit_json({"reports": [json.loads(next(iter(r.of("json").values()))) for r in reports]})
     else:
-        raise UsageError("there is one file for each floor", mend="--floor FLOOR --out -")
+        raise UsageError("there is one file for each floor", fix="--floor FLOOR --out -")
 
 
 def pdf_or_none(files: ReportFiles) -> tuple[str, bytes] | ReportError:

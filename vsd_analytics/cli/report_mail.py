@@ -61,7 +61,7 @@ def checked(project: Project, options: MailOptions) -> tuple[str | None, tuple[s
 
     for address in (*([options.sender] if options.sender else []), *options.to):
         if not is_address(address):
-            raise UsageError(f"{address!r} is no mail address", mend="manager@example.org, without name and quotes")
+            raise UsageError(f"{address!r} is no mail address", fix="manager@example.org, without name and quotes")
     route = project.site.mail
     sender = options.sender or (route.sender if route else None)
     to = tuple(dict.fromkeys(options.to or (route.to if route else ())))
@@ -74,8 +74,8 @@ def checked(project: Project, options: MailOptions) -> tuple[str | None, tuple[s
     return sender, to
 
 
-def _cannot_send(what: str, mend: str) -> MailError:
-    return MailError(what, code="E801", mend=f"in vsd.toml: [mail] {mend}; without --send the mail is only written")
+def _cannot_send(what: str, fix: str) -> MailError:
+    return MailError(what, code="E801", fix=f"in vsd.toml: [mail] {fix}; without --send the mail is only written")
 
 
 def mail_week(
@@ -140,12 +140,12 @@ def late(project: Project, files: ReportFiles, *, week: str) -> VsdError | None:
     return VsdError(
         f"week {year}-W{number:02d} has no data yet: {week} is {files.report.week.iso}",
         code="W800",
-        mend=f"vsd doctor, vsd coverage; to mail it as it is: --week {year}-W{number:02d}",
+        fix=f"vsd doctor, vsd coverage; to mail it as it is: --week {year}-W{number:02d}",
     )
 
 
 def _no_pdf(error: ReportError) -> VsdError:
-    return VsdError(f"the mail has no PDF: {error.what}", code="W801", why=error.why, mend=error.mend)
+    return VsdError(f"the mail has no PDF: {error.what}", code="W801", why=error.why, fix=error.fix)
 
 
 def _send(
@@ -184,5 +184,5 @@ def _send(
             f"the mail server refuses {', '.join(sent.refused)}",
             code="E806",
             why="; ".join(f"{a}: {why}" for a, why in sent.refused.items()),
-            mend="correct [mail] to, then run the same command again: only these are tried, the others have it",
+            fix="correct [mail] to, then run the same command again: only these are tried, the others have it",
         )

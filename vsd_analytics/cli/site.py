@@ -66,7 +66,7 @@ def build(
     named = [*folders, *(projects_below(root) if root is not None else [])]
     sources = sources_of(named or [project.root])
     if out is None and len(sources) > 1:
-        raise UsageError("several projects need a folder for their index", mend="--out public")
+        raise UsageError("several projects need a folder for their index", fix="--out public")
     for source in sources:
         if (source.folder / "vsd.toml").is_file():
             inner = Project(
@@ -86,7 +86,7 @@ def build(
             "there is no report to list",
             code="E510",
             why=f"no report with its JSON file was found in {', '.join(str(s.reports) for s in sources)}",
-            mend="vsd site build --make, or vsd report --week last --format html,json",
+            fix="vsd site build --make, or vsd report --week last --format html,json",
         )
     path = write_index(target, render_index(found))
     n_weeks = len(found.earlier) + (found.latest is not None)

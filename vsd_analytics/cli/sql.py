@@ -65,11 +65,11 @@ def sql(
     if relation is not None:
         found = [r for r in (*known, *relations("staging").values()) if r.name == relation]
         if not found:
-            raise UsageError(f"no relation is called {relation!r}", mend="vsd sql --list")
+            raise UsageError(f"no relation is called {relation!r}", fix="vsd sql --list")
         click.echo(found[0].path.read_text(encoding="utf-8"), nl=False)
         return
     if query is None:
-        raise UsageError("which query?", mend='vsd sql "select * from hours"')
+        raise UsageError("which query?", fix='vsd sql "select * from hours"')
     from vsd_analytics.warehouse.analyst_query import query_rows, run_query
 
     with warehouse_of(project, week=week, days=days) as warehouse:

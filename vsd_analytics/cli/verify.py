@@ -81,7 +81,7 @@ def _print(project: Project, found: Verification) -> None:
 
 def _error(project: Project, finding: StoreFault) -> VsdError:
     place = finding.path.relative_to(project.root) if finding.path.is_relative_to(project.root) else finding.path
-    return VsdError(finding.what, code=finding.code, where=Where(str(place)), why=finding.why, mend=finding.mend)
+    return VsdError(finding.what, code=finding.code, where=Where(str(place)), why=finding.why, fix=finding.fix)
 
 
 def _as_dict(project: Project, found: Verification) -> dict[str, Any]:
@@ -99,7 +99,8 @@ def _as_dict(project: Project, found: Verification) -> dict[str, Any]:
                 "path": str(_error(project, f).where.file),  # type: ignore[union-attr]
                 "message": f.what,
                 "why": f.why,
-                "mend": f.mend,
+                "fix": f.fix,
+                "mend": f.fix,
             }
             for c in found.checks
             for f in c.findings

@@ -33,12 +33,12 @@ def read_broker(root: TableReader) -> Broker | None:
                 "topics",
                 f"{topic!r} is no topic filter",
                 why="+ stands for one whole level, # for all that follow at the end",
-                mend='topics = ["vsd/+/frames"]',
+                fix='topics = ["vsd/+/frames"]',
             )
     status_topic = table.text("status_topic", example='"vsd/shop/status"')
     if status_topic is not None and any(c in status_topic for c in "+#"):
-        mend = 'status_topic = "vsd/shop/status"'
-        table.fault("status_topic", f"{status_topic!r} is no topic: + and # are for filters", mend=mend)
+        fix = 'status_topic = "vsd/shop/status"'
+        table.fault("status_topic", f"{status_topic!r} is no topic: + and # are for filters", fix=fix)
     if (cert_file is None) != (key_file is None):
         one, other = ("cert_file", "key_file") if key_file is None else ("key_file", "cert_file")
         table.missing(other, f'"tls/{other.removesuffix("_file")}.pem"', why=f"{one} is of no use alone")
@@ -78,10 +78,10 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
         alarm_id = table.id("id", example='"queue-too-full"')
         kind = table.text("kind", example='"gathering"', required=True)
         if kind is not None and kind not in _KINDS:
-            table.fault("kind", f"{table.label} kind {kind!r} is not one of {', '.join(_KINDS)}", mend=_close(kind))
+            table.fault("kind", f"{table.label} kind {kind!r} is not one of {', '.join(_KINDS)}", fix=_close(kind))
             kind = None
         if alarm_id in rules:
-            table.fault("id", f"two alarms have the id {alarm_id!r}", code="E125", mend="give one of them another id")
+            table.fault("id", f"two alarms have the id {alarm_id!r}", code="E125", fix="give one of them another id")
         for_s = table.number("for_s", minimum=0, maximum=86400, unit="seconds", example="60")
         if "for_s" not in table.values:
             table.missing("for_s", "60", why="an alarm tells of what lasts, not of single frames")
@@ -90,9 +90,7 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
             ("people", kind == "gathering", "only a gathering has a number of people"),
         ):
             if kind is not None and not is_used and key in table.values:
-                table.fault(
-                    key, f"{table.label} is a {kind} and has no {key}", why=why, mend=f"take the line {key} out"
-                )
+                table.fault(key, f"{table.label} is a {kind} and has no {key}", why=why, fix=f"take the line {key} out")
         rule = AlarmRule(
             alarm_id=alarm_id or "",
             kind=kind or "gathering",  # type: ignore[arg-type]
@@ -119,12 +117,12 @@ def read_delivery(table: TableReader, *, has_broker: bool) -> AlarmDelivery:
     """Return where `[alarms]` sends them; its other keys are settings."""
     webhook = table.text("webhook", example='"https://example.org/hook"')
     if webhook is not None and not _is_web_address(webhook):
-        table.fault("webhook", f"{webhook!r} is no http or https address", mend='webhook = "https://example.org/hook"')
+        table.fault("webhook", f"{webhook!r} is no http or https address", fix='webhook = "https://example.org/hook"')
     topic = table.text("topic", example='"vsd/shop/alarms"')
     if topic is not None and any(c in topic for c in "+#"):
-        table.fault("topic", f"{topic!r} has a wildcard: events go to one topic", mend='topic = "vsd/shop/alarms"')
+        table.fault("topic", f"{topic!r} has a wildcard: events go to one topic", fix='topic = "vsd/shop/alarms"')
     if topic is not None and not has_broker:
-        table.fault("topic", "[alarms] topic needs a broker", mend='add [mqtt] with host = "localhost"')
+        table.fault("topic", "[alarms] topic needs a broker", fix='add [mqtt] with host = "localhost"')
     return AlarmDelivery(webhook=webhook, topic=topic)
 
 
@@ -158,6 +156,6 @@ def _is_known(table: TableReader, key: str, value: str, known: Collection[str]) 
         key,
         f"{table.label} {key}: {value!r} is not described in vsd.toml",
         code="E125",
-        mend=f"did you mean {near!r}?" if near else f"known: {', '.join(sorted(known)) or 'none'}",
+        fix=f"did you mean {near!r}?" if near else f"known: {', '.join(sorted(known)) or 'none'}",
     )
     return False

@@ -127,7 +127,7 @@ def _camera(site: Site, camera_id: str) -> Camera:
     raise UsageError(
         f"the site has no camera {camera_id!r}",
         why=f"its cameras are: {', '.join(known)}",
-        mend=f"vsd calibrate {close}" if close else "describe it in vsd.toml with [[camera]]",
+        fix=f"vsd calibrate {close}" if close else "describe it in vsd.toml with [[camera]]",
     )
 
 
@@ -137,7 +137,7 @@ def _latest(camera: Camera) -> Calibration:
     raise UsageError(
         f"camera {camera.camera_id!r} has no calibration yet",
         why="it takes at least four spots known both in the picture (u,v, pixels) and on the floor (x,y, metres)",
-        mend=f"vsd calibrate {camera.camera_id} --points points.csv   (first line u,v,x,y), or --matrix FILE",
+        fix=f"vsd calibrate {camera.camera_id} --points points.csv   (first line u,v,x,y), or --matrix FILE",
     )
 
 

@@ -107,8 +107,8 @@ def _instant(at: str | datetime, site: Site) -> datetime:
     try:
         return parse_instant(at, timezone=site.timezone).astimezone(site.zone)
     except ValueError as error:
-        mend = "--at 2026-11-11T12:00 (in the site's zone) or with an offset, 2026-11-11T12:00+01:00"
-        raise UsageError(f"--at: {error}", mend=mend) from None
+        fix = "--at 2026-11-11T12:00 (in the site's zone) or with an offset, 2026-11-11T12:00+01:00"
+        raise UsageError(f"--at: {error}", fix=fix) from None
 
 
 def _one_line(text: str) -> str:
@@ -116,7 +116,7 @@ def _one_line(text: str) -> str:
     if not text or len(text) > TEXT_MAX_CHARS or CONTROL.search(text):
         raise UsageError(
             f"the text of a log entry must be 1 to {TEXT_MAX_CHARS} printable characters",
-            mend='vsd log add "moved the exhibit away from the entrance" --at 2026-11-11T12:00',
+            fix='vsd log add "moved the exhibit away from the entrance" --at 2026-11-11T12:00',
         )
     return text
 
@@ -129,7 +129,7 @@ def _known_area(area: str | None, site: Site) -> str | None:
     raise UsageError(
         f"the site has no area {area!r}",
         why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
-        mend=f"--area {close}" if close else "leave --area out, or describe the area in vsd.toml",
+        fix=f"--area {close}" if close else "leave --area out, or describe the area in vsd.toml",
     )
 
 
@@ -187,7 +187,7 @@ def _refused(path: Path, *, text: str, number: int, why: str) -> InputError:
         code="E110",
         where=Where(path.name, number, text[:200]),
         why=why,
-        mend='mend or delete the line; an entry is {"at":"2026-11-11T12:00:00+01:00","text":"…","area":null}',
+        fix='correct or delete the line; an entry is {"at":"2026-11-11T12:00:00+01:00","text":"…","area":null}',
     )
 
 
@@ -197,5 +197,5 @@ def _torn(number: int, line: bytes) -> VsdError:
         code="W110",
         where=Where(FILE, number, line.decode(errors="replace")[:200]),
         why="the disk was full or the computer stopped while the line was written; it was never acknowledged",
-        mend='vsd log add "…" --at …   adds the entry again and removes the line',
+        fix='vsd log add "…" --at …   adds the entry again and removes the line',
     )

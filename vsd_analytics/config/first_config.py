@@ -55,7 +55,7 @@ def write_first_config(folder: Path, *, answers: Answers) -> Site:
     """
     path = folder / FILE
     if path.exists():
-        raise UsageError(f"{path} is already there", code="E104", mend="edit it, or pick a folder: vsd -C DIR init")
+        raise UsageError(f"{path} is already there", code="E104", fix="edit it, or pick a folder: vsd -C DIR init")
     text = render(answers)
     site = site_of(TomlText(FILE, text), folder=folder.absolute())
     from vsd_analytics.store.durable import publish
@@ -69,7 +69,7 @@ def check_zone(name: str) -> None:
     from vsd_analytics.config.values import is_zone, nearest_zone
 
     if not is_zone(name):
-        raise UsageError(f"there is no time zone {name!r}", mend=f"such as {nearest_zone(name) or 'Europe/Rome'}")
+        raise UsageError(f"there is no time zone {name!r}", fix=f"such as {nearest_zone(name) or 'Europe/Rome'}")
 
 
 def check_opening(words: str) -> None:
@@ -95,12 +95,12 @@ def parse_opening_words(words: str) -> dict[str, str | list[str]]:
     _, mistakes = parse_opening(table)
     if mistakes:
         error: OpeningError = mistakes[0][1]
-        raise _unreadable(str(error), error.mend)
+        raise _unreadable(str(error), error.fix)
     return table
 
 
-def _unreadable(why: str, mend: str) -> UsageError:
-    return UsageError("the opening hours cannot be read", why=why, mend=mend)
+def _unreadable(why: str, fix: str) -> UsageError:
+    return UsageError("the opening hours cannot be read", why=why, fix=fix)
 
 
 def render(answers: Answers) -> str:
@@ -179,5 +179,5 @@ def _inline(table: Mapping[str, str | list[str]]) -> str:
 def _quoted(text: str) -> str:
     """Return a TOML basic string, which is a JSON string where nothing but quotes and backslashes is escaped."""
     if not text.isprintable():
-        raise UsageError(f"{text!r} has characters that cannot be printed", mend="write it without them")
+        raise UsageError(f"{text!r} has characters that cannot be printed", fix="write it without them")
     return json.dumps(text, ensure_ascii=False)

@@ -54,8 +54,8 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
         timezone: Zone of calibration dates without an offset.
     """
     if "camera" not in root.values:
-        mend = 'add: [[camera]] with id = "cam-1" and name = "Entrance"'
-        root.mistakes.add((), f"{root.label} has no [[camera]]", code="E123", mend=mend)
+        fix = 'add: [[camera]] with id = "cam-1" and name = "Entrance"'
+        root.mistakes.add((), f"{root.label} has no [[camera]]", code="E123", fix=fix)
     tables = root.each("camera")
     cameras: dict[str, Camera] = {}
     for table in tables:
@@ -126,7 +126,7 @@ def _fixture_kind(table: TableReader) -> FixtureKind:
         "kind",
         f"{table.label} kind {value!r} is not one of {', '.join(known)}",
         note=f"did you mean {close}?" if close else None,
-        mend=f'kind = "{close or "other"}"',
+        fix=f'kind = "{close or "other"}"',
     )
     return known[0]
 
@@ -138,7 +138,7 @@ def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind
             f"two {kind}s have the id {value!r}",
             code="E125",
             why="every id stands for one thing",
-            mend="give one of them another id",
+            fix="give one of them another id",
         )
         return None
     return value
@@ -159,7 +159,7 @@ def _floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
             f"{table.label} is on floor {value!r}, which is not described",
             code="E125",
             note=f"did you mean {close}?" if close else None,
-            mend=f'floor = "{close}"' if close else f"known floors: {', '.join(floors)}; or describe it with [[floor]]",
+            fix=f'floor = "{close}"' if close else f"known floors: {', '.join(floors)}; or describe it with [[floor]]",
         )
         return only
     return value
@@ -171,12 +171,10 @@ def _picture(table: TableReader, key: str, *, suffixes: tuple[str, ...] | None =
     if path is None:
         return None
     if suffixes is not None and path.suffix.lower() not in suffixes:
-        table.fault(
-            key, f"{table.label} {key} must be an SVG, PNG or JPG picture", code="E126", mend="export it as PNG"
-        )
+        table.fault(key, f"{table.label} {key} must be an SVG, PNG or JPG picture", code="E126", fix="export it as PNG")
     elif picture_size(path) is None:
         what = f"{table.label} {key} {table.values[key]!r} is not a readable picture"
-        table.fault(key, what, code="E126", mend="export it as PNG again")
+        table.fault(key, what, code="E126", fix="export it as PNG again")
     return path
 
 
@@ -204,7 +202,7 @@ def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[P
             f"{table.label} {key} is too large: {box_m2:g} m2 from corner to corner",
             code="E128",
             why=f"at most {_BOX_MAX_M2:,.0f} m2, and no corner beyond {_CORNER_MAX_M:,.0f} m; corners are in metres",
-            mend="give the corners in floor metres, not millimetres or pixels; split a very large area",
+            fix="give the corners in floor metres, not millimetres or pixels; split a very large area",
         )
         return None
     from shapely import Polygon
@@ -217,7 +215,7 @@ def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[P
             f"{table.label} {key} crosses or touches itself, or has no area",
             code="E128",
             why=explain_validity(shape).replace("[", " at (").replace("]", ")").replace("Valid Geometry", "no area"),
-            mend="list the corners once, in the order in which you would walk around it",
+            fix="list the corners once, in the order in which you would walk around it",
         )
         return None
     return points
@@ -236,7 +234,7 @@ def _check_engine_ids(tables: Iterable[TableReader]) -> None:
                     f"engine id {engine_id!r} also means camera {owners[engine_id]!r}",
                     code="E125",
                     why="records of one engine id belong to one camera",
-                    mend="name each engine id at one camera",
+                    fix="name each engine id at one camera",
                 )
 
 
@@ -259,7 +257,7 @@ def _calibrations(table: TableReader, camera_id: str | None, *, timezone: str) -
                 f"{table.label} has two calibrations from {since}",
                 code="E129",
                 why=f"one is {_shown(one, table.folder)}, the other {_shown(other, table.folder)}",
-                mend=f"keep one of the two in vsd.toml or calibration/{camera_id}.toml, or give one a later date",
+                fix=f"keep one of the two in vsd.toml or calibration/{camera_id}.toml, or give one a later date",
             )
     return tuple(found)
 
@@ -292,14 +290,14 @@ def _calibration(table: TableReader, *, timezone: str, from_key: str) -> Calibra
 
     valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=instant)
     make = f"take this line out and make it: vsd calibrate {table.values.get('id', 'CAMERA')} --points FILE.csv"
-    files = {kind: table.file(kind, example=example, mend=make) for kind, example in _KINDS.items()}
+    files = {kind: table.file(kind, example=example, fix=make) for kind, example in _KINDS.items()}
     named = table.values.keys() & files.keys()
     if len(named) == 2:
-        table.fault("points", f"{table.label} has both homography and points", code="E129", mend="keep one of the two")
+        table.fault("points", f"{table.label} has both homography and points", code="E129", fix="keep one of the two")
         return None
     if not named and "calibrated_from" in table.values:
         what = f"{table.label} has calibrated_from without homography or points"
-        table.fault("calibrated_from", what, code="E129", mend="name the calibration, or take this line out")
+        table.fault("calibrated_from", what, code="E129", fix="name the calibration, or take this line out")
     for kind, path in files.items():
         if path is not None:
             try:
@@ -313,7 +311,7 @@ def _note(table: TableReader, key: str, error: CalibrationError) -> None:
     """Note what is wrong in a calibration file at the line that names it."""
     line = f"line {error.where.line}: {error.where.text}" if error.where and error.where.line else None
     why = "; ".join(part for part in (error.why, line) if part)
-    table.fault(key, f"{table.label}: {error.what}", code=error.code, why=why or None, mend=error.mend)
+    table.fault(key, f"{table.label}: {error.what}", code=error.code, why=why or None, fix=error.fix)
 
 
 def _shown(calibration: Calibration, folder: Path) -> str:

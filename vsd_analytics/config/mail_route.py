@@ -37,14 +37,14 @@ def read_mail(root: TableReader) -> MailRoute | None:
                 f"[mail] {key}: a password does not belong into vsd.toml",
                 code="E124",
                 why="the file is copied, mailed and kept in version control",
-                mend='put it into the environment variable VSD_MAIL_PASSWORD, or: password_file = "/etc/vsd/mail"',
+                fix='put it into the environment variable VSD_MAIL_PASSWORD, or: password_file = "/etc/vsd/mail"',
             )
     smtp = table.text("smtp", example='"mail.example.org"')
     sendmail = _program(table)
     if (smtp is None) == (sendmail is None) and not {"smtp", "sendmail"} <= set(table.values):
         table.missing("smtp", '"mail.example.org"', why='or, with a mail program: sendmail = "/usr/sbin/sendmail"')
     elif smtp is not None and sendmail is not None:
-        table.fault("sendmail", "[mail] has both smtp and sendmail", mend="keep one of the two")
+        table.fault("sendmail", "[mail] has both smtp and sendmail", fix="keep one of the two")
     tls = _tls(table)
     port = table.number("port", minimum=1, maximum=65535, unit="", example=str(PORTS[tls]), whole=True)
     user = table.text("user", example='"reports@example.org"')
@@ -52,11 +52,11 @@ def read_mail(root: TableReader) -> MailRoute | None:
         table.fault(
             "tls",
             '[mail] user with tls = "none" would send the password for everyone to read',
-            mend='tls = "starttls" (port 587) or tls = "tls" (port 465)',
+            fix='tls = "starttls" (port 587) or tls = "tls" (port 465)',
         )
     sender = table.text("from", example='"reports@example.org"', required=True)
     if sender is not None and not is_address(sender):
-        table.fault("from", f"[mail] from: {sender!r} is no mail address", mend='from = "reports@example.org"')
+        table.fault("from", f"[mail] from: {sender!r} is no mail address", fix='from = "reports@example.org"')
     route = MailRoute(
         sender=sender or "",
         to=_recipients(table),
@@ -76,8 +76,8 @@ def read_base_url(report: TableReader) -> str | None:
     """Return `[report] base_url`, the address the folder of reports can be read at, without a slash at its end."""
     text = report.text("base_url", example='"https://intranet.example.org/distancing"')
     if text is not None and not _is_web_address(text):
-        mend = 'base_url = "https://intranet.example.org/distancing"'
-        report.fault("base_url", f"[report] base_url: {text!r} is no http or https address", mend=mend)
+        fix = 'base_url = "https://intranet.example.org/distancing"'
+        report.fault("base_url", f"[report] base_url: {text!r} is no http or https address", fix=fix)
         return None
     return None if text is None else text.rstrip("/")
 
@@ -107,8 +107,8 @@ def _tls(table: TableReader) -> MailTls:
     text = table.text("tls", example='"starttls"')
     if text is not None and text not in kinds:
         near = nearest(text, kinds)
-        mend = f'tls = "{near or "starttls"}"'
-        table.fault("tls", f"[mail] tls {text!r} is not one of {', '.join(kinds)}", mend=mend)
+        fix = f'tls = "{near or "starttls"}"'
+        table.fault("tls", f"[mail] tls {text!r} is not one of {', '.join(kinds)}", fix=fix)
         text = None
     return text or "starttls"  # type: ignore[return-value]
 
@@ -117,7 +117,7 @@ def _recipients(table: TableReader) -> tuple[str, ...]:
     found = table.texts("to", example='["manager@example.org"]')
     for address in found:
         if not is_address(address):
-            table.fault("to", f"[mail] to: {address!r} is no mail address", mend='to = ["manager@example.org"]')
+            table.fault("to", f"[mail] to: {address!r} is no mail address", fix='to = ["manager@example.org"]')
     return tuple(dict.fromkeys(found))
 
 
@@ -127,10 +127,10 @@ def _password_file(table: TableReader) -> Path | None:
     if text is None:
         return None
     path = Path(text).expanduser()
-    mend = 'password_file = "/etc/vsd/mail-password" (chmod 600)'
+    fix = 'password_file = "/etc/vsd/mail-password" (chmod 600)'
     if not path.is_absolute() or path.resolve().is_relative_to(table.folder.resolve()):
         why = "the project is copied, shared and kept in version control"
-        table.fault("password_file", "[mail] password_file must lie outside the project", why=why, mend=mend)
+        table.fault("password_file", "[mail] password_file must lie outside the project", why=why, fix=fix)
         return None
     return path
 
@@ -138,7 +138,7 @@ def _password_file(table: TableReader) -> Path | None:
 def _program(table: TableReader) -> Path | None:
     text = table.text("sendmail", example='"/usr/sbin/sendmail"')
     if text is not None and not Path(text).is_absolute():
-        mend = 'sendmail = "/usr/sbin/sendmail"'
-        table.fault("sendmail", f"[mail] sendmail: {text!r} is no whole path of a program", mend=mend)
+        fix = 'sendmail = "/usr/sbin/sendmail"'
+        table.fault("sendmail", f"[mail] sendmail: {text!r} is no whole path of a program", fix=fix)
         return None
     return None if text is None else Path(text)

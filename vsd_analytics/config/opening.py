@@ -21,12 +21,12 @@ class OpeningError(ValueError):
 
     Args:
         what: What is wrong, in words.
-        mend: What to write instead.
+        fix: What to write instead.
     """
 
-    def __init__(self, what: str, mend: str) -> None:
+    def __init__(self, what: str, fix: str) -> None:
         super().__init__(what)
-        self.mend = mend
+        self.fix = fix
 
 
 def parse_clock(text: str) -> int:
@@ -71,7 +71,7 @@ def parse_spans(value: Any, *, day: str) -> Spans:
 
     Args:
         value: "08:00-21:00", a list of such, or "closed" (also an empty list).
-        day: The key it stands behind, for the mend.
+        day: The key it stands behind, for the fix.
 
     Raises:
         OpeningError: Not a span, a span over midnight, or spans that overlap.

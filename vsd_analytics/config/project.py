@@ -38,7 +38,7 @@ def find_project(start: Path) -> Path:
         f"there is no {FILE} in {start} or above it",
         code="E102",
         why=f"{FILE} says which site, cameras and opening hours the records belong to",
-        mend="go to your project folder, pass it with -C DIR, or make one: vsd init",
+        fix="go to your project folder, pass it with -C DIR, or make one: vsd init",
     )
 
 
@@ -63,7 +63,7 @@ def load_site(folder: Path, *, environ: Mapping[str, str] | None = None) -> Site
         raise UsageError(
             f"there is no {FILE} in {folder}",
             code="E102",
-            mend="pass the project folder with -C DIR, or make one: vsd init",
+            fix="pass the project folder with -C DIR, or make one: vsd init",
         )
     text, problem = read_toml(path, name=FILE)
     if problem is not None:
@@ -90,7 +90,7 @@ def _refused(problems: tuple[VsdError, ...]) -> ConfigError:
         f"{FILE} has {count} mistake{'s' if count != 1 else ''}",
         problems=problems,
         where=Where(first.file, first.line) if first else Where(FILE),
-        mend=f"mend {'them' if count != 1 else 'it'} and run the command again",
+        fix=f"fix {'them' if count != 1 else 'it'} and run the command again",
     )
 
 
@@ -99,7 +99,7 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     root = TableReader(values, path=(), label=FILE, mistakes=mistakes, folder=folder)
     if "site" not in values:
         example = '[site] with id = "shop", name = "My shop", timezone = "Europe/Rome"'
-        mistakes.add((), f"{FILE} has no table [site]", code="E123", mend=f"add: {example}")
+        mistakes.add((), f"{FILE} has no table [site]", code="E123", fix=f"add: {example}")
     has_site = isinstance(values.get("site"), dict)
     site = root.inner("site")
     site_id = site.id("id", example='"shop"') if has_site else None
@@ -159,7 +159,7 @@ def _opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
         return None
     week, wrong = parse_opening(site.table("opening", example='{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'))
     for key, error in wrong:
-        mistakes.add(("site", "opening", key), f"[site] opening: {error}", code="E127", mend=error.mend)
+        mistakes.add(("site", "opening", key), f"[site] opening: {error}", code="E127", fix=error.fix)
     return week
 
 
@@ -171,5 +171,5 @@ def _ingest_map(ingest: TableReader, mistakes: Mistakes) -> dict[str, str]:
         else:
             path = ("ingest", "map", key)
             what = f"[ingest.map] {key} must be a column name in quotes"
-            mistakes.add(path, what, code="E124", mend=f'{key} = "their name"')
+            mistakes.add(path, what, code="E124", fix=f'{key} = "their name"')
     return names

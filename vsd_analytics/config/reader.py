@@ -49,11 +49,11 @@ class Mistakes:
         *,
         code: str,
         why: str | None = None,
-        mend: str | None = None,
+        fix: str | None = None,
         note: str | None = None,
     ) -> None:
         """Note a mistake at the line of `path`."""
-        self._found.append(VsdError(what, code=code, where=self.text.where(path, note=note), why=why, mend=mend))
+        self._found.append(VsdError(what, code=code, where=self.text.where(path, note=note), why=why, fix=fix))
 
     def take(self, others: Iterable[VsdError]) -> None:
         """Note mistakes found in another file."""
@@ -93,11 +93,11 @@ class TableReader:
         *,
         code: str = "E124",
         why: str | None = None,
-        mend: str | None = None,
+        fix: str | None = None,
         note: str | None = None,
     ) -> None:
         """Note a mistake at a key of this table."""
-        self.mistakes.add((*self.path, key), what, code=code, why=why, mend=mend, note=note)
+        self.mistakes.add((*self.path, key), what, code=code, why=why, fix=fix, note=note)
 
     def raw(self, key: str) -> Any:
         """Return the value as it stands, or None."""
@@ -106,13 +106,13 @@ class TableReader:
 
     def missing(self, key: str, example: str, *, why: str | None = None) -> None:
         """Note that a needed key is not there."""
-        mend = f"add a line such as: {key} = {example}"
-        self.mistakes.add(self.path, f"{self.label} has no {key}", code="E123", why=why, mend=mend)
+        fix = f"add a line such as: {key} = {example}"
+        self.mistakes.add(self.path, f"{self.label} has no {key}", code="E123", why=why, fix=fix)
 
     def wrong_type(self, key: str, expected: str, example: str) -> None:
         """Note that a value is of another kind."""
         found = _kind(self.values[key])
-        self.fault(key, f"{self.label} {key} must be {expected}, not {found}", mend=f"write it as: {key} = {example}")
+        self.fault(key, f"{self.label} {key} must be {expected}, not {found}", fix=f"write it as: {key} = {example}")
 
     def text(self, key: str, *, example: str, required: bool = False) -> str | None:
         """Return a text that is not empty."""
@@ -128,7 +128,7 @@ class TableReader:
             self.fault(
                 key,
                 f"{self.label} {key} must be one line of 1 to {NAME_MAX_CHARS} characters",
-                mend=f"write it as: {key} = {example}",
+                fix=f"write it as: {key} = {example}",
             )
             return None
         return value
@@ -148,7 +148,7 @@ class TableReader:
                 f"{value!r} cannot be an id",
                 code="E125",
                 why="ids become folder and file names: a-z, 0-9, - and _, at most 63, first a letter or digit",
-                mend=f'{key} = "{suggest_id(value)}" (name = ... may be any text)',
+                fix=f'{key} = "{suggest_id(value)}" (name = ... may be any text)',
             )
             return None
         return value
@@ -167,7 +167,7 @@ class TableReader:
             span = (
                 f"{minimum:g} to {maximum:g} {unit}".rstrip() if minimum < maximum else f"{minimum:g} {unit}".rstrip()
             )
-            self.fault(key, f"{self.label} {key} = {value} is outside {span}", mend=f"write it as: {key} = {example}")
+            self.fault(key, f"{self.label} {key} = {value} is outside {span}", fix=f"write it as: {key} = {example}")
             return None
         return value
 
@@ -192,7 +192,7 @@ class TableReader:
                 key,
                 f"{self.label} {key} has {len(value)} points, needs at least {least}",
                 code="E128",
-                mend=f"write it as: {key} = {example}",
+                fix=f"write it as: {key} = {example}",
             )
             return None
         return tuple((float(x), float(y)) for x, y in value)
@@ -238,9 +238,7 @@ class TableReader:
         if found is None:
             return []
         if not (isinstance(found, list) and all(isinstance(values, dict) for values in found)):
-            self.fault(
-                key, f"{key} must be a list of tables", mend=f"write [[{key}]] with two brackets, once per {key}"
-            )
+            self.fault(key, f"{key} must be a list of tables", fix=f"write [[{key}]] with two brackets, once per {key}")
             return []
         readers = []
         for i, values in enumerate(found):
@@ -250,7 +248,7 @@ class TableReader:
             readers.append(TableReader(values, path=path, label=label, mistakes=self.mistakes, folder=self.folder))
         return readers
 
-    def file(self, key: str, *, example: str, mend: str | None = None) -> Path | None:
+    def file(self, key: str, *, example: str, fix: str | None = None) -> Path | None:
         """Return an existing file; a relative path starts at the project folder."""
         value = self.text(key, example=example)
         if value is None:
@@ -266,7 +264,7 @@ class TableReader:
                 f"{self.label} {key}: there is no file {value!r}",
                 code="E126",
                 why="paths start at the folder of vsd.toml",
-                mend=_similar_file(path) or mend or f"put the file there, or take the line {key} = ... out",
+                fix=_similar_file(path) or fix or f"put the file there, or take the line {key} = ... out",
             )
             return None
         return path
@@ -279,7 +277,7 @@ class TableReader:
         try:
             return parse(value)
         except ValueError as error:
-            self.fault(key, f"{self.label} {key}: {error}", mend=f"write it as: {key} = {example}")
+            self.fault(key, f"{self.label} {key}: {error}", fix=f"write it as: {key} = {example}")
             return None
 
     def close(self) -> None:
@@ -292,7 +290,7 @@ class TableReader:
                     f"{self.label} knows no key {key!r}",
                     code="E122",
                     note=f"did you mean {close}?" if close else None,
-                    mend=f"rename it to {close}" if close else f"known keys: {', '.join(sorted(set(self._asked)))}",
+                    fix=f"rename it to {close}" if close else f"known keys: {', '.join(sorted(set(self._asked)))}",
                 )
 
 
@@ -318,7 +316,7 @@ def _kind(value: Any) -> str:
 
 
 def _similar_file(path: Path) -> str | None:
-    """Return a mend that names the most similar file of the same folder, if there is one."""
+    """Return a fix that names the most similar file of the same folder, if there is one."""
     try:
         names = sorted(p.name for p in path.parent.iterdir() if p.is_file())
     except (OSError, ValueError):

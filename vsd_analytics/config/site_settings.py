@@ -112,10 +112,10 @@ def _check_together(overrides: Mapping[str, Any], tables: Mapping[str, TableRead
             "pair_max_m" if in_rule else "distance_m",
             f"pair_max_m = {value['pair_max_m']:g} is less than distance_m = {value['distance_m']:g}",
             why="pairs farther apart than pair_max_m are not kept, so violations would be lost",
-            mend=f"[rule] pair_max_m = {value['distance_m'] + 0.5:g}",
+            fix=f"[rule] pair_max_m = {value['distance_m'] + 0.5:g}",
         )
     if value["partial_hour_share"] > value["full_hour_share"]:
         key = "partial_hour_share" if "partial_hour_share" in tables["rule"].values else "full_hour_share"
         tables["rule"].fault(
-            key, "partial_hour_share is more than full_hour_share", mend="give the partial hour the smaller share"
+            key, "partial_hour_share is more than full_hour_share", fix="give the partial hour the smaller share"
         )

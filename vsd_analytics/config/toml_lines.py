@@ -103,11 +103,11 @@ def read_toml(path: Path, *, name: str) -> tuple[TomlText, VsdError | None]:
     except UnicodeDecodeError as error:
         where = Where(name, path.read_bytes()[: error.start].count(b"\n") + 1)
         return TomlText(name, ""), VsdError(
-            f"{name} is not UTF-8 text", code="E121", where=where, mend="save it as UTF-8 in your editor"
+            f"{name} is not UTF-8 text", code="E121", where=where, fix="save it as UTF-8 in your editor"
         )
     except OSError as error:
         return TomlText(name, ""), VsdError(
-            f"cannot read {name}", code="E121", where=Where(name), why=error.strerror, mend="check its permissions"
+            f"cannot read {name}", code="E121", where=Where(name), why=error.strerror, fix="check its permissions"
         )
     try:
         values = tomllib.loads(text.text)
@@ -119,7 +119,7 @@ def read_toml(path: Path, *, name: str) -> tuple[TomlText, VsdError | None]:
             code="E121",
             where=text.syntax_where(error),
             why="a text stands in quotes, a list in [ ], and each key once in its table",
-            mend="mend this line; the rest of the file is read after it",
+            fix="fix this line; the rest of the file is read after it",
         )
     return text, None
 

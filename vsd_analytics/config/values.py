@@ -27,7 +27,7 @@ def zone(table: TableReader, key: str, *, required: bool = False) -> str | None:
             key,
             f"there is no time zone {name!r}",
             note=note,
-            mend=f'{key} = "{close or "Europe/Rome"}" (an IANA name: continent/city)',
+            fix=f'{key} = "{close or "Europe/Rome"}" (an IANA name: continent/city)',
         )
         return None
     return name

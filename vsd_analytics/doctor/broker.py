@@ -75,8 +75,8 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
         yield Finding(name, "needs you", f"process {pid} wrote no status since {status['at']}", "look at its log")
         return
     if error or state != "listening":
-        mend = f"vsd explain {_EXPLAINED.get(state, 'E701')}"
-        yield Finding(name, "needs you", f"{state}: {error or 'no reason given'} ({counts})", mend)
+        fix = f"vsd explain {_EXPLAINED.get(state, 'E701')}"
+        yield Finding(name, "needs you", f"{state}: {error or 'no reason given'} ({counts})", fix)
     else:
         lag = "" if lag_s is None else f", newest message {lag_s:,.0f} s old"
         yield Finding(name, "ok", f"listening since {status['connected_since']}: {counts}{lag}")
@@ -92,8 +92,8 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
     if n_missing:
         yield Finding("live messages", "note", f"{n_missing:,} numbers skipped; exactly: vsd coverage")
     if n_qos0:
-        mend = "let the engine publish with QoS 1"
-        yield Finding("live delivery", "needs you", f"{n_qos0:,} messages came with QoS 0, which may be lost", mend)
+        fix = "let the engine publish with QoS 1"
+        yield Finding("live delivery", "needs you", f"{n_qos0:,} messages came with QoS 0, which may be lost", fix)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +120,11 @@ def _examine_broker(broker: Broker, *, environ: Mapping[str, str]) -> Iterator[F
     try:
         answer = ask(broker, password=password_of(broker, environ=environ))
     except LiveError as error:
-        yield Finding(name, "needs you", f"{error.what}: {error.why}", error.mend)
+        yield Finding(name, "needs you", f"{error.what}: {error.why}", error.fix)
         return
     if answer.error is not None:
-        mend = "is it running, are address, user and certificates right? more: vsd explain E701"
-        yield Finding(name, "needs you", f"no connection: {answer.error}", mend)
+        fix = "is it running, are address, user and certificates right? more: vsd explain E701"
+        yield Finding(name, "needs you", f"no connection: {answer.error}", fix)
         return
     shown = f"answers{f' ({answer.version})' if answer.version else ''}"
     if answer.qos_max < 1:
@@ -138,8 +138,8 @@ def _examine_broker(broker: Broker, *, environ: Mapping[str, str]) -> Iterator[F
         detail = "it stores no retained messages: only clients that listen already get the heartbeat"
         yield Finding(name, "note", detail)
     if broker.password_file is not None and broker.password_file.stat().st_mode & 0o077:
-        mend = f"chmod 600 {broker.password_file}"
-        yield Finding("password of the broker", "needs you", "others on this machine may read it", mend)
+        fix = f"chmod 600 {broker.password_file}"
+        yield Finding("password of the broker", "needs you", "others on this machine may read it", fix)
 
 
 def ask(broker: Broker, *, password: str | None, timeout_s: float = _ANSWER_S) -> Answer:

@@ -78,15 +78,15 @@ def _machine(environ: Mapping[str, str]) -> Iterator[Finding]:
 def _platform(name: str) -> Finding:
     if name in {"linux", "darwin"}:
         return Finding("platform", "ok", f"{platform.system()} {platform.machine()}")
-    mend = "use Linux or macOS (on Windows: WSL, with the project inside its own file system)"
-    return Finding("platform", "needs you", f"{name} is not supported: the store needs flock and folder fsync", mend)
+    fix = "use Linux or macOS (on Windows: WSL, with the project inside its own file system)"
+    return Finding("platform", "needs you", f"{name} is not supported: the store needs flock and folder fsync", fix)
 
 
 def _browser(which: Callable[[str], str | None], *, environ: Mapping[str, str]) -> Finding:
     try:
         path = find_chromium(environ=environ, which=which)
     except VsdError as error:
-        return Finding("browser", "needs you", error.what, error.mend)
+        return Finding("browser", "needs you", error.what, error.fix)
     if path is None:
         return Finding(
             "browser", "note", "no Chromium or Chrome found: reports are made as HTML, JSON and CSV, not PDF"
@@ -100,7 +100,7 @@ def _project(
     try:
         folder = find_project(start)
     except VsdError as error:
-        yield Finding(FILE, "needs you", error.what, error.mend)
+        yield Finding(FILE, "needs you", error.what, error.fix)
         return
     yield _file_system(folder)
     try:
@@ -108,9 +108,7 @@ def _project(
     except ConfigError as error:
         for problem in error.problems:
             place = f"line {problem.where.line}: " if problem.where and problem.where.line else ""
-            yield Finding(
-                problem.where.file if problem.where else FILE, "needs you", place + problem.what, problem.mend
-            )
+            yield Finding(problem.where.file if problem.where else FILE, "needs you", place + problem.what, problem.fix)
         return
     yield Finding(FILE, "ok", f"site {site.site_id!r}: {len(site.floors)} floor(s), {len(site.cameras)} camera(s)")
     yield _store(site)
@@ -192,8 +190,8 @@ def _watch(site: Site) -> Iterator[Finding]:
     if status["is_running"] and not error:
         yield Finding("watched folder", "ok", f"{folder}: {counts} since {status.get('started')}")
     elif status["is_running"]:
-        mend = "fix it; the watch goes on by itself"
-        yield Finding("watched folder", "needs you", f"{folder}: {error} ({counts})", mend)
+        fix = "fix it; the watch goes on by itself"
+        yield Finding("watched folder", "needs you", f"{folder}: {error} ({counts})", fix)
     elif status.get("state") == "stopped":
         yield Finding("watched folder", "note", f"{folder} is not watched since {status.get('at')} ({counts})")
     else:
@@ -261,8 +259,8 @@ def _calibration(camera: Camera, *, now: datetime) -> Finding:
     days = (now - since).days if since else 0
     error = "" if latest.error_m is None else f", error {latest.error_m * 100:.0f} cm"
     if days > OLD_CALIBRATION_DAYS:
-        mend = f"vsd calibrate {camera.camera_id}   and check that the grid still follows the floor"
-        return Finding(subject, "needs you", f"{days} days old{error}", mend)
+        fix = f"vsd calibrate {camera.camera_id}   and check that the grid still follows the floor"
+        return Finding(subject, "needs you", f"{days} days old{error}", fix)
     return Finding(subject, "ok", f"{max(days, 0)} days old{error}")
 
 
@@ -272,14 +270,14 @@ def _log(site: Site) -> Finding:
     try:
         entries = read_log(site)
     except VsdError as error:
-        return Finding("change log", "needs you", f"{error.what}: {error.why}", error.mend)
+        return Finding("change log", "needs you", f"{error.what}: {error.why}", error.fix)
     for torn in torn_lines(site):
-        return Finding("change log", "needs you", f"{torn.what}: {torn.why}", torn.mend)
+        return Finding("change log", "needs you", f"{torn.what}: {torn.why}", torn.fix)
     areas = {area.area_id for area in site.areas}
     lost = sorted({entry.area_id for entry in entries if entry.area_id is not None} - areas)
     if lost:
-        mend = "give the area its old id in vsd.toml again, or correct log.jsonl"
+        fix = "give the area its old id in vsd.toml again, or correct log.jsonl"
         return Finding(
-            "change log", "needs you", f"it names areas that are no longer described: {', '.join(lost)}", mend
+            "change log", "needs you", f"it names areas that are no longer described: {', '.join(lost)}", fix
         )
     return Finding("change log", "ok", f"{len(entries)} entries")

@@ -16,10 +16,10 @@ class Finding:
         subject: What was checked, such as "vsd.toml".
         state: "ok", "note" (nothing to do), or "needs you".
         detail: What the check found.
-        mend: What to do about it.
+        fix: What to do about it.
     """
 
     subject: str
     state: State
     detail: str
-    mend: str | None = None
+    fix: str | None = None

@@ -123,7 +123,7 @@ def before_after(
     if (area_id or entry.area_id) is None:
         raise UsageError(
             f"entry {number} of the log concerns the whole site, so there is nothing to compare it with",
-            mend=f"vsd compare --change {number} --area ID",
+            fix=f"vsd compare --change {number} --area ID",
         )
     area = known_area(site, area_id or str(entry.area_id))
     windows, why = windows_of(warehouse, entry, weeks=weeks)

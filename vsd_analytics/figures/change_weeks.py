@@ -60,7 +60,7 @@ def log_entry(site: Site, number: int) -> LogEntry:
         raise UsageError(
             f"the change log has no entry {number}",
             why=f"it has {len(entries)}" if entries else "it is empty",
-            mend="vsd log list" if entries else 'vsd log add "what was moved" --at 2026-11-11T12:00 --area ID',
+            fix="vsd log list" if entries else 'vsd log add "what was moved" --at 2026-11-11T12:00 --area ID',
         )
     return entries[number - 1]
 

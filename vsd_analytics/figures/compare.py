@@ -143,7 +143,7 @@ def compare(
         raise UsageError(
             f"{a[0]} to {a[1]} and {b[0]} to {b[1]} have days in common",
             why="what happened on a day cannot be compared with itself",
-            mend="vsd compare 2026-W45 2026-W46",
+            fix="vsd compare 2026-W45 2026-W46",
         )
     areas = [known_area(site, area_id) for area_id in area_ids]
     floor = known_floor(site, floor_id, areas)
@@ -265,7 +265,7 @@ def known_area(site: Site, area_id: str) -> Area:
         raise UsageError(
             f"the site has no area {area_id!r}",
             why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
-            mend=f"--area {known[0]}" if known else "describe the area in vsd.toml",
+            fix=f"--area {known[0]}" if known else "describe the area in vsd.toml",
         )
     return found
 
@@ -278,7 +278,7 @@ def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area]) -> Floo
         told = set(floors)
     if len(told) != 1 or not told <= floors.keys():
         what = "the areas lie on several floors" if areas else f"which floor? This site has {', '.join(floors)}"
-        raise UsageError(what, mend=f"--floor {next(iter(floors))}")
+        raise UsageError(what, fix=f"--floor {next(iter(floors))}")
     return floors[told.pop()]
 
 

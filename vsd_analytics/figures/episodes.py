@@ -91,7 +91,7 @@ def episode_figures(
     """
     site = warehouse.site
     if floor_id is not None and floor_id not in {f.floor_id for f in site.floors}:
-        raise UsageError(f"there is no floor {floor_id!r}", mend=", ".join(f.floor_id for f in site.floors))
+        raise UsageError(f"there is no floor {floor_id!r}", fix=", ".join(f.floor_id for f in site.floors))
     span: dict[str, Any] = {
         "first": first or warehouse.first,
         "last": last or warehouse.last,

@@ -124,7 +124,7 @@ def gatherings(
     """
     site = warehouse.site
     if floor_id is not None and floor_id not in {f.floor_id for f in site.floors}:
-        raise UsageError(f"there is no floor {floor_id!r}", mend=", ".join(f.floor_id for f in site.floors))
+        raise UsageError(f"there is no floor {floor_id!r}", fix=", ".join(f.floor_id for f in site.floors))
     begin, end = first or warehouse.first, last or warehouse.last
     floors = tuple(
         _of_floor(Period(FloorHours(warehouse, floor=floor), begin, end), floor)

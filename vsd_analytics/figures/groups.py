@@ -265,7 +265,7 @@ def _cameras(warehouse: Warehouse, camera_id: str | None) -> list[Camera]:
     known = [c.camera_id for c in warehouse.site.cameras]
     if camera_id is not None and camera_id not in known:
         raise UsageError(
-            f"no camera has the id {camera_id!r}", why=f"this site has {', '.join(known)}", mend=f"--camera {known[0]}"
+            f"no camera has the id {camera_id!r}", why=f"this site has {', '.join(known)}", fix=f"--camera {known[0]}"
         )
     return [c for c in warehouse.site.cameras if camera_id in (None, c.camera_id)]
 

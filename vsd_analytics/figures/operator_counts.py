@@ -70,7 +70,7 @@ def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midp
     if floor_id is None and len(floors) == 1:
         floor_id = floors[0]
     if floor_id not in floors:
-        raise UsageError(f"which floor? This site has {', '.join(floors)}", mend=f"--floor {floors[0]}")
+        raise UsageError(f"which floor? This site has {', '.join(floors)}", fix=f"--floor {floors[0]}")
     column = {"midpoint": "violation_records", "person": "violation_persons"}[at]
     return warehouse.frame(
         f"select cx, cy, {column} as records, exposure_s from heatmap where floor_id = $floor order by cy, cx",

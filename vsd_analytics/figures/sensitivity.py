@@ -85,7 +85,7 @@ def threshold_sensitivity(
     """
     site = warehouse.site
     if floor_id is not None and floor_id not in {floor.floor_id for floor in site.floors}:
-        raise UsageError(f"there is no floor {floor_id!r}", mend=", ".join(f.floor_id for f in site.floors))
+        raise UsageError(f"there is no floor {floor_id!r}", fix=", ".join(f.floor_id for f in site.floors))
     settings = site.settings
     threshold_mm, reach_mm = round(settings.distance_m * 1000), round(settings.pair_max_m * 1000)
     days = {"first": first or warehouse.first, "last": last or warehouse.last}

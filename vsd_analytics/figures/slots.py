@@ -152,5 +152,5 @@ def _check(site: Site, monday: date, floor_id: str | None) -> None:
     floors = [f.floor_id for f in site.floors]
     if floor_id is not None and floor_id not in floors:
         raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", mend=f"--floor {floors[0]}"
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
         )

@@ -53,7 +53,7 @@ def read_matrix(path: Path) -> Matrix:
                 code="E403",
                 where=Where(str(path), number, line.strip()[:200]),
                 why="each row needs three numbers",
-                mend=_MATRIX_MEND,
+                fix=_MATRIX_MEND,
             )
         rows.append(row)
     if len(rows) != 3:
@@ -62,7 +62,7 @@ def read_matrix(path: Path) -> Matrix:
             code="E403",
             where=Where(str(path)),
             why=f"it has {len(rows)} rows of numbers instead of 3",
-            mend=_MATRIX_MEND,
+            fix=_MATRIX_MEND,
         )
     matrix = (
         (rows[0][0], rows[0][1], rows[0][2]),
@@ -75,7 +75,7 @@ def read_matrix(path: Path) -> Matrix:
             code="E404",
             where=Where(str(path)),
             why="it maps the whole picture to one line or point of the floor",
-            mend="export the 3x3 matrix from picture pixels to floor metres again, or use points = ...",
+            fix="export the 3x3 matrix from picture pixels to floor metres again, or use points = ...",
         )
     return matrix
 
@@ -123,7 +123,7 @@ def read_points(path: Path) -> tuple[PointPair, ...]:
             code="E405",
             where=Where(str(path), number, line[:200]),
             why=str(error),
-            mend="write u,v,x,y as plain numbers, such as 512,633.5,4.20,7.15",
+            fix="write u,v,x,y as plain numbers, such as 512,633.5,4.20,7.15",
         ) from None
     order = list(range(4))
     if rows and not _numbers(rows[0], order):
@@ -134,7 +134,7 @@ def read_points(path: Path) -> tuple[PointPair, ...]:
                 f"{path.name} has no column {', '.join(missing)}",
                 code="E405",
                 where=Where(str(path), lines[0][0], lines[0][1][:200]),
-                mend="the first line must be u,v,x,y: picture pixels right and down, floor metres right and up",
+                fix="the first line must be u,v,x,y: picture pixels right and down, floor metres right and up",
             )
         order = [header.index(name) for name in POINT_COLUMNS]
         lines, rows = lines[1:], rows[1:]
@@ -146,7 +146,7 @@ def read_points(path: Path) -> tuple[PointPair, ...]:
                 f"{path.name} has a point that is not four numbers",
                 code="E405",
                 where=Where(str(path), number, line[:200]),
-                mend="write u,v,x,y as plain numbers, such as 512,633.5,4.20,7.15",
+                fix="write u,v,x,y as plain numbers, such as 512,633.5,4.20,7.15",
             )
         points.append(values)
     return tuple(points)
@@ -165,8 +165,8 @@ def _read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        mend = "check the path; it must be a plain text file"
-        raise CalibrationError(f"cannot read {path}", code="E406", where=Where(str(path)), why=why, mend=mend) from None
+        fix = "check the path; it must be a plain text file"
+        raise CalibrationError(f"cannot read {path}", code="E406", where=Where(str(path)), why=why, fix=fix) from None
 
 
 def load_calibration(path: Path, *, kind: str, valid_from: datetime | None) -> Calibration:

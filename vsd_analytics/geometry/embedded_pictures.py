@@ -57,7 +57,7 @@ def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[in
                 code="E502",
                 where=Where(file=str(path)),
                 why=f"the report carries it inside, and an SVG plan may have at most {4 * max_bytes // 1000} KB",
-                mend="save it as PNG and name that file in vsd.toml",
+                fix="save it as PNG and name that file in vsd.toml",
             )
         found = "it has a style sheet" if b"<?xml-stylesheet" in data else _more_than_drawn(_svg(path, data))
         if found is not None:
@@ -232,7 +232,7 @@ def _no_picture(path: Path, why: str) -> ReportError:
         code="E501",
         where=Where(file=str(path)),
         why=why,
-        mend="name another file in vsd.toml, or take the line out",
+        fix="name another file in vsd.toml, or take the line out",
     )
 
 

@@ -166,7 +166,7 @@ def fit_homography(points: Sequence[tuple[float, float, float, float]] | ArrayLi
             f"{len(pairs)} different points are too few for a calibration",
             code="E401",
             why="four points fix it, a fifth and sixth show how good it is",
-            mend="add points spread over the floor: u,v in the picture and x,y on the floor plan",
+            fix="add points spread over the floor: u,v in the picture and x,y on the floor plan",
         )
     for side, where in ((uv, "in the picture"), (xy, "on the floor")):
         spread = np.linalg.svd(side - side.mean(axis=0), compute_uv=False)
@@ -233,6 +233,6 @@ def _degenerate(why: str) -> CalibrationError:
         "these points cannot fix a calibration",
         code="E402",
         why=why,
-        mend="choose points far apart, not three of four on a line, and check that u,v (picture) and x,y (floor) of "
+        fix="choose points far apart, not three of four on a line, and check that u,v (picture) and x,y (floor) of "
         "each row are the same spot",
     )

@@ -203,7 +203,7 @@ def not_a_file(source: Source) -> InputError:
         code="E120",
         where=Where(source.name),
         why="pipes, devices and sockets have no end, and a link may lead nowhere",
-        mend="name a file; write the output of a pipe to a file first",
+        fix="name a file; write the output of a pipe to a file first",
     )
 
 
@@ -220,7 +220,7 @@ def empty(source: Source) -> InputError:
         code="E202",
         where=Where(source.name),
         why="even an hour without people has a header, or messages without persons",
-        mend="export it again",
+        fix="export it again",
     )
 
 
@@ -276,7 +276,7 @@ class _Decompressed(io.RawIOBase):
                     code="E205",
                     where=Where(str(self._path)),
                     why=f"the decompressor says: {error}",
-                    mend="copy or export the file again; the records before the damage are stored",
+                    fix="copy or export the file again; the records before the damage are stored",
                 )
                 break
             if not data:

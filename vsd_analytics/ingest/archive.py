@@ -91,7 +91,7 @@ def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Mem
             f"{source.path.name} is neither a folder nor a zip or tar archive",
             code="E204",
             where=Where(source.name),
-            mend="name the folder or the archive the files came in",
+            fix="name the folder or the archive the files came in",
         )
 
 
@@ -152,7 +152,7 @@ class _TarInfo(tarfile.TarInfo):
                 f"a header of the archive has {info.size:,} bytes; at most {MAX_HEADER_BYTES:,} are read",
                 code="E206",
                 why="headers hold names, which are short; this looks like an archive made to fill memory",
-                mend="unpack it by hand, look at it, and name the files you want",
+                fix="unpack it by hand, look at it, and name the files you want",
             )
         return info
 
@@ -189,5 +189,5 @@ def _translated(name: str) -> Iterator[None]:
             code="E205",
             where=Where(name),
             why=f"the archive reader says: {error}",
-            mend="copy or export the archive again; the records before the damage are stored",
+            fix="copy or export the archive again; the records before the damage are stored",
         ) from None

@@ -99,12 +99,12 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             code="E207",
             where=Where(source.name),
             why="a frame number becomes a time only with the frame rate and the time of the first frame",
-            mend="add --fps 25 --start 2026-11-09T08:00:00+01:00",
+            fix="add --fps 25 --start 2026-11-09T08:00:00+01:00",
         )
     if "camera_id" not in found and options.camera is None:
         raise _missing(
             source, "camera_id", header, "the site has several cameras, and nothing says which one saw this",
-            mend="--camera ID",
+            fix="--camera ID",
         )  # fmt: skip
     wanted = {"ts" if "ts" in found else "frame", "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
@@ -139,7 +139,7 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
 
 
 def _missing(
-    source: Source, column: str, header: Header, why: str, *, ours: str | None = None, mend: str | None = None
+    source: Source, column: str, header: Header, why: str, *, ours: str | None = None, fix: str | None = None
 ) -> InputError:
     shown = [n for n in header.names if not n.startswith("_")]
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
@@ -149,22 +149,22 @@ def _missing(
             code="E203",
             where=Where(source.name, header.line, header.text),
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
-            mend="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
+            fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
     # a column with one of our names is not another one under a wrong name, so it is no suggestion
     free = shown if ours is not None else [n for n in shown if n.lower() not in KNOWN]
-    near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if mend is None else None
+    near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if fix is None else None
     at = header.text.find(near) + 1 if header.text and near else 0
-    if mend is None and header.line is None and header.text is not None:
-        mend = f"name it in --columns: {column}, at its place in the order of the file's columns"
-    if mend is None:
-        mend = f"--map {ours or column}={near or 'THEIR_NAME'}      (or in vsd.toml, under [ingest.map])"
+    if fix is None and header.line is None and header.text is not None:
+        fix = f"name it in --columns: {column}, at its place in the order of the file's columns"
+    if fix is None:
+        fix = f"--map {ours or column}={near or 'THEIR_NAME'}      (or in vsd.toml, under [ingest.map])"
     return InputError(
         f"{source.path.name} has no column {column!r}",
         code="E203",
         where=Where(source.name, header.line, header.text, at or None, "did you mean this column?" if at else None),
         why=f"{why}; {found}",
-        mend=mend,
+        fix=fix,
     )
 
 

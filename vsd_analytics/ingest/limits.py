@@ -49,7 +49,7 @@ def unpacks_too_far(name: str, *, n_bytes: int, settings: Settings, found: int |
         code="E206",
         where=Where(name),
         why=f"recordings compress less than {settings.unpack_ratio_max:g}-fold; it looks made to fill memory or a disk",
-        mend=f"look at it; if it is right, split it, or raise {setting} under [ingest] in vsd.toml "
+        fix=f"look at it; if it is right, split it, or raise {setting} under [ingest] in vsd.toml "
         f"(it is {getattr(settings, setting):g})",
     )
 
@@ -69,7 +69,7 @@ def too_many(source: Source, found: str, setting: str, *, allowed: int, why: str
         code="E209",
         where=Where(source.name),
         why=why,
-        mend=f"look at it; if it is right, split it, or raise {setting} under [ingest] in vsd.toml "
+        fix=f"look at it; if it is right, split it, or raise {setting} under [ingest] in vsd.toml "
         f"(it is {getattr(source.settings, setting):,})",
     )
 

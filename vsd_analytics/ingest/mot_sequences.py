@@ -78,7 +78,7 @@ def _chosen(source: Source, found: list[Sequence], options: IngestOptions) -> li
         f"{source.path.name} holds {len(found)} sequences and it is not clear which are meant",
         where=Where(source.name),
         why=f"--camera is {options.camera or 'not given'}; the sequences are {', '.join(str(c) for c in cameras[:20])}",
-        mend="give --camera the name of one of them, or unpack the archive and name one folder",
+        fix="give --camera the name of one of them, or unpack the archive and name one folder",
     )
 
 
@@ -87,7 +87,7 @@ def _no_sequences(source: Source) -> InputError:
         f"{source.path.name} holds no gt/gt.txt and no det/det.txt",
         code="E204",
         where=Where(source.name),
-        mend="name a sequence folder, or a zip of sequences, as MOTChallenge packs them",
+        fix="name a sequence folder, or a zip of sequences, as MOTChallenge packs them",
     )
 
 

@@ -249,7 +249,7 @@ def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callab
             code="E207",
             where=Where(source.name),
             why="MOTChallenge files have frame numbers and no times; only seqinfo.ini may give the frame rate",
-            mend="give both, for example --fps 25 --start 2026-01-05T09:00:00+01:00",
+            fix="give both, for example --fps 25 --start 2026-01-05T09:00:00+01:00",
         )
     first = 1.0 if options.first_frame is None else options.first_frame
     return partial(frame_ms, first=first, fps=fps, start_ms=start)
@@ -261,7 +261,7 @@ def _no_floor(source: Source, sequence: Sequence) -> InputError:
         code="E208",
         where=Where(source.name),
         why="--coordinates floor reads columns 8 and 9 as x and y in metres; they are absent or -1",
-        mend="use --coordinates image, and calibrate the camera with vsd calibrate",
+        fix="use --coordinates image, and calibrate the camera with vsd calibrate",
     )
 
 

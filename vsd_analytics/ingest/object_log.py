@@ -132,7 +132,7 @@ def _columns(cells: list[str], source_name: str) -> dict[str, int]:
                 code="E203",
                 where=Where(source_name, 1, ",".join(cells)[:500]),
                 why=f"nearest found: {near[0]}" if near else "no column has a name like it",
-                mend="name a file of the engine's folder objects_log, with its header line",
+                fix="name a file of the engine's folder objects_log, with its header line",
             )
     return columns
 

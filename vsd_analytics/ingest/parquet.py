@@ -75,7 +75,7 @@ class ParquetTable:
                 code="E205",
                 where=Where(source.name),
                 why=f"its footer cannot be read, as when a copy was cut short: {str(error)[:200]}",
-                mend="copy or export the file again",
+                fix="copy or export the file again",
             ) from None
         self.names: list[str] = self._schema.names
         self.n_rows: int = self._metadata.num_rows
@@ -145,7 +145,7 @@ class ParquetTable:
                 code="E205",
                 where=Where(self._source.name, self._done + 1),
                 why=str(error)[:200],
-                mend="copy or export the file again; the records before the damage are stored",
+                fix="copy or export the file again; the records before the damage are stored",
             ) from None
 
     def _leaf(self, name: str) -> int:
@@ -246,7 +246,7 @@ class ParquetTable:
             code="E203",
             where=Where(self._source.name),
             why=why,
-            mend="write numbers, texts and timestamps into plain columns; --map names the right ones",
+            fix="write numbers, texts and timestamps into plain columns; --map names the right ones",
         )
 
 

@@ -97,7 +97,7 @@ def adapter(name: str) -> Adapter:
         raise UsageError(
             f"no format is called {name!r}",
             why=f"known: {', '.join(ADAPTERS)}",
-            mend=f"--format {near[0] if near else 'positions'}",
+            fix=f"--format {near[0] if near else 'positions'}",
         )
     module, attribute, arguments = ADAPTERS[name]
     made: Adapter = getattr(importlib.import_module(f"vsd_analytics.ingest.{module}"), attribute)(**arguments)
@@ -117,7 +117,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
             code="E201",
             where=where,
             why="that path is neither a file nor a folder",
-            mend="check the path and the spelling",
+            fix="check the path and the spelling",
         )
     if not (source.path.is_file() or source.path.is_dir()):
         raise not_a_file(source)
@@ -140,7 +140,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
-        mend=f"name it: --format {' | '.join(ADAPTERS)}; headerless tables need --columns",
+        fix=f"name it: --format {' | '.join(ADAPTERS)}; headerless tables need --columns",
     )
 
 
@@ -254,7 +254,7 @@ def _batches(
             f"{source.path.name} cannot be read: {error.strerror or error}",
             code="E120",
             where=Where(source.name),
-            mend="check the path and its permissions",
+            fix="check the path and its permissions",
         ) from None
 
 
@@ -273,13 +273,13 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
         raise UsageError(
             f"--camera {camera!r} is no camera of vsd.toml",
             why=f"known: {', '.join(list(known)[:20]) or 'none'}",
-            mend=f"--camera {near[0]}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
+            fix=f"--camera {near[0]}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
         )
     if options.engine is not None and not (
         0 < len(options.engine) <= ENGINE_MAX_CHARS and options.engine.isprintable()
     ):
         raise UsageError(
-            f"--engine must be 1 to {ENGINE_MAX_CHARS} printable characters", mend='--engine "name and version"'
+            f"--engine must be 1 to {ENGINE_MAX_CHARS} printable characters", fix='--engine "name and version"'
         )
     zones = {c.clock for c in ([known[camera]] if camera is not None else site.cameras)}
     return replace(

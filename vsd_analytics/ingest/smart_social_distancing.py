@@ -176,9 +176,9 @@ def _setting(options: IngestOptions) -> EngineSetting:
     width, height = options.resolution_px
     if options.method not in METHODS:
         near = difflib.get_close_matches(options.method, METHODS, 1) or METHODS
-        raise UsageError(f"there is no distance method {options.method!r}", mend=f"use --method {' or '.join(near)}")
+        raise UsageError(f"there is no distance method {options.method!r}", fix=f"use --method {' or '.join(near)}")
     if width <= 0 or height <= 0 or not (math.isfinite(options.threshold_m) and options.threshold_m > 0):
-        raise UsageError("resolution and threshold must be above zero", mend="--resolution 640x480 --threshold 1.5")
+        raise UsageError("resolution and threshold must be above zero", fix="--resolution 640x480 --threshold 1.5")
     return EngineSetting(options.method, (width, height), options.threshold_m)
 
 
@@ -186,9 +186,7 @@ def _zone(name: str) -> ZoneInfo:
     try:
         return ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):
-        raise UsageError(
-            f"there is no time zone {name[:80]!r}", mend="use an IANA name such as Europe/Zurich"
-        ) from None
+        raise UsageError(f"there is no time zone {name[:80]!r}", fix="use an IANA name such as Europe/Zurich") from None
 
 
 def _is_log_folder(source: Source) -> bool:

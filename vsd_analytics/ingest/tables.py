@@ -145,7 +145,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
             code="E204",
             where=Where(source.name),
             why="tables are read as UTF-8",
-            mend=f"iconv -f UTF-16 -t UTF-8 {source.path.name} > utf8.csv   (or save it as CSV UTF-8)",
+            fix=f"iconv -f UTF-16 -t UTF-8 {source.path.name} > utf8.csv   (or save it as CSV UTF-8)",
         )
     lines = _text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
     # with --columns there is no header line, so lines that start with # before the first record are comments
@@ -164,7 +164,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
             code="E204",
             where=Where(source.name, at + 1, first),
             why=why,
-            mend="check that it is a text table, or name its format with --format",
+            fix="check that it is a text table, or name its format with --format",
         ) from None
     if options.columns is None:
         cells[0] = cells[0].lstrip("# ")
@@ -176,7 +176,7 @@ def _layout(source: Source, options: IngestOptions, kind: TableName | None) -> _
                 f"--columns names {len(options.columns)} columns, {source.path.name} has {len(cells)}",
                 code="E203",
                 where=Where(source.name, at + 1, first),
-                mend="one name for each column, in the order of the file; _ for one to ignore",
+                fix="one name for each column, in the order of the file; _ for one to ignore",
             )
         header = Header(unique_names([*options.columns, *[""] * (len(cells) - len(options.columns))]), None, first)
     plan = plan_columns(source, options, header, kind=kind)

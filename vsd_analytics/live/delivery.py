@@ -338,5 +338,5 @@ class Publisher:
             f"alarms cannot be published at {self._broker.host}:{self._broker.port}",
             code="E710",
             why=why,
-            mend="is it running and reachable, are user and password right: vsd doctor",
+            fix="is it running and reachable, are user and password right: vsd doctor",
         )

@@ -93,14 +93,14 @@ def refuse_folder(site: Site, folder: Path) -> None:
     """Refuse to watch a path that is no folder (InputError E201) or a folder of the project (UsageError E101)."""
     if not folder.is_dir():
         raise InputError(
-            f"there is no folder {Source(folder).name}", code="E201", mend="make it, or check the path and the spelling"
+            f"there is no folder {Source(folder).name}", code="E201", fix="make it, or check the path and the spelling"
         )
     here, root = folder.resolve(), site.root.resolve()
     if here == root or any(here.is_relative_to(root / name) for name in _OWN_FOLDERS):
         raise UsageError(
             f"{Source(folder).name} cannot be watched: it is a folder of the project itself",
             why="the watcher moves every file in a watched folder away",
-            mend=f"--watch {Source(site.root).name}/inbox",
+            fix=f"--watch {Source(site.root).name}/inbox",
         )
 
 
@@ -112,7 +112,7 @@ def alone(folder: Path) -> Iterator[None]:
         "another process watches this folder",
         code="E707",
         where=Where(Source(folder).name),
-        mend="stop it first; vsd doctor shows whether it runs",
+        fix="stop it first; vsd doctor shows whether it runs",
     )
     with only_one(folder / LOCK, refusal=refusal):
         yield
@@ -146,7 +146,7 @@ def _why(result: SourceResult) -> str:
         f"{error.code}: {error.what}",
         f"file: {result.source}" + (f", line {error.where.line}" if error.where and error.where.line else ""),
         *([f"why: {error.why}"] if error.why else []),
-        *([f"mend: {error.mend}"] if error.mend else []),
+        *([f"fix: {error.fix}"] if error.fix else []),
         f"stored: {n:,} records that came before the error; they are recognised when the file comes again",
         f"more: vsd explain {error.code}",
     ]

@@ -240,7 +240,7 @@ class Listener:
                 f"another client took over the session {self.broker.client_id!r}",
                 code="E702",
                 why="two clients with one client id disconnect each other again and again",
-                mend='stop the other listener, or give this one its own client_id = "..." under [mqtt]',
+                fix='stop the other listener, or give this one its own client_id = "..." under [mqtt]',
             )
         if link.is_connected and link.epoch != self._epoch_reported:
             self._epoch_reported = status.n_connections = link.epoch
@@ -394,7 +394,7 @@ class Listener:
                 f"no connection to the broker {self.broker.host}:{self.broker.port} within {timeout_s:g} s",
                 code="E701",
                 why=self.link.error,
-                mend="is it running and reachable, are user and password right: vsd doctor",
+                fix="is it running and reachable, are user and password right: vsd doctor",
             )
 
 
@@ -414,7 +414,7 @@ def alone(root: Path) -> Iterator[None]:
             code="E706",
             where=Where(str(lock)),
             why=f"its process id is {(read_status(root) or {}).get('pid', 'unknown')}",
-            mend="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
+            fix="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
         )
 
     with only_one(lock, refusal=refusal):

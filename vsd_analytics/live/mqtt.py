@@ -66,7 +66,7 @@ def _no_password(broker: Broker, why: str) -> VsdError:
         code="E704",
         where=Where(str(broker.password_file)),
         why=why,
-        mend=f"put it on the first line, readable by this user only (chmod 600), or set {PASSWORD_VARIABLE}",
+        fix=f"put it on the first line, readable by this user only (chmod 600), or set {PASSWORD_VARIABLE}",
     )
 
 
@@ -95,7 +95,7 @@ def make_client(broker: Broker, *, client_id: str, password: str | None) -> Clie
                 "the certificates of [mqtt] cannot be used",
                 code="E705",
                 why=str(error),
-                mend="ca_file, cert_file and key_file are PEM files; key_file belongs to cert_file",
+                fix="ca_file, cert_file and key_file are PEM files; key_file belongs to cert_file",
             ) from None
         client.tls_set_context(context)
     return client

@@ -75,7 +75,7 @@ def export(site: Site, which: RecordScope, *, out: Path, table: TableName | None
     if (out.suffix == ".jsonl") != (table is None):
         raise UsageError(
             "a table goes to .csv or .parquet, all tables together to .jsonl",
-            mend="--table observations --out FILE.parquet, or --out FILE.jsonl",
+            fix="--table observations --out FILE.parquet, or --out FILE.jsonl",
         )
     store = Store(site.root / "store", site_id=site.site_id)
     if store.n_spooled():

@@ -334,7 +334,7 @@ def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
             "the range ends inside an hour whose records were purged",
             code="E312",
             why="of such an hour only sums are stored, so a camera can be removed from the whole hour only",
-            mend=f"use whole UTC hours: the range cuts those from {first:%Y-%m-%dT%H:%M}Z to {after:%Y-%m-%dT%H:%M}Z;"
+            fix=f"use whole UTC hours: the range cuts those from {first:%Y-%m-%dT%H:%M}Z to {after:%Y-%m-%dT%H:%M}Z;"
             " include them or leave them out",
         )
     return hours
@@ -360,7 +360,7 @@ def _guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:
         f"{n_going:,} of {n_stored:,} stored {what} would be removed",
         code="E310",
         why="that is more than half, which is usually a mistake",
-        mend="check with --dry-run; if it is right, add --force",
+        fix="check with --dry-run; if it is right, add --force",
     )
 
 

@@ -100,14 +100,14 @@ def write_demo_project(
     mondays = _mondays(last_week, weeks)
     if detailed_weeks < 1:
         raise UsageError(
-            f"at least one week must be detailed, not {detailed_weeks}", mend="use detailed_weeks=1 or more"
+            f"at least one week must be detailed, not {detailed_weeks}", fix="use detailed_weeks=1 or more"
         )
     if (folder / "vsd.toml").exists() or (folder / "engine").exists():
         raise UsageError(
             f"{folder} already holds a project",
             code="E104",
             where=Where(str(folder)),
-            mend="choose a new or empty folder",
+            fix="choose a new or empty folder",
         )
     intervals = [DETAILED_S if weeks - i <= detailed_weeks else COARSE_S for i in range(weeks)]
     planted = _planted(mondays[-1])
@@ -213,7 +213,7 @@ def opening(day: date) -> tuple[datetime, datetime]:
 
 def _mondays(last_week: str, weeks: int) -> list[date]:
     if not 1 <= weeks <= 520:
-        raise UsageError(f"the number of weeks must be 1 to 520, not {weeks}", mend="use weeks=2")
+        raise UsageError(f"the number of weeks must be 1 to 520, not {weeks}", fix="use weeks=2")
     match = re.fullmatch(r"(\d{4})-W(\d{2})", last_week)
     try:
         last = date.fromisocalendar(int(match[1]), int(match[2]), 1) if match else None
@@ -221,7 +221,7 @@ def _mondays(last_week: str, weeks: int) -> list[date]:
     except (ValueError, OverflowError):
         first = last = None
     if first is None or last is None:
-        raise UsageError(f"{last_week!r} is no ISO week", why="weeks are written like 2026-W46", mend='use "2026-W46"')
+        raise UsageError(f"{last_week!r} is no ISO week", why="weeks are written like 2026-W46", fix='use "2026-W46"')
     return [first + timedelta(weeks=i) for i in range(weeks)]
 
 

@@ -54,7 +54,7 @@ def sources_of(folders: Sequence[Path]) -> tuple[ReportSource, ...]:
             raise UsageError(
                 f"{folder} is no project",
                 why="it has neither a vsd.toml nor a folder reports",
-                mend="name project folders, or their common folder with --root",
+                fix="name project folders, or their common folder with --root",
             )
         name = re.sub(r"[^a-z0-9_-]+", "-", folder.name.lower()).strip("-") or "site"
         if name in sources:
@@ -62,7 +62,7 @@ def sources_of(folders: Sequence[Path]) -> tuple[ReportSource, ...]:
                 f"two projects are called {name}",
                 where=Where(str(folder)),
                 why=f"{sources[name].folder} is, too, and pages are published under the name of the folder",
-                mend="rename one of the two folders",
+                fix="rename one of the two folders",
             )
         sources[name] = ReportSource(folder, name)
     return tuple(sources.values())
@@ -81,7 +81,7 @@ def projects_below(root: Path) -> list[Path]:
         raise UsageError(
             f"there is no project in {root}",
             why="a project is a folder with a vsd.toml",
-            mend="--root FOLDER-OF-PROJECTS, or name the project folders",
+            fix="--root FOLDER-OF-PROJECTS, or name the project folders",
         )
     return found
 
@@ -112,7 +112,7 @@ def write_index(out: Path, page: str) -> Path:
             code="E515",
             where=Where(str(path)),
             why="it may be a page of your own, which is never written over",
-            mend="--out ANOTHER-FOLDER, or move that file",
+            fix="--out ANOTHER-FOLDER, or move that file",
         )
     out.mkdir(parents=True, exist_ok=True)
     publish(path, page.encode())

@@ -194,5 +194,5 @@ def _twice(old: Entry, new: Entry) -> VsdError:
         code="W514",
         where=Where(f"{old.stem}.json"),
         why=f"{new.stem}.json was made later and is the one that is listed",
-        mend=f"delete {old.stem}.json and the files beside it",
+        fix=f"delete {old.stem}.json and the files beside it",
     )

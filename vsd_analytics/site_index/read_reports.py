@@ -116,7 +116,7 @@ class Shelf:
 
     Attributes:
         entries: Weeks, in the order of their names.
-        problems: What could not be listed, or only in part, as warnings with what, where, why and mend.
+        problems: What could not be listed, or only in part, as warnings with what, where, why and fix.
     """
 
     entries: tuple[Entry, ...] = ()
@@ -236,7 +236,7 @@ def _check_schema(schema: Any, path: Path) -> None:
             code="W512",
             where=Where(str(path)),
             why=f"it is {match[0]}; this version reads up to {SCHEMA}",
-            mend="pip install --upgrade vsd-analytics",
+            fix="pip install --upgrade vsd-analytics",
         )
     if match[0] != SCHEMA:
         raise _foreign(path, why=f"it is {match[0]}, which never was")
@@ -272,7 +272,7 @@ def _damaged(path: Path, *, why: str) -> VsdError:
         code="W510",
         where=Where(str(path)),
         why=why,
-        mend=f"vsd report --week {path.name[:8]} --format html,json" if STEM.fullmatch(path.stem) else "delete it",
+        fix=f"vsd report --week {path.name[:8]} --format html,json" if STEM.fullmatch(path.stem) else "delete it",
     )
 
 
@@ -282,7 +282,7 @@ def _foreign(path: Path, *, why: str) -> VsdError:
         code="W511",
         where=Where(str(path)),
         why=why,
-        mend="move it to another folder",
+        fix="move it to another folder",
     )
 
 
@@ -292,5 +292,5 @@ def _without_figures(page: Path) -> VsdError:
         code="W513",
         where=Where(str(page)),
         why=f"{page.stem}.json is missing, and the records of today would give another page or none",
-        mend=f"vsd report --week {page.stem[:8]} --format html,json",
+        fix=f"vsd report --week {page.stem[:8]} --format html,json",
     )

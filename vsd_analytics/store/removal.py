@@ -183,7 +183,7 @@ def _intent(path: Path, *, project: Path) -> Intent:
         code="E302",
         where=Where(str(path)),
         why=why,
-        mend="move it away, then run the same vsd purge again",
+        fix="move it away, then run the same vsd purge again",
     )
 
 
@@ -331,7 +331,7 @@ def _acquire(fd: int, lock: Path, kind: int, *, wait_s: float, on_wait: Callable
                     code="E311",
                     where=Where(str(lock)),
                     why=f"a report or query that reads it, or a removal, did not end within {wait_s:g} s",
-                    mend="close open notebooks and running reports, then run the same command again",
+                    fix="close open notebooks and running reports, then run the same command again",
                 ) from None
             time.sleep(pause_s)
             pause_s = min(0.5, pause_s * 2)

@@ -244,5 +244,5 @@ def _damaged(path: Path) -> StoreError:
         code="E313",
         where=Where(str(path)),
         why="the file is missing, or its bytes changed after it was sealed: by the disk or by a program",
-        mend="restore the folder sealed from a backup; the figures of that day are stored nowhere else",
+        fix="restore the folder sealed from a backup; the figures of that day are stored nowhere else",
     )

@@ -64,7 +64,7 @@ class DayKeys:
                 code="E303",
                 where=Where(str(self.forgotten_path)),
                 why='each line must be like {"day": "2026-10-01"}',
-                mend="restore it from a backup; without it a day could get a second key and count twice",
+                fix="restore it from a backup; without it a day could get a second key and count twice",
             ) from None
 
     def forget(self, days: Iterable[date]) -> None:
@@ -110,7 +110,7 @@ class DayKeys:
                             code="E303",
                             where=Where(str(self.forgotten_path)),
                             why="with another key, records of that day would not be recognised and would count twice",
-                            mend="do not ingest records of that day",
+                            fix="do not ingest records of that day",
                         )
                     self.put(day, secrets.token_bytes(KEY_BYTES))
             key = path.read_bytes()
@@ -120,7 +120,7 @@ class DayKeys:
                     code="E303",
                     where=Where(str(path)),
                     why=f"a key has {KEY_BYTES} bytes, this file {len(key)}",
-                    mend="restore it from a backup; without it records of that day cannot be recognised again",
+                    fix="restore it from a backup; without it records of that day cannot be recognised again",
                 )
             self._known[day] = key
         return self._known[day]

@@ -349,26 +349,26 @@ class Store:
             if refused := disk_error(error):
                 raise refused from None
             raise StoreError(
-                "the spool cannot be folded into the store", code="E302", why=str(error)[:300], mend="vsd doctor"
+                "the spool cannot be folded into the store", code="E302", why=str(error)[:300], fix="vsd doctor"
             ) from None
         return rows, n_read, n_second
 
 
 def _damaged_segment(path: Path) -> StoreError:
-    return _damaged(path, "records acknowledged earlier", mend="move it away and ingest their source again")
+    return _damaged(path, "records acknowledged earlier", fix="move it away and ingest their source again")
 
 
 def _damaged_part(path: Path) -> StoreError:
-    return _damaged(path, "stored records", mend="restore it from a backup, or move it away")
+    return _damaged(path, "stored records", fix="restore it from a backup, or move it away")
 
 
-def _damaged(path: Path, what: str, *, mend: str) -> StoreError:
+def _damaged(path: Path, what: str, *, fix: str) -> StoreError:
     return StoreError(
         f"a file with {what} is damaged",
         code="E302",
         where=Where(str(path)),
         why=HASH_DIFFERS,
-        mend=mend,
+        fix=fix,
     )
 
 

@@ -37,7 +37,7 @@ class StoreFault:
         path: The file.
         what: What is wrong.
         why: How the check found it.
-        mend: What to do.
+        fix: What to do.
         is_note: Nothing is damaged and nobody needs to act.
     """
 
@@ -45,7 +45,7 @@ class StoreFault:
     path: Path
     what: str
     why: str
-    mend: str
+    fix: str
     is_note: bool = False
 
 
@@ -245,16 +245,16 @@ def _of_other_site(finding: StoreFault, store: Store) -> StoreFault:
     )
 
 
-def _hash_fault(path: Path, digest: str, what: str, mend: str) -> StoreFault | None:
+def _hash_fault(path: Path, digest: str, what: str, fix: str) -> StoreFault | None:
     """Return a fault when the bytes of a file do not match the hash in its name, or cannot be read."""
     try:
         if durable.file_digest(path) == digest:
             return None
-        return StoreFault("E302", path, what, HASH_DIFFERS, mend)
+        return StoreFault("E302", path, what, HASH_DIFFERS, fix)
     except FileNotFoundError:
         return None
     except OSError as error:
-        return StoreFault("E302", path, what, f"it cannot be read: {error.strerror or error}", mend)
+        return StoreFault("E302", path, what, f"it cannot be read: {error.strerror or error}", fix)
 
 
 def _fits(path: Path, table: TableName) -> tuple[int, str | None]:

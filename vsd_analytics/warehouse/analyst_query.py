@@ -74,7 +74,7 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
                 "the text is not one query",
                 code="E603",
                 why="only a single select is allowed: a query cannot write, set or attach anything",
-                mend='vsd sql "select * from hours"',
+                fix='vsd sql "select * from hours"',
             )
 
         def restrict_and_read(con: duckdb.DuckDBPyConnection) -> T:
@@ -87,7 +87,7 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
             "the query could not be run",
             code="E603",
             why=" ".join(str(error).split())[:600],
-            mend="vsd sql --list, vsd sql --show hours",
+            fix="vsd sql --list, vsd sql --show hours",
         ) from None
 
 

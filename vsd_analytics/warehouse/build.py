@@ -104,7 +104,7 @@ def damaged_facts(error: Exception) -> StoreError:
         "a file of the computed facts is damaged",
         code="E302",
         why=" ".join(str(error).split())[:300],
-        mend="delete the folder facts and run vsd build: facts are computed from the store again",
+        fix="delete the folder facts and run vsd build: facts are computed from the store again",
     )
 
 

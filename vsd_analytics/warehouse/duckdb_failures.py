@@ -47,7 +47,7 @@ def failed_inside(
         f"the database failed while it computed {relation} {_span(first_hour, last_hour)}",
         code="E604",
         why=f"{_crowd_in_words(crowd)}the database says: {' '.join(str(error).split())[:200]}",
-        mend=fix,
+        fix=fix,
     )
 
 

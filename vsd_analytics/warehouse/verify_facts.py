@@ -256,5 +256,5 @@ def _other_fact(path: Path) -> StoreFault:
 
 def _orphan(path: Path) -> StoreFault:
     why = "the store has no record of its hour, or a fresh file replaces this one; no query reads it"
-    mend = "nothing: a build removes it when nobody reads facts"
-    return StoreFault("E307", path, "a fact file that belongs to no records of today", why, mend, is_note=True)
+    fix = "nothing: a build removes it when nobody reads facts"
+    return StoreFault("E307", path, "a fact file that belongs to no records of today", why, fix, is_note=True)

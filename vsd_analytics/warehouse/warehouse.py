@@ -248,7 +248,7 @@ def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Wareh
             "nothing is stored yet",
             code="E301",
             why=f"{site.root.name}/store holds no records of site {site.site_id!r}",
-            mend="vsd ingest FILES...",
+            fix="vsd ingest FILES...",
         )
     return Warehouse(site, first, last, **options)
 

@@ -71,7 +71,7 @@ def draw_heatmap(
     file = Path(path)
     kind = KINDS.get(file.suffix.lower())
     if kind is None:
-        raise UsageError(f"{file.name} is neither a .png nor a .svg file", mend="--out where.png")
+        raise UsageError(f"{file.name} is neither a .png nor a .svg file", fix="--out where.png")
     floor = _floor(site, floor_id)
     classes = doubling_steps(frame["records"]) if steps is None else tuple(float(s) for s in steps)
     if len(classes) != N_CLASSES or any(a >= b for a, b in pairwise(classes)) or classes[0] <= 0:
@@ -111,7 +111,7 @@ def _floor(site: Site, floor_id: str | None) -> Floor:
     if floor_id is None and len(floors) == 1:
         return site.floors[0]
     if floor_id not in floors:
-        raise UsageError(f"which floor? This site has {', '.join(floors)}", mend=f"--floor {site.floors[0].floor_id}")
+        raise UsageError(f"which floor? This site has {', '.join(floors)}", fix=f"--floor {site.floors[0].floor_id}")
     return floors[floor_id]
 
 
@@ -208,7 +208,7 @@ def _cells(axes: Axes, frame: pd.DataFrame, *, cell_m: float, steps: tuple[float
         raise ReportError(
             f"a picture of {n_x:,} by {n_y:,} cells is too large",
             code="E500",
-            mend="choose a greater --cell, or name a plan",
+            fix="choose a greater --cell, or name a plan",
         )
     grid = np.full((n_y, n_x), np.nan)
     grid[cy - cy.min(), cx - cx.min()] = frame["records"].to_numpy(dtype=np.float64)
@@ -240,7 +240,7 @@ def _ink(plan: Path) -> Any:
             code="E501",
             where=Where(str(plan)),
             why=str(error)[:200],
-            mend="export it as PNG again and name that file in vsd.toml",
+            fix="export it as PNG again and name that file in vsd.toml",
         ) from None
     picture.thumbnail((PLAN_MAX_PX, PLAN_MAX_PX))
     on_white = Image.alpha_composite(Image.new("RGBA", picture.size, WHITE), picture).convert("L")

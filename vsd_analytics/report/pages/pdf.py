@@ -72,7 +72,7 @@ def find_chromium(
                 raise ReportError(
                     f"{source} names {str(named)!r}, which is no program",
                     code="E520",
-                    mend=f"name a Chromium or Chrome there, or take {source} out and one is looked for",
+                    fix=f"name a Chromium or Chrome there, or take {source} out and one is looked for",
                 )
             return Path(found)
     on_path = next((found for found in map(which, NAMES) if found), None)
@@ -85,7 +85,7 @@ def no_chromium() -> ReportError:
         "there is no Chromium or Chrome to print the PDF",
         code="E520",
         why="the PDF is the page, printed by a browser of this machine; nothing else keeps its layout and tags",
-        mend="apt install chromium, or dnf install chromium, or brew install --cask chromium; if it stands elsewhere: "
+        fix="apt install chromium, or dnf install chromium, or brew install --cask chromium; if it stands elsewhere: "
         f"{VARIABLE}=/path/to/chromium. Or print the HTML page from any browser",
     )
 
@@ -182,6 +182,6 @@ def _failed(chromium: Path, why: str) -> ReportError:
         code="E521",
         where=Where(str(chromium)),
         why=why,
-        mend=f"run it by hand once: {chromium.name} --headless --print-to-pdf=/tmp/a.pdf about:blank; "
+        fix=f"run it by hand once: {chromium.name} --headless --print-to-pdf=/tmp/a.pdf about:blank; "
         f"or name another one: {VARIABLE}=/path/to/chromium",
     )

@@ -57,7 +57,7 @@ def figure_svg(report: WeekReport, name: str) -> str:
     """
     draw = FIGURES.get(name)
     if draw is None:
-        raise UsageError(f"there is no figure {name!r}", mend=f"--figure {'|'.join(FIGURES)}")
+        raise UsageError(f"there is no figure {name!r}", fix=f"--figure {'|'.join(FIGURES)}")
     page = make_page(report)
     drawing = draw(page)
     if drawing is None:
@@ -65,7 +65,7 @@ def figure_svg(report: WeekReport, name: str) -> str:
             f"week {report.week.number} has nothing to draw in the figure {name!r}",
             code="E522",
             why=page.why_not_compared if name == "changed" else "its section is not on the page either",
-            mend=f"vsd report --week {report.week.iso} shows what the week has",
+            fix=f"vsd report --week {report.week.iso} shows what the week has",
         )
     return _framed(page, drawing)
 

@@ -116,7 +116,7 @@ def _no_password(why: str) -> MailError:
         "the password of the mail server cannot be read",
         code="E802",
         why=why,
-        mend=f'export {PASSWORD_VARIABLE}=..., or in [mail]: password_file = "/etc/vsd/mail-password" (chmod 600)',
+        fix=f'export {PASSWORD_VARIABLE}=..., or in [mail]: password_file = "/etc/vsd/mail-password" (chmod 600)',
     )
 
 
@@ -252,7 +252,7 @@ def _refusal(what: str, code: int, said: bytes | str) -> Exception:
         f"the mail server refuses {what}",
         code="E806",
         why=_answer(code, said),
-        mend="the server's own words stand above; addresses stand under [mail] from and to. Nothing was sent",
+        fix="the server's own words stand above; addresses stand under [mail] from and to. Nothing was sent",
     )
     return _PassingError(error) if 400 <= code < 500 else error
 
@@ -267,7 +267,7 @@ def _unreachable(route: MailRoute, error: Exception) -> MailError:
         f"the mail server {_place(route)} cannot be reached",
         code="E803",
         why=why or type(error).__name__,
-        mend="are smtp and port of [mail] right, is it running, does a firewall stand between? Nothing was sent: run "
+        fix="are smtp and port of [mail] right, is it running, does a firewall stand between? Nothing was sent: run "
         "the same command again later",
     )
 
@@ -277,7 +277,7 @@ def _no_tls(route: MailRoute, why: str) -> MailError:
         f"no encrypted connection to the mail server {_place(route)}",
         code="E804",
         why=why,
-        mend='[mail] tls = "starttls" goes with port 587, "tls" with 465; a certificate of your own authority: '
+        fix='[mail] tls = "starttls" goes with port 587, "tls" with 465; a certificate of your own authority: '
         'ca_file = "tls/ca.pem"; smtp must be the name in the certificate. Nothing was sent',
     )
 
@@ -291,7 +291,7 @@ def _login_refused(route: MailRoute, why: str) -> MailError:
         f"the mail server refuses the login of {route.user}",
         code="E805",
         why=why,
-        mend=f"check [mail] user, and the password in {PASSWORD_VARIABLE} or password_file; many providers want a "
+        fix=f"check [mail] user, and the password in {PASSWORD_VARIABLE} or password_file; many providers want a "
         "password made for programs. Nothing was sent",
     )
 
@@ -301,7 +301,7 @@ def _unknown(route: MailRoute, why: Exception | str) -> MailError:
         f"{_place(route)} took the mail and did not say whether it will deliver it",
         code="E807",
         why=str(why) or type(why).__name__,
-        mend="ask a recipient; if it did not come: the same command with --again",
+        fix="ask a recipient; if it did not come: the same command with --again",
     )
 
 
@@ -310,5 +310,5 @@ def _program_failed(program: Path, why: str) -> MailError:
         "the mail program did not take the mail",
         code="E808",
         why=why,
-        mend=f"run it by hand: echo test | {program} you@example.org; its log tells more. Nothing was sent",
+        fix=f"run it by hand: echo test | {program} you@example.org; its log tells more. Nothing was sent",
     )

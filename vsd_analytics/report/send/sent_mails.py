@@ -62,7 +62,7 @@ class SentLog:
                 "another command is sending mail of this project",
                 code="E809",
                 where=Where(str(self._path)),
-                mend="wait until it ends, then run this one again: what was sent is not sent twice",
+                fix="wait until it ends, then run this one again: what was sent is not sent twice",
             ) from None
         for line in self._path.read_bytes().splitlines():
             self._note(line)
@@ -143,7 +143,7 @@ def to_send(
             f"it is not known whether {week.week} reached {', '.join(unknown)}",
             code="E807",
             why="an earlier command handed the mail over and broke off before it was answered",
-            mend="ask a recipient; if it did not come: the same command with --again",
+            fix="ask a recipient; if it did not come: the same command with --again",
         )
     has = tuple(a for a in addresses if log.step(week, a) == "sent")
     return tuple(a for a in addresses if a not in has), has
