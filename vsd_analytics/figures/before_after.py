@@ -21,6 +21,7 @@ from vsd_analytics.figures.change_weeks import WEEKS, Windows, changed_areas, lo
 from vsd_analytics.figures.compare import Days, known_area, known_floor, span, why_not
 from vsd_analytics.figures.panels import FloorHours, Ints, Panel, Period, Place, TwoPeriods, positions
 from vsd_analytics.result import Reason, State
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.estimates import ChangeEstimate
@@ -271,7 +272,7 @@ def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighb
 
 def _ring(data: FloorHours, area: Area) -> Place:
     """Return what was counted in the cells whose middle lies 2 to 5 m outside an area."""
-    cell_m, shape = data.site.settings.cell_m, shapely.Polygon(area.polygon)
+    cell_m, shape = FLOOR_CELL_M, shapely.Polygon(area.polygon)
     x0, y0, x1, y1 = shape.buffer(RING_M[1]).bounds
     cx, cy = np.meshgrid(
         np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)), np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m))

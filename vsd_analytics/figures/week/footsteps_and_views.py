@@ -14,6 +14,7 @@ from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.floor_maps import as_rings
 from vsd_analytics.figures.week.model_map import Extent, Footsteps, MapView, MapViews, Point, Polygon
 from vsd_analytics.geometry import camera_views
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Calibration, Camera
 
 MIN_TRACKS: Final = 5
@@ -35,7 +36,7 @@ def footsteps(data: WeekData, *, extent: Extent) -> Footsteps | None:
     Returns:
         None where no cell has so many: the engine sends no positions, no track ids, or too few people came.
     """
-    cell_m = data.site.settings.cell_m
+    cell_m = FLOOR_CELL_M
     least = max(MIN_TRACKS, int(data.site.settings.mask_below))
     rows = data.warehouse.rows(
         "select cx, cy from footsteps where floor_id = $floor and local_date between $first and $last "

@@ -27,6 +27,7 @@ from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, Sureness, UsualHours
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.result import Reason
+from vsd_analytics.settings import FLOOR_CELL_M
 
 SPOTS_MAX: Final = 3
 RECORDED_SHARE: Final = 0.9
@@ -181,8 +182,7 @@ def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
     day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
     kept = np.ones(rows.num_rows, dtype=np.bool_)
     if not isinstance(where, str):
-        cell_m = data.site.settings.cell_m
-        x, y = ((rows[c].to_numpy() + 0.5) * cell_m for c in ("cx", "cy"))
+        x, y = ((rows[c].to_numpy() + 0.5) * FLOOR_CELL_M for c in ("cx", "cy"))
         kept = np.asarray(shapely.contains_xy(where, x, y))
     cameras = [c for c, k in zip(rows["camera_id"].to_pylist(), kept, strict=True) if k]
     return _Seen(day[kept], rows["local_hour"].to_numpy().astype(np.int64)[kept], cameras)
