@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.config.reader import Mistakes, TableReader
+from vsd_analytics.config.reader import Form, Mistakes, TableReader
 from vsd_analytics.config.toml_lines import TomlText
 from vsd_analytics.settings import FORMER, SETTINGS, Setting
 
@@ -67,7 +67,7 @@ def _check_former(rule: TableReader, *, environ: Mapping[str, str], mistakes: Mi
 
 
 def _constant(table: TableReader, name: str, constant: float) -> None:
-    value = table.raw(name)
+    value = table.raw(name, {"const": constant, "deprecated": True})
     if value is not None and (isinstance(value, bool) or value != constant):
         table.fault(
             name,
@@ -82,11 +82,21 @@ def _read(table: TableReader, setting: Setting) -> Any:
     if isinstance(default, bool):
         return table.flag(setting.name)
     if isinstance(default, str):
-        return table.parsed(setting.name, example=f'"{default}"', parse=lambda value: _choice(value, setting))
+        return table.parsed(
+            setting.name,
+            example=f'"{default}"',
+            parse=lambda value: _choice(value, setting),
+            form={"enum": list(setting.choices)},
+        )
     assert setting.minimum is not None
     assert setting.maximum is not None
     if isinstance(default, tuple):
-        return table.parsed(setting.name, example=str(list(default)), parse=lambda value: _steps(value, setting))
+        return table.parsed(
+            setting.name,
+            example=str(list(default)),
+            parse=lambda value: _steps(value, setting),
+            form=_form_of_steps(setting),
+        )
     value = table.number(
         setting.name,
         minimum=setting.minimum,
@@ -120,6 +130,13 @@ def _choice(value: Any, setting: Setting) -> str:
     if value not in setting.choices:
         raise ValueError(f"must be {' or '.join(setting.choices)}")
     return str(value)
+
+
+def _form_of_steps(setting: Setting) -> Form:
+    """Return the schema of a setting that is a list of numbers; that they must rise, no schema can say."""
+    assert isinstance(setting.default, tuple)
+    number, count = {"type": "number", "minimum": setting.minimum, "maximum": setting.maximum}, len(setting.default)
+    return {"type": "array", "items": number, "minItems": count, "maxItems": count}
 
 
 def _steps(value: Any, setting: Setting) -> tuple[float, ...]:
