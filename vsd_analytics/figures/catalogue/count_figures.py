@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
@@ -145,7 +146,7 @@ def _contacts(asked: Asked) -> Figure:
 def _sensitivity(asked: Asked) -> Figure:
     unit = "share of person-time closer to somebody than each distance"
     found: ThresholdSensitivity = asked.found.sensitivity
-    legal = next((p for p in found.points if abs(p.distance_m - found.distance_m) < 1e-6), None)
+    legal = next((p for p in found.points if math.isclose(p.distance_m, found.distance_m)), None)
     if legal is None or legal.share is None:
         return missing(unit, found.state, found.reason or NOTHING)
     note = None if found.engine is None else found.engine.note

@@ -33,6 +33,8 @@ SPOTS_MAX: Final = 3
 RECORDED_SHARE: Final = 0.9
 DAYS_PRESENT: Final = 5
 ERROR_M: Final = 0.5
+LOW_FROM: Final = 2
+"""A spot that misses so many of the three is of low sureness (help of `Evidence.sureness`)."""
 DOWN_SHARE: Final = 0.25
 """A camera that missed this share of a spot's usual hours was down in them."""
 USUAL_SHARE: Final = 0.5
@@ -215,7 +217,7 @@ def _evidence(
     is_down = open_h > 0 and lost > DOWN_SHARE * open_h
     n_days = len(np.unique(week.day))
     missed = sum((recorded < RECORDED_SHARE, n_days < DAYS_PRESENT, error_m is None or error_m > ERROR_M))
-    sureness: Sureness = "low" if is_down or missed >= 2 else "medium" if missed else "high"
+    sureness: Sureness = "low" if is_down or missed >= LOW_FROM else "medium" if missed else "high"
     return Evidence(
         sureness=sureness,
         recorded_share=recorded,
