@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 from site_text import site_text
 
+import vsd_analytics
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, FORMER, OWNER_CELL_M, SETTINGS, Setting, Settings
@@ -133,3 +135,21 @@ def test_a_former_setting_of_the_environment_with_another_value_is_refused_by_it
     (problem,) = caught.value.problems
     assert problem.where is not None
     assert "VSD_CELL_M" in problem.where.file
+
+
+@each
+def test_every_setting_is_read_by_some_code_or_query(setting: Setting) -> None:
+    """A setting that nothing reads would be accepted and change nothing."""
+    column = next(iter(_moved_columns(setting))) if setting.is_in_sql else None
+    assert re.search(rf"\.{setting.name}\b|\"{setting.name}\"", _CODE) or re.search(rf"\.{column}\b", _QUERIES)
+
+
+def _moved_columns(setting: Setting) -> set[str]:
+    site = Site("shop", "Shop", "UTC", Path())
+    return _moved(params(site), params(Site("shop", "Shop", "UTC", Path(), settings=_halved(setting))))
+
+
+_CODE = "".join(
+    p.read_text(encoding="utf-8") for p in Path(vsd_analytics.__file__).parent.rglob("*.py") if p.name != "settings.py"
+)
+_QUERIES = "".join(r.sql for r in relations("staging", "facts", "marts").values())

@@ -60,14 +60,14 @@ REASONS: Final[Mapping[str, Mapping[str, str]]] = {
     },
     "marts/cell_days": {"500": CELL},
     "marts/planner_cells": {"500": CELL},
-    "marts/message_gaps": {"300000": "a lower number after 5 minutes of silence is a restart, after less a clock that was set"},
+    "marts/message_gaps": {"300000": "a lower number after 5 minutes of silence is a restart, not a set clock"},
     "staging/close_records": {"5": FRAMES},
     "staging/gathering_clusters": {
         "5": FRAMES,
         "40": CROWD,
         **dict.fromkeys(("195", "383", "556", "707", "831", "924", "981"), DIRECTIONS),
     },
-    "staging/shared_tracks": {"40": CROWD, **dict.fromkeys(("3", "4", "5", "6", "7", "8"), "8 neighbours in order of ids are enough to recognise a crowd")},
+    "staging/shared_tracks": {"40": CROWD, **dict.fromkeys("345678", "8 neighbours in order of ids")},
 }  # fmt: skip
 
 

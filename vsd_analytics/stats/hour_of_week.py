@@ -15,13 +15,12 @@ import numpy.typing as npt
 from scipy.special import gammaincinv
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-DEFAULTS: Final = Settings()
 SLOTS: Final = 168
 WEEK_AXES: Final = 2  # counts are weeks by slots
 MIN_PROFILE_WEEKS: Final = 3  # of the last four (analytics M13, M14)
