@@ -26,6 +26,7 @@ from vsd_analytics.stats.hotspots import TRUNCATE
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 CELL_M: Final = 0.5
+"""Side of the cells of the maps M16 to M19: part of their definition, and a multiple of the stored cells."""
 SIGMA_M: Final = 1.0
 """Standard deviation of the smoothing of risk and excess."""
 MIN_EXPOSURE_H: Final = 0.25

@@ -26,6 +26,7 @@ WEEK_AXES: Final = 2  # counts are weeks by slots
 MIN_PROFILE_WEEKS: Final = 3  # of the last four (analytics M13, M14)
 SPARSE: Final = 5.0  # below it the median of a count is too coarse, and the mean is used
 N_PEAKS: Final = 3
+"""Hours named: more would not be peaks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

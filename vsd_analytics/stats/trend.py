@@ -14,6 +14,7 @@ from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
 
 MIN_TREND_WEEKS: Final = 3
+"""Two weeks always lie on a line."""
 HISTORY_WEEKS: Final = 5  # weeks before each week that its weekday profile may use, as the report does
 
 

@@ -32,7 +32,9 @@ from vsd_analytics.settings import FLOOR_CELL_M
 MARGIN_M = 1.0
 SIDE_MIN_M = 8.0
 CELLS_MAX = 4_000_000
+"""Larger floors are not drawn: a position far off would fill the memory."""
 SPOTS_MAX = 3
+"""Numbers on a map, as many as cards."""
 
 
 def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> tuple[FloorMap, ...]:

@@ -20,6 +20,7 @@ from vsd_analytics.site.model import Calibration, Camera
 MIN_TRACKS: Final = 5
 """A cell is shown when at least this many different tracks stood in it (house plan, 7.7)."""
 SMALLEST_M2: Final = 0.01
+"""Smaller pieces of a view are rounding of its cut."""
 LABEL_M: Final = 0.8
 """A camera's label keeps this far from the edge of its view."""
 

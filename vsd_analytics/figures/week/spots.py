@@ -30,9 +30,13 @@ from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
 
 SPOTS_MAX: Final = 3
+"""Cards on a page; all hotspots are in the JSON file."""
 RECORDED_SHARE: Final = 0.9
+"""A spot is sure when its cameras recorded this share of the open hours ..."""
 DAYS_PRESENT: Final = 5
+"""... when it had violations on so many days of the week ..."""
 ERROR_M: Final = 0.5
+"""... and when its camera's calibration is off by at most this much."""
 LOW_FROM: Final = 2
 """A spot that misses so many of the three is of low sureness (help of `Evidence.sureness`)."""
 DOWN_SHARE: Final = 0.25
