@@ -2,7 +2,7 @@
 # make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
 # make test   installs the test extra and runs everything, within 15 minutes on two cores
 # make prove  the long proofs, whose tables are in docs/
-# make docs   writes the pages of docs/ that are made from the code
+# make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
 # make screenshots  the pictures of the documentation, from the demo (needs a Chromium)
 PYTHON ?= python3
 VENV   ?= .venv

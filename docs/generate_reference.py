@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import inspect
+import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -52,6 +53,11 @@ from. A value outside its range is refused with its line.""",
 Settings marked *facts* change what is computed from the store: after such a change the next command computes the facts
 anew. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at the
 end of every report.""",
+        """\
+Editors that know TOML (Even Better TOML for VS Code, taplo, Zed, Helix) complete and check `vsd.toml` with its JSON
+Schema: run `vsd schema config > vsd.schema.json` in the project folder, and again after an update, and make
+`#:schema ./vsd.schema.json` the first line of `vsd.toml`. `vsd doctor` finds what takes a file or several keys to
+judge.""",
     ]
     for section in dict.fromkeys(s.section for s in SETTINGS):
         rows = [_setting(s) for s in SETTINGS if s.section == section]
@@ -315,6 +321,24 @@ def with_part(page: str, part: str) -> str:
     return f"{before}{begins}\n\n{part}\n\n{ends}{after}"
 
 
+def config_schema() -> str:
+    """Return `vsd.schema.json` of the package: the JSON Schema of `vsd.toml`."""
+    from vsd_analytics.config.schema import json_schema
+
+    return json.dumps(json_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def write_schema() -> list[Path]:
+    """Write the JSON Schema of `vsd.toml` into the package and return its path if it changed."""
+    from vsd_analytics.config.schema import SCHEMA_FILE
+
+    text = config_schema()
+    if SCHEMA_FILE.exists() and SCHEMA_FILE.read_text(encoding="utf-8") == text:
+        return []
+    SCHEMA_FILE.write_text(text, encoding="utf-8")
+    return [SCHEMA_FILE]
+
+
 def write_pages(folder: Path) -> list[Path]:
     """Write all pages into `folder` and return those that changed; of `PARTS` only what is there already."""
     changed = []
@@ -333,5 +357,5 @@ def write_pages(folder: Path) -> list[Path]:
 if __name__ == "__main__":
     import sys
 
-    for path in write_pages(Path(sys.argv[1] if len(sys.argv) > 1 else "docs")):
+    for path in [*write_pages(Path(sys.argv[1] if len(sys.argv) > 1 else "docs")), *write_schema()]:
         print(f"wrote {path}")

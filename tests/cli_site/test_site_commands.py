@@ -437,7 +437,7 @@ def test_settings_are_shown_with_their_source(vsd: Vsd, project: Path, monkeypat
     shown = {s["name"]: (s["value"], s["source"]) for s in out["settings"]}
     assert shown["mask_below"] == (7, "VSD_MASK_BELOW")
     assert shown["distance_m"] == (2.0, "vsd.toml line 8")
-    assert shown["cell_m"] == (0.25, "default")
+    assert shown["smoothing_m"] == (0.5, "default")
 
 
 def test_network_file_systems_are_told_from_local_ones(tmp_path: Path) -> None:

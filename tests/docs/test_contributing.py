@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 import types
+from collections.abc import Iterator
 from pathlib import Path
 
 import duckdb
+import generate_reference as reference
 import pytest
 from pages import REPOSITORY, blocks
+from site_text import site_text
 
 from vsd_analytics import settings
 from vsd_analytics.ingest import pipeline
@@ -59,17 +63,50 @@ def test_the_adapter_example_reads_its_format(tmp_path: Path, monkeypatch: pytes
     assert [(r.line, r.reason) for r in batch.rejected] == [(3, "not-a-number")]
 
 
-def test_the_setting_example_is_one_line_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def with_the_setting() -> Iterator[types.ModuleType]:
+    """The settings with the page's example; within the test the whole package is imported anew and reads them."""
+    package = "vsd_analytics"
+    before = {name: module for name, module in sys.modules.items() if name.split(".")[0] == package}
     source = Path(settings.__file__).read_text(encoding="utf-8")
-    opening = "SETTINGS: tuple[Setting, ...] = (\n"
-    assert opening in source
-    copy = types.ModuleType("settings_copy")
-    monkeypatch.setitem(sys.modules, copy.__name__, copy)  # dataclasses look their module up
-    exec(compile(source.replace(opening, opening + example("setting")), "settings.py", "exec"), copy.__dict__)
+    opening = "    # fmt: off\n"
+    assert source.count(opening) == 1
+    changed = types.ModuleType(settings.__name__)
+    for name in before:
+        del sys.modules[name]
+    try:
+        sys.modules[settings.__name__] = changed  # dataclasses look their module up
+        text = source.replace(opening, opening + textwrap.indent(example("setting"), " " * 4))
+        exec(compile(text, "settings.py", "exec"), changed.__dict__)
+        yield changed
+    finally:
+        for name in [n for n in sys.modules if n.split(".")[0] == package]:
+            del sys.modules[name]
+        sys.modules.update(before)
 
-    assert set(copy.BY_NAME) - set(settings.BY_NAME) == {"long_violation_s"}
-    assert copy.Settings().long_violation_s == copy.BY_NAME["long_violation_s"].default == 60.0
-    assert copy.Settings().with_values({"long_violation_s": 30.0}).non_default() == {"long_violation_s": 30.0}
+
+def test_the_setting_example_is_one_line_of_one_file(with_the_setting: types.ModuleType, tmp_path: Path) -> None:
+    """All that reads the table knows the setting: vsd.toml, environment, doctor, manual, SQL, and the reports' id."""
+    from vsd_analytics.config import load_site
+    from vsd_analytics.doctor.checks import settings_in_force
+    from vsd_analytics.warehouse.dimensions import params
+
+    assert set(with_the_setting.BY_NAME) - set(settings.BY_NAME) == {"long_violation_s"}
+    assert with_the_setting.DEFAULTS.settings_id() != settings.DEFAULTS.settings_id()
+    (tmp_path / "vsd.toml").write_text(site_text() + "[rule]\nlong_violation_s = 30\n", encoding="utf-8")
+    site = load_site(tmp_path)
+    assert site.settings.non_default() == {"long_violation_s": 30.0}
+    assert params(site)["long_violation_ms"] == 30_000
+    assert load_site(tmp_path, environ={"VSD_LONG_VIOLATION_S": "40"}).settings.long_violation_s == 40.0  # type: ignore[attr-defined]
+    assert [s.source for s in settings_in_force(site) if s.name == "long_violation_s"] == [
+        f"vsd.toml line {_lines(tmp_path)}"
+    ]
+    row = "| `long_violation_s` | `60.0` | seconds | 0 to 3,600 | Violations at least this long count as long. |"
+    assert row in reference.settings_markdown()
+
+
+def _lines(folder: Path) -> int:
+    return len((folder / "vsd.toml").read_text(encoding="utf-8").splitlines())
 
 
 def test_the_figure_example_defines_and_computes_a_figure(tmp_path: Path) -> None:
@@ -97,7 +134,6 @@ def test_a_figure_is_registered_with_its_family() -> None:
     from vsd_analytics.figures.catalogue import count_figures
 
     assert callable(count_figures.figures)
-    assert "params" in (REPOSITORY / "vsd_analytics/warehouse/dimensions.py").read_text(encoding="utf-8")
 
 
 def test_every_room_has_its_line_in_the_architecture() -> None:

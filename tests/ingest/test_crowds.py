@@ -18,7 +18,7 @@ from vsd_analytics.ingest.raw import raw_table
 from vsd_analytics.ingest.replay import replay
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Preparer
-from vsd_analytics.settings import SETTINGS
+from vsd_analytics.settings import DEFAULTS
 
 NOW = datetime(2026, 11, 10, tzinfo=UTC)
 SITE = """
@@ -139,6 +139,5 @@ def test_rows_of_a_crowded_frame_are_not_stored_one_by_one_by_a_replay(root: Pat
 
 
 def test_the_limits_are_far_above_the_most_crowded_recordings_and_below_what_failed() -> None:
-    defaults = {s.name: s.default for s in SETTINGS}
-    assert 4 * 246 <= defaults["persons_max"] < 2200
-    assert defaults["pairs_max"] >= 246 * 245 / 2
+    assert 4 * 246 <= DEFAULTS.persons_max < 2200
+    assert DEFAULTS.pairs_max >= 246 * 245 / 2

@@ -14,7 +14,7 @@ from site_text import site_text
 
 from vsd_analytics.config import find_project, load_site
 from vsd_analytics.errors import ConfigError, UsageError, VsdError
-from vsd_analytics.settings import SETTINGS
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.site.model import Site
 
 SMALLEST = site_text()
@@ -57,7 +57,7 @@ def test_smallest_site_loads_with_defaults(tmp_path: Path) -> None:
     site = load(tmp_path, SMALLEST)
     assert (site.site_id, site.name, site.timezone, site.root) == ("shop", "Riverside Store", "Europe/Rome", tmp_path)
     assert (site.opening, site.closed, site.day_starts_min) == (None, frozenset(), 240)
-    assert site.settings.values == {s.name: s.default for s in SETTINGS}
+    assert site.settings == DEFAULTS
     (camera,) = site.cameras
     assert (camera.floor_id, camera.calibrations, camera.clock, camera.engine_ids) == ("ground", (), "UTC", ())
 

@@ -12,7 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from vsd_analytics.stats.durations import LONG_S, durations
+from vsd_analytics.settings import DEFAULTS
+from vsd_analytics.stats.durations import durations
 
 DRAWS = 199
 WORLDS = [(7, 60, 0.0), (7, 60, 0.1), (7, 60, 0.25), (7, 400, 0.1), (7, 400, 0.25), (28, 60, 0.1), (28, 60, 0.25)]
@@ -37,7 +38,7 @@ def row(n_days: int, per_day: int, sd: float, n_weeks: int, seed: int) -> str:
     """Return a row of the table."""
     rng = np.random.default_rng([seed, n_days, per_day, round(100 * sd)])
     every = 3 + np.exp(rng.normal(np.log(5), np.hypot(1, sd), 4_000_000))
-    truth, long_share = np.quantile(every, (0.5, 0.9)), (every >= LONG_S).mean()
+    truth, long_share = np.quantile(every, (0.5, 0.9)), (every >= DEFAULTS.sustained_s).mean()
     held = np.zeros(5)
     for k in range(n_weeks):
         sizes = rng.poisson(per_day * rng.gamma(16, 1 / 16, n_days))

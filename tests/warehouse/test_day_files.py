@@ -55,7 +55,7 @@ def crowd(seed: int, zone: str) -> list[Person | Frame]:
 
 
 def site_of(root: Path, zone: str = "Europe/Rome") -> Site:
-    site = make_site(root, timezone=zone, cameras=CAMERAS, owner_cell_m=0.5)
+    site = make_site(root, timezone=zone, cameras=CAMERAS)
     return replace(site, areas=AREAS)
 
 

@@ -10,6 +10,7 @@ from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+from vsd_analytics.settings import FLOOR_CELL_M
 
 if TYPE_CHECKING:
     from datetime import date
@@ -64,9 +65,9 @@ def heatmap(
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import operator_counts
 
-    stored_m = project.site.settings.cell_m
-    if cell_m <= 0 or cell_m > 1000 or abs(cell_m / stored_m - round(cell_m / stored_m)) > 1e-9:
-        raise UsageError(f"--cell {cell_m:g} is not a multiple of {stored_m:g} m", fix="--cell 0.5")
+    n_stored = cell_m / FLOOR_CELL_M
+    if cell_m <= 0 or cell_m > 1000 or abs(n_stored - round(n_stored)) > 1e-9:
+        raise UsageError(f"--cell {cell_m:g} is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5")
     if kind in ("png", "svg") and out is None:
         raise UsageError("a picture needs a file", fix=f"--out where.{kind}")
     if kind in ("png", "svg") and share:

@@ -9,19 +9,22 @@ import click
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json
 
-SCHEMAS = ("frame", "report", "tables")
+SCHEMAS = ("frame", "report", "tables", "config")
 
 
 @click.command()
 @click.argument("what", type=click.Choice(SCHEMAS))
 @json_option
 def schema(what: str, as_json: bool) -> None:
-    """Print a format as JSON: the frame message, the report's JSON file, the stored tables.
+    """Print a format as JSON: the frame message, the report's JSON file, the stored tables, vsd.toml.
+
+    frame, report and config are JSON Schemas; editors complete vsd.toml by that of config.
 
     \b
     Example:
       vsd schema frame > frame.schema.json
       vsd schema tables
+      vsd schema config > vsd.schema.json
     """
     emit = emit_json if as_json else _emit_indented
     emit(_schema(what))
@@ -36,6 +39,13 @@ def _schema(what: str) -> dict[str, Any]:
         from vsd_analytics.report.pages import json_and_csv
 
         return json_and_csv.json_schema()
+    if what == "config":
+        import json
+
+        from vsd_analytics.config.schema import SCHEMA_FILE
+
+        schema: dict[str, Any] = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
+        return schema
     from vsd_analytics.schema import KEYS, SCHEMAS
 
     return {

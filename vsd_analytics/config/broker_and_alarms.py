@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from vsd_analytics.config.reader import TableReader, nearest
 from vsd_analytics.site.model import AlarmDelivery, AlarmKind, AlarmRule, Area, Broker, Camera
 
-_KINDS = get_args(AlarmKind)
+_KINDS: tuple[AlarmKind, ...] = get_args(AlarmKind)
 
 _TOPICS = ("vsd/+/frames",)
 _CLIENT_ID = "vsd-listen"
@@ -76,10 +76,7 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
     rules: dict[str, AlarmRule] = {}
     for table in root.each("alarm"):
         alarm_id = table.id("id", example='"queue-too-full"')
-        kind = table.text("kind", example='"gathering"', required=True)
-        if kind is not None and kind not in _KINDS:
-            table.fault("kind", f"{table.label} kind {kind!r} is not one of {', '.join(_KINDS)}", fix=_close(kind))
-            kind = None
+        kind = table.word("kind", _KINDS, example="gathering", required=True)
         if alarm_id in rules:
             table.fault("id", f"two alarms have the id {alarm_id!r}", code="E125", fix="give one of them another id")
         for_s = table.number("for_s", minimum=0, maximum=86400, unit="seconds", example="60")
@@ -93,7 +90,7 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
                 table.fault(key, f"{table.label} is a {kind} and has no {key}", why=why, fix=f"take the line {key} out")
         rule = AlarmRule(
             alarm_id=alarm_id or "",
-            kind=kind or "gathering",  # type: ignore[arg-type]
+            kind=kind or "gathering",
             for_s=for_s or 0.0,
             area_id=_known(table, "area", {a.area_id for a in areas}),
             camera_ids=tuple(
@@ -136,11 +133,6 @@ def _is_web_address(text: str) -> bool:
 
 def _or(value: T | None, default: T) -> T:
     return default if value is None else value
-
-
-def _close(word: str) -> str | None:
-    near = nearest(word, _KINDS)
-    return f'kind = "{near}"' if near else None
 
 
 def _known(table: TableReader, key: str, known: Collection[str]) -> str | None:

@@ -15,7 +15,7 @@ from vsd_analytics.config.project import site_of
 from vsd_analytics.config.reader import suggest_id
 from vsd_analytics.config.toml_lines import TomlText
 from vsd_analytics.errors import UsageError
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.site.model import Site
 
 ALWAYS = "always"
@@ -43,7 +43,7 @@ class Answers:
     cameras: tuple[str, ...] = ("cam-1",)
     plan: str | None = None
     plan_m_per_px: float | None = None
-    distance_m: float = BY_NAME["distance_m"].default
+    distance_m: float = DEFAULTS.distance_m
 
 
 def write_first_config(folder: Path, *, answers: Answers) -> Site:
@@ -109,7 +109,7 @@ def render(answers: Answers) -> str:
     if answers.opening.strip().lower() != ALWAYS:
         opening = f"opening = {_inline(parse_opening_words(answers.opening))}"
     lines = [
-        "# What this site is. Every key: docs/guide.md; after a change: vsd doctor",
+        "# What this site is. Every key: docs/guide.md; editors: docs/settings.md; after a change: vsd doctor",
         "[site]",
         f"id = {_quoted(answers.site_id or suggest_id(answers.name))}",
         f"name = {_quoted(answers.name)}",
@@ -150,7 +150,7 @@ def render(answers: Answers) -> str:
         "# for_s = 60",
         '# area = "checkout-queue"',
     ]
-    if answers.distance_m > BY_NAME["pair_max_m"].default:  # pairs must be kept a little beyond the distance
+    if answers.distance_m > DEFAULTS.pair_max_m:  # pairs must be kept a little beyond the distance
         lines += ["", "[rule]", f"pair_max_m = {answers.distance_m + 0.5:g}"]
     text = "\n".join(lines) + "\n"
     tomllib.loads(text)  # every answer is quoted: this cannot fail

@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
-from vsd_analytics.config.reader import Mistakes, TableReader, nearest
+from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import read_toml
 from vsd_analytics.config.values import parse_instant, parse_picture_px, zone
 from vsd_analytics.errors import CalibrationError
@@ -23,6 +23,7 @@ HISTORY_FOLDER = "calibration"
 _POLYGON = "[[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]"
 _CORNER_MAX_M = 1e6  # as far as coordinate_max_m may reach
 _BOX_MAX_M2 = 250_000.0  # polygons are counted in cells of 0.25 m: beyond, the unit is wrong, or memory ends
+_PICTURE_PX: Form = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
 _KINDS = {"homography": '"calibration/cam-1.txt"', "points": '"calibration/cam-1.csv"'}
 
 
@@ -116,19 +117,8 @@ def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Fi
 
 
 def _fixture_kind(table: TableReader) -> FixtureKind:
-    value = table.text("kind", example='"shelf"')
     known: tuple[FixtureKind, ...] = get_args(FixtureKind)
-    for kind in known:
-        if value in (None, kind):
-            return kind
-    close = nearest(str(value), known)
-    table.fault(
-        "kind",
-        f"{table.label} kind {value!r} is not one of {', '.join(known)}",
-        note=f"did you mean {close}?" if close else None,
-        fix=f'kind = "{close or "other"}"',
-    )
-    return known[0]
+    return table.word("kind", known, example="shelf", fix="other") or known[0]
 
 
 def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind: str) -> str | None:
@@ -180,7 +170,9 @@ def _picture(table: TableReader, key: str, *, suffixes: tuple[str, ...] | None =
 
 def _picture_px(table: TableReader, picture: Path | None) -> tuple[int, int] | None:
     """Return the picture size given, else that of the picture file."""
-    given: tuple[int, int] | None = table.parsed("picture_px", example="[1920, 1080]", parse=parse_picture_px)
+    given: tuple[int, int] | None = table.parsed(
+        "picture_px", example="[1920, 1080]", parse=parse_picture_px, form=_PICTURE_PX
+    )
     if given is not None or picture is None:
         return given
     found = picture_size(picture)
@@ -288,7 +280,7 @@ def _calibration(table: TableReader, *, timezone: str, from_key: str) -> Calibra
     def instant(value: Any) -> datetime:
         return parse_instant(value, timezone=timezone)
 
-    valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=instant)
+    valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=instant, form=DATE)
     make = f"take this line out and make it: vsd calibrate {table.values.get('id', 'CAMERA')} --points FILE.csv"
     files = {kind: table.file(kind, example=example, fix=make) for kind, example in _KINDS.items()}
     named = table.values.keys() & files.keys()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, get_args
 from urllib.parse import urlsplit
 
-from vsd_analytics.config.reader import TableReader, nearest
+from vsd_analytics.config.reader import REFUSED, TableReader
 from vsd_analytics.site.model import MailRoute, MailTls
 
 PORTS: Final[dict[MailTls, int]] = {"starttls": 587, "tls": 465, "none": 25}
@@ -31,7 +31,7 @@ def read_mail(root: TableReader) -> MailRoute | None:
         return None
     table = root.inner("mail")
     for key in ("password", "passwd", "pass"):
-        if table.raw(key) is not None:
+        if table.raw(key, REFUSED) is not None:
             table.mistakes.add(
                 table.path,  # not the line itself: messages end in logs
                 f"[mail] {key}: a password does not belong into vsd.toml",
@@ -41,8 +41,9 @@ def read_mail(root: TableReader) -> MailRoute | None:
             )
     smtp = table.text("smtp", example='"mail.example.org"')
     sendmail = _program(table)
+    why = 'or, with a mail program: sendmail = "/usr/sbin/sendmail"'
     if (smtp is None) == (sendmail is None) and not {"smtp", "sendmail"} <= set(table.values):
-        table.missing("smtp", '"mail.example.org"', why='or, with a mail program: sendmail = "/usr/sbin/sendmail"')
+        table.missing("smtp", '"mail.example.org"', why=why, instead="sendmail")
     elif smtp is not None and sendmail is not None:
         table.fault("sendmail", "[mail] has both smtp and sendmail", fix="keep one of the two")
     tls = _tls(table)
@@ -103,14 +104,8 @@ def _is_web_address(text: str) -> bool:
 
 
 def _tls(table: TableReader) -> MailTls:
-    kinds = get_args(MailTls)
-    text = table.text("tls", example='"starttls"')
-    if text is not None and text not in kinds:
-        near = nearest(text, kinds)
-        fix = f'tls = "{near or "starttls"}"'
-        table.fault("tls", f"[mail] tls {text!r} is not one of {', '.join(kinds)}", fix=fix)
-        text = None
-    return text or "starttls"  # type: ignore[return-value]
+    kinds: tuple[MailTls, ...] = get_args(MailTls)
+    return table.word("tls", kinds, example="starttls", fix="starttls") or "starttls"
 
 
 def _recipients(table: TableReader) -> tuple[str, ...]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
 from vsd_analytics.config.engine_error import read_engine
 from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
 from vsd_analytics.config.mail_route import read_base_url, read_chromium, read_mail
-from vsd_analytics.config.opening import Spans, parse_opening
-from vsd_analytics.config.reader import Mistakes, TableReader
+from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
+from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
 from vsd_analytics.config.site_settings import read_settings
 from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
@@ -22,6 +21,12 @@ from vsd_analytics.site.model import Site
 
 FILE = "vsd.toml"
 DAY_STARTS_MIN = 240
+
+_DATES: Form = {"type": "array", "items": DATE}
+_DAY = f"({'|'.join(WEEKDAYS)})"
+_HOURS: Form = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+_OPENING: Form = {"patternProperties": {f"^{_DAY}(-{_DAY})?$": _HOURS}, "additionalProperties": False}
+_NAMES: Form = {"additionalProperties": {"type": "string", "minLength": 1}}
 
 
 def find_project(start: Path) -> Path:
@@ -78,7 +83,8 @@ def site_of(text: TomlText, *, folder: Path, environ: Mapping[str, str] | None =
         ConfigError: It has mistakes (E103).
     """
     mistakes = Mistakes(text)
-    site = _read_site(tomllib.loads(text.text), folder=folder, mistakes=mistakes, environ=environ or {})
+    root = TableReader(tomllib.loads(text.text), path=(), label=FILE, mistakes=mistakes, folder=folder)
+    site = read_site(root, environ=environ or {})
     if site is None:
         raise _refused(mistakes.all)
     return site
@@ -94,9 +100,14 @@ def _refused(problems: tuple[VsdError, ...]) -> ConfigError:
     )
 
 
-def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, environ: Mapping[str, str]) -> Site | None:
-    """Return the site, or None after noting what is wrong."""
-    root = TableReader(values, path=(), label=FILE, mistakes=mistakes, folder=folder)
+def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
+    """Return the site that a whole `vsd.toml` describes, or None after noting what is wrong.
+
+    Args:
+        root: Reader of the file.
+        environ: Environment that overrides settings.
+    """
+    values, mistakes = root.values, root.mistakes
     if "site" not in values:
         example = '[site] with id = "shop", name = "My shop", timezone = "Europe/Rome"'
         mistakes.add((), f"{FILE} has no table [site]", code="E123", fix=f"add: {example}")
@@ -106,8 +117,8 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
     name = site.text("name", example='"Riverside Store"', required=has_site)
     timezone = zone(site, "timezone", required=has_site) or "UTC"
     opening = _opening(site, mistakes)
-    closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates)
-    day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start)
+    closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates, form=_DATES)
+    day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start, form=DATE)
     tables = {
         "site": site,
         **{key: root.inner(key) for key in ("rule", "report", "analysis", "ingest", "alarms", "privacy")},
@@ -133,7 +144,7 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
         site_id=site_id,
         name=name,
         timezone=timezone,
-        root=folder,
+        root=root.folder,
         opening=opening,
         closed=closed or frozenset(),
         day_starts_min=DAY_STARTS_MIN if day_starts is None else day_starts,
@@ -155,9 +166,10 @@ def _read_site(values: dict[str, Any], *, folder: Path, mistakes: Mistakes, envi
 
 
 def _opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
-    if site.raw("opening") is None:
+    if site.raw("opening", {"type": "object", **_OPENING}) is None:
         return None
-    week, wrong = parse_opening(site.table("opening", example='{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'))
+    example = '{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'
+    week, wrong = parse_opening(site.table("opening", example=example, form=_OPENING))
     for key, error in wrong:
         mistakes.add(("site", "opening", key), f"[site] opening: {error}", code="E127", fix=error.fix)
     return week
@@ -165,7 +177,7 @@ def _opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
 
 def _ingest_map(ingest: TableReader, mistakes: Mistakes) -> dict[str, str]:
     names: dict[str, str] = {}
-    for key, value in ingest.table("map", example='{ x_m = "X" }').items():
+    for key, value in ingest.table("map", example='{ x_m = "X" }', form=_NAMES).items():
         if isinstance(value, str) and value:
             names[key] = value
         else:

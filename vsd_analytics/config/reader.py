@@ -1,4 +1,7 @@
-"""Typed reading of one TOML table that notes every mistake with its line instead of stopping at the first."""
+"""Typed reading of one TOML table that notes every mistake with its line instead of stopping at the first.
+
+A reader remembers what it was asked for, so that the JSON Schema of the file follows from it (`config.schema`).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable
 from datetime import date, datetime
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from vsd_analytics.config.toml_lines import KeyPath, TomlText
 from vsd_analytics.errors import CONTROL, VsdError
@@ -17,6 +20,21 @@ ID_PATTERN = "[a-z0-9][a-z0-9_-]{0,62}"
 NAME_MAX_CHARS = 200
 
 T = TypeVar("T")
+Word = TypeVar("Word", bound=str)
+
+Form: TypeAlias = dict[str, Any]
+"""A JSON Schema of the value of a key."""
+
+EXAMPLE = "example"
+"""Key of a `Form`: a value as `vsd.toml` writes it."""
+
+DATE: Form = {"type": "string"}
+"""A date, a time, or both: editors see those of TOML as texts."""
+
+REFUSED: Form = {"not": {}}
+"""A key that is known to be a mistake."""
+
+_NUMBER: Form = {"type": "number"}
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
@@ -80,11 +98,16 @@ class TableReader:
         label: How messages call it, such as `[[camera]] "cam-1"`.
         mistakes: Where to note.
         folder: Folder that relative paths start from.
+
+    Attributes:
+        asked: What each key looked at may be: the schema of a value, the reader of a table, the readers of `[[key]]`.
+        needed: Keys found missing; of several in one entry, one is enough.
     """
 
     def __init__(self, values: dict[str, Any], *, path: KeyPath, label: str, mistakes: Mistakes, folder: Path) -> None:
         self.values, self.path, self.label, self.mistakes, self.folder = values, path, label, mistakes, folder
-        self._asked: list[str] = []
+        self.asked: dict[str, Form | TableReader | list[TableReader]] = {}
+        self.needed: list[tuple[str, ...]] = []
 
     def fault(
         self,
@@ -99,13 +122,22 @@ class TableReader:
         """Note a mistake at a key of this table."""
         self.mistakes.add((*self.path, key), what, code=code, why=why, fix=fix, note=note)
 
-    def raw(self, key: str) -> Any:
-        """Return the value as it stands, or None."""
-        self._asked.append(key)
+    def raw(self, key: str, form: Form | None = None, *, example: str | None = None) -> Any:
+        """Return the value as it is, or None.
+
+        Args:
+            key: The key.
+            form: What it may be; None = it is asked for again.
+            example: A value as TOML.
+        """
+        if form is not None or key not in self.asked:
+            known = {} if example is None else {EXAMPLE: example}
+            self.asked[key] = {**(form or {}), **known}
         return self.values.get(key)
 
-    def missing(self, key: str, example: str, *, why: str | None = None) -> None:
-        """Note that a needed key is not there."""
+    def missing(self, key: str, example: str, *, why: str | None = None, instead: str | None = None) -> None:
+        """Note that a needed key, or the one that may be there instead, is not there."""
+        self.needed.append((key,) if instead is None else (key, instead))
         fix = f"add a line such as: {key} = {example}"
         self.mistakes.add(self.path, f"{self.label} has no {key}", code="E123", why=why, fix=fix)
 
@@ -116,7 +148,7 @@ class TableReader:
 
     def text(self, key: str, *, example: str, required: bool = False) -> str | None:
         """Return a text that is not empty."""
-        value = self.raw(key)
+        value = self.raw(key, {"type": "string", "minLength": 1, "maxLength": NAME_MAX_CHARS}, example=example)
         if value is None:
             if required:
                 self.missing(key, example)
@@ -133,9 +165,28 @@ class TableReader:
             return None
         return value
 
+    def word(
+        self, key: str, words: tuple[Word, ...], *, example: Word, fix: Word | None = None, required: bool = False
+    ) -> Word | None:
+        """Return one of some words; a word that is close to none of them is answered with `fix`."""
+        value = self.text(key, example=f'"{example}"', required=required)
+        self.raw(key, {"enum": list(words)})
+        for word in words:
+            if value == word:
+                return word
+        if value is not None:
+            close = nearest(value, words)
+            self.fault(
+                key,
+                f"{self.label} {key} {value!r} is not one of {', '.join(words)}",
+                note=f"did you mean {close}?" if close else None,
+                fix=f'{key} = "{close or fix}"' if close or fix else None,
+            )
+        return None
+
     def id(self, key: str, *, example: str) -> str | None:
         """Return an identifier: lower-case letters, digits, - and _, at most 63."""
-        value = self.raw(key)
+        value = self.raw(key, {"type": "string", "pattern": f"^{ID_PATTERN}$"}, example=example)
         if value is None:
             self.missing(key, example)
             return None
@@ -157,7 +208,8 @@ class TableReader:
         self, key: str, *, minimum: float, maximum: float, unit: str, example: str, whole: bool = False
     ) -> float | int | None:
         """Return a finite number within [minimum, maximum]."""
-        value = self.raw(key)
+        form = {"type": "integer" if whole else "number", "minimum": minimum, "maximum": maximum}
+        value = self.raw(key, form, example=example)
         if value is None:
             return None
         if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
@@ -173,7 +225,7 @@ class TableReader:
 
     def flag(self, key: str) -> bool | None:
         """Return true or false."""
-        value = self.raw(key)
+        value = self.raw(key, {"type": "boolean"})
         if value is None or isinstance(value, bool):
             return value
         self.wrong_type(key, "true or false", "true")
@@ -181,7 +233,7 @@ class TableReader:
 
     def points(self, key: str, *, least: int, example: str) -> tuple[tuple[float, float], ...] | None:
         """Return a list of at least `least` finite [x, y]."""
-        value = self.raw(key)
+        value = self.raw(key, {"type": "array", "items": _numbers(2), "minItems": least}, example=example)
         if value is None:
             return None
         if not (isinstance(value, list) and all(_is_numbers(p, 2) for p in value)):
@@ -199,7 +251,7 @@ class TableReader:
 
     def pair(self, key: str, *, example: str) -> tuple[float, float] | None:
         """Return two finite numbers."""
-        value = self.raw(key)
+        value = self.raw(key, _numbers(2), example=example)
         if value is None:
             return None
         if not _is_numbers(value, 2):
@@ -209,7 +261,7 @@ class TableReader:
 
     def texts(self, key: str, *, example: str) -> tuple[str, ...]:
         """Return a list of texts; () when absent."""
-        value = self.raw(key)
+        value = self.raw(key, {"type": "array", "items": {"type": "string", "minLength": 1}}, example=example)
         if value is None:
             return ()
         if not (isinstance(value, list) and all(isinstance(v, str) and v for v in value)):
@@ -217,9 +269,15 @@ class TableReader:
             return ()
         return tuple(value)
 
-    def table(self, key: str, *, example: str) -> dict[str, Any]:
-        """Return a table inside this one; {} when absent."""
-        value = self.raw(key)
+    def table(self, key: str, *, example: str, form: Form) -> dict[str, Any]:
+        """Return a table inside this one; {} when absent.
+
+        Args:
+            key: Its key.
+            example: Such a table as TOML.
+            form: What its keys and values may be.
+        """
+        value = self.raw(key, {"type": "object", **form}, example=example)
         if value is None:
             return {}
         if not isinstance(value, dict):
@@ -229,12 +287,15 @@ class TableReader:
 
     def inner(self, key: str) -> TableReader:
         """Return a reader of the table `[key]`; empty when absent."""
-        values = self.table(key, example="{ ... }")
-        return TableReader(values, path=(*self.path, key), label=f"[{key}]", mistakes=self.mistakes, folder=self.folder)
+        values = self.table(key, example="{}", form={})
+        path = (*self.path, key)
+        reader = TableReader(values, path=path, label=f"[{key}]", mistakes=self.mistakes, folder=self.folder)
+        self.asked[key] = reader
+        return reader
 
     def each(self, key: str) -> list[TableReader]:
         """Return a reader per table of `[[key]]`."""
-        found = self.raw(key)
+        found = self.raw(key, {"type": "array"})
         if found is None:
             return []
         if not (isinstance(found, list) and all(isinstance(values, dict) for values in found)):
@@ -246,6 +307,7 @@ class TableReader:
             label = f"[[{key}]] {name}"
             path = (*self.path, key, i)
             readers.append(TableReader(values, path=path, label=label, mistakes=self.mistakes, folder=self.folder))
+        self.asked[key] = readers
         return readers
 
     def file(self, key: str, *, example: str, fix: str | None = None) -> Path | None:
@@ -269,9 +331,9 @@ class TableReader:
             return None
         return path
 
-    def parsed(self, key: str, *, example: str, parse: Callable[[Any], T]) -> T | None:
+    def parsed(self, key: str, *, example: str, parse: Callable[[Any], T], form: Form) -> T | None:
         """Return `parse(value)`; a ValueError it raises is noted in its own words."""
-        value = self.raw(key)
+        value = self.raw(key, form, example=example)
         if value is None:
             return None
         try:
@@ -283,15 +345,19 @@ class TableReader:
     def close(self) -> None:
         """Note every key nobody asked for, with the nearest one that exists."""
         for key in self.values:
-            if key not in self._asked:
-                close = nearest(key, self._asked)
+            if key not in self.asked:
+                close = nearest(key, self.asked)
                 self.fault(
                     key,
                     f"{self.label} knows no key {key!r}",
                     code="E122",
                     note=f"did you mean {close}?" if close else None,
-                    fix=f"rename it to {close}" if close else f"known keys: {', '.join(sorted(set(self._asked)))}",
+                    fix=f"rename it to {close}" if close else f"known keys: {', '.join(sorted(self.asked))}",
                 )
+
+
+def _numbers(count: int) -> Form:
+    return {"type": "array", "items": _NUMBER, "minItems": count, "maxItems": count}
 
 
 def _is_numbers(value: Any, count: int) -> bool:

@@ -9,9 +9,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.config.reader import Mistakes, TableReader
+from vsd_analytics.config.reader import Form, Mistakes, TableReader
 from vsd_analytics.config.toml_lines import TomlText
-from vsd_analytics.settings import CHOICES, SETTINGS, Setting
+from vsd_analytics.settings import FORMER, SETTINGS, Setting
 
 ENVIRONMENT_PREFIX = "VSD_"
 
@@ -50,8 +50,31 @@ def read_settings(tables: Mapping[str, TableReader], *, environ: Mapping[str, st
             value = _from_environment(setting, variable, environ[variable], mistakes)
             if value is not None:
                 found.values[setting.name], found.sources[setting.name] = value, variable
+    _check_former(tables["rule"], environ=environ, mistakes=mistakes)
     _check_together(found.values, tables)
     return found
+
+
+def _check_former(rule: TableReader, *, environ: Mapping[str, str], mistakes: Mistakes) -> None:
+    """Note a former setting that does not have the value that its constant has now."""
+    for name, constant in FORMER.items():
+        _constant(rule, name, constant)
+        variable = ENVIRONMENT_PREFIX + name.upper()
+        if variable in environ:
+            reader, apart = _variable(name, variable, environ[variable])
+            _constant(reader, name, constant)
+            mistakes.take(apart.all)
+
+
+def _constant(table: TableReader, name: str, constant: float) -> None:
+    value = table.raw(name, {"const": constant, "deprecated": True})
+    if value is not None and (isinstance(value, bool) or value != constant):
+        table.fault(
+            name,
+            f"{table.label} {name} = {value} cannot be set: it is always {constant:g} metres",
+            why="stored facts of every age lie in the same cells, so that weeks can be compared",
+            fix=f"take the line {name} out",
+        )
 
 
 def _read(table: TableReader, setting: Setting) -> Any:
@@ -59,11 +82,21 @@ def _read(table: TableReader, setting: Setting) -> Any:
     if isinstance(default, bool):
         return table.flag(setting.name)
     if isinstance(default, str):
-        return table.parsed(setting.name, example=f'"{default}"', parse=lambda value: _choice(value, setting))
+        return table.parsed(
+            setting.name,
+            example=f'"{default}"',
+            parse=lambda value: _choice(value, setting),
+            form={"enum": list(setting.choices)},
+        )
     assert setting.minimum is not None
     assert setting.maximum is not None
     if isinstance(default, tuple):
-        return table.parsed(setting.name, example=str(list(default)), parse=lambda value: _steps(value, setting))
+        return table.parsed(
+            setting.name,
+            example=str(list(default)),
+            parse=lambda value: _steps(value, setting),
+            form=_form_of_steps(setting),
+        )
     value = table.number(
         setting.name,
         minimum=setting.minimum,
@@ -76,25 +109,39 @@ def _read(table: TableReader, setting: Setting) -> Any:
 
 
 def _from_environment(setting: Setting, variable: str, text: str, mistakes: Mistakes) -> Any:
-    try:
-        values = tomllib.loads(f"{setting.name} = {text}")
-    except tomllib.TOMLDecodeError:
-        values = {setting.name: text}
-    apart = Mistakes(TomlText(f"environment variable {variable}", ""))
-    value = _read(TableReader(values, path=(), label=variable, mistakes=apart, folder=Path()), setting)
+    reader, apart = _variable(setting.name, variable, text)
+    value = _read(reader, setting)
     mistakes.take(apart.all)
     return value
 
 
+def _variable(name: str, variable: str, text: str) -> tuple[TableReader, Mistakes]:
+    """Return a reader of an environment variable as a table with one key, and the mistakes it will note."""
+    try:
+        values = tomllib.loads(f"{name} = {text}")
+    except tomllib.TOMLDecodeError:
+        values = {name: text}
+    apart = Mistakes(TomlText(f"environment variable {variable}", ""))
+    return TableReader(values, path=(), label=variable, mistakes=apart, folder=Path()), apart
+
+
 def _choice(value: Any, setting: Setting) -> str:
     """Return one of the words a setting may be."""
-    if value not in CHOICES[setting.name]:
-        raise ValueError(f"must be {' or '.join(CHOICES[setting.name])}")
+    if value not in setting.choices:
+        raise ValueError(f"must be {' or '.join(setting.choices)}")
     return str(value)
+
+
+def _form_of_steps(setting: Setting) -> Form:
+    """Return the schema of a setting that is a list of numbers; that they must rise, no schema can say."""
+    assert isinstance(setting.default, tuple)
+    number, count = {"type": "number", "minimum": setting.minimum, "maximum": setting.maximum}, len(setting.default)
+    return {"type": "array", "items": number, "minItems": count, "maxItems": count}
 
 
 def _steps(value: Any, setting: Setting) -> tuple[float, ...]:
     """Return rising numbers within the setting's range, as many as its default has."""
+    assert isinstance(setting.default, tuple)
     count, low, high = len(setting.default), setting.minimum or 0.0, setting.maximum or 0.0
     if not (isinstance(value, list) and len(value) == count and all(type(v) in (int, float) for v in value)):
         raise ValueError(f"must be a list of {count} numbers")

@@ -21,13 +21,12 @@ from vsd_analytics.figures.change_weeks import WEEKS, Windows, changed_areas, lo
 from vsd_analytics.figures.compare import Days, known_area, known_floor, span, why_not
 from vsd_analytics.figures.panels import FloorHours, Ints, Panel, Period, Place, TwoPeriods, positions
 from vsd_analytics.result import Reason, State
+from vsd_analytics.settings import FLOOR_CELL_M, Settings
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.warehouse.warehouse import Warehouse
 
-APART_M: Final = 5.0
-"""Comparison areas are at least this far from the changed one."""
 RING_M: Final = (2.0, 5.0)
 """How far around the changed area people are looked for who only moved on."""
 
@@ -141,7 +140,7 @@ def before_after(
     few = Reason("redesign.stored", n=windows.n_weeks, weeks=weeks)
     notes = (few,) if windows.n_weeks < weeks else ()
     if not chosen:
-        if (why := _too_few(alone)) is not None:
+        if (why := _too_few(alone, site.settings)) is not None:
             return _refused(number, entry, area, "not_enough_data", why, windows)
         return BeforeAfterFigure(
             number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
@@ -207,8 +206,9 @@ def _comparison_areas(
             continue
         apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
         at = _at(pair, _cameras(pair, other))
-        if apart_m < APART_M:
-            left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=APART_M)
+        if apart_m < site.settings.change_apart_m:
+            least_m = site.settings.change_apart_m
+            left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=least_m)
         elif other.area_id in changed:
             left_out[other.area_id] = Reason("redesign.changed_too", day=str(changed[other.area_id]))
         elif not pair.is_comparable[at].all():
@@ -240,7 +240,15 @@ def _effect(
         days = Period(pair.data, *trend).days
         history = _period([pair.data.panel(p, days) for p in (place, *others)], days=days, per=per)
     least = settings.min_exposure_h if per == "exposure_h" else 0.0
-    return test.before_after(before, after, history=history, confidence=settings.confidence, min_exposure_h=least)
+    return test.before_after(
+        before,
+        after,
+        history=history,
+        confidence=settings.confidence,
+        min_days=settings.change_min_days,
+        min_events=settings.change_min_violations,
+        min_exposure_h=least,
+    )
 
 
 def _period(panels: Sequence[Panel], *, days: Sequence[date], per: Per) -> test.PeriodDays:
@@ -271,7 +279,7 @@ def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighb
 
 def _ring(data: FloorHours, area: Area) -> Place:
     """Return what was counted in the cells whose middle lies 2 to 5 m outside an area."""
-    cell_m, shape = data.site.settings.cell_m, shapely.Polygon(area.polygon)
+    cell_m, shape = FLOOR_CELL_M, shapely.Polygon(area.polygon)
     x0, y0, x1, y1 = shape.buffer(RING_M[1]).bounds
     cx, cy = np.meshgrid(
         np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)), np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m))
@@ -310,13 +318,13 @@ def _at(pair: TwoPeriods, cameras: set[str]) -> Ints:
     return np.array([i for i, c in enumerate(pair.data.ids) if c in cameras], dtype=np.int64)
 
 
-def _too_few(alone: ChangeEstimate) -> Reason | None:
+def _too_few(alone: ChangeEstimate, settings: Settings) -> Reason | None:
     """Return why an area by itself has too little for before and after, or None."""
-    if alone.n_days < test.MIN_DAYS:
-        return Reason("redesign.pairs", least=test.MIN_DAYS, has=alone.n_days)
+    if alone.n_days < settings.change_min_days:
+        return Reason("redesign.pairs", least=settings.change_min_days, has=alone.n_days)
     for name, n in (("before", alone.n_a or 0.0), ("after", alone.n_b or 0.0)):
-        if n < test.MIN_EVENTS:
-            return Reason(f"redesign.events_{name}", least=test.MIN_EVENTS, has=n)
+        if n < settings.change_min_violations:
+            return Reason(f"redesign.events_{name}", least=settings.change_min_violations, has=n)
     return None if alone.state == "ok" else alone.reason
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from vsd_analytics.figures.hotspots import SEEN_SHARE
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.result import Reason
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.dimensions import area_cells, in_force
 
@@ -49,7 +50,7 @@ def area_borders(site: Site, *, at_ms: int) -> tuple[AreaBorder, ...]:
     """
     cells = area_cells(site)
     ids, cx, cy = (cells[name].to_numpy(zero_copy_only=False) for name in ("area_id", "cx", "cy"))
-    middles = (np.column_stack((cx, cy)) + 0.5) * site.settings.cell_m
+    middles = (np.column_stack((cx, cy)) + 0.5) * FLOOR_CELL_M
     views = {floor.floor_id: _views(site, floor.floor_id, at_ms=at_ms) for floor in site.floors}
     bounds = {floor.floor_id: camera_views.plan_bounds(floor) for floor in site.floors}
     found = []

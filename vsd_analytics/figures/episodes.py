@@ -13,7 +13,6 @@ from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS
 from vsd_analytics.figures.groups import NOTHING, PURGED
 from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.durations import (
-    CONTACT_S,
     CloseContacts,
     Distances,
     Durations,
@@ -56,7 +55,7 @@ class EpisodeFigures:
         floor_id: Floor; None = the whole site.
         durations: How long violations that began in opening hours last (M10).
         distances: How close to the nearest person those in violation are, all recorded hours (M11).
-        contacts: Pairs with 15 minutes within 24 hours, all recorded hours (M12).
+        contacts: Pairs with `contact_s` within 24 hours, all recorded hours (M12).
         tracks: Track ids (M4, M29).
     """
 
@@ -123,7 +122,12 @@ def _why(told: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | Non
 
 def _durations(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any], seed: int) -> Durations:
     settings = warehouse.site.settings
-    rules: dict[str, Any] = {"seed": seed, "confidence": settings.confidence, "min_days": settings.min_days}
+    rules: dict[str, Any] = {
+        "seed": seed,
+        "confidence": settings.confidence,
+        "min_days": settings.min_days,
+        "sustained_s": settings.sustained_s,
+    }
     if (why := _why(told, needs_ids=True)) is not None:
         none = durations([], [], None, **rules)
         share = replace(none.long_share, state=why[0], reason=why[1])
@@ -155,8 +159,10 @@ def _distances(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any],
 def _contacts(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) -> CloseContacts:
     if (why := _why(told, needs_ids=True)) is not None:
         return CloseContacts(None, 0, None, *why)
-    rows = warehouse.table(_EPISODES, {**span, "contact_s": CONTACT_S})
-    return close_contacts(*(rows[name].to_numpy() for name in ("pair", "started_s", "duration_s", "is_long_lived")))
+    contact_s = warehouse.site.settings.contact_s
+    rows = warehouse.table(_EPISODES, {**span, "contact_s": contact_s})
+    columns = (rows[name].to_numpy() for name in ("pair", "started_s", "duration_s", "is_long_lived"))
+    return close_contacts(*columns, contact_s=contact_s)
 
 
 def _tracks(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) -> Tracks:

@@ -142,7 +142,7 @@ def forecast(
     """
     slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
     next_monday = monday + timedelta(days=7)
-    open_h = open_hours(warehouse.site, next_monday)
+    open_h, share = open_hours(warehouse.site, next_monday), warehouse.site.settings.forecast_share
     return FloorForecast(
         week=iso_week(next_monday),
         monday=next_monday,
@@ -152,19 +152,21 @@ def forecast(
             day for day in (next_monday + timedelta(days=i) for i in range(7)) if day in warehouse.site.closed
         ),
         left_out=slots.left_out,
-        people=_series(slots, slots.people, open_h, why=slots.why_no_people, is_count=False),
-        violations=_series(slots, slots.violations, open_h, why=slots.why_no_violations, is_count=True),
+        people=_series(slots, slots.people, open_h, why=slots.why_no_people, is_count=False, share=share),
+        violations=_series(slots, slots.violations, open_h, why=slots.why_no_violations, is_count=True, share=share),
         gatherings=_gatherings(slots, gatherings, open_h),
     )
 
 
-def _series(slots: Slots, weeks: Weeks, open_h: Floats, *, why: Reason | None, is_count: bool) -> SeriesForecast:
+def _series(
+    slots: Slots, weeks: Weeks, open_h: Floats, *, why: Reason | None, is_count: bool, share: float
+) -> SeriesForecast:
     unit, denominator = ("violations", "open hour") if is_count else ("people in view, mean", "recorded open hours")
     if why is not None:
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", why)
     n, x_h = weeks.n, weeks.x_h
-    made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h)
-    before = forecast_week(n[:-1], x_h[:-1], is_count=is_count, open_h=slots.open_h[-1])
+    made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h, share=share)
+    before = forecast_week(n[:-1], x_h[:-1], is_count=is_count, open_h=slots.open_h[-1], share=share)
     score = score_forecast(before, n[-1], x_h[-1])
     rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
     level = made.level if made.state == "ok" else None

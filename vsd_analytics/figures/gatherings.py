@@ -34,6 +34,7 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 HOURS: Final = 100.0
 """Gatherings are told per so many recorded open hours."""
 N_TOP: Final = 5
+"""Rows on a page; all gatherings are counted."""
 COUNTED: Final = {f"level.{name}": f"gatherings.{name}" for name in ("none_often", "events", "camera")}
 """Reasons of a rate that name violations: those of gatherings name gatherings."""
 PURGED: Final = Reason("purged.clusters")

@@ -25,6 +25,7 @@ from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 CELL_M: Final = 1.0
+"""Side of the cells that are tested: the smoothing makes finer ones alike, and their tests cost power."""
 SIGMA_M: Final = 1.0
 """Standard deviation of the smoothing of violations and person-hours."""
 SEEN_SHARE: Final = 0.8

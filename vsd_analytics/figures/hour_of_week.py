@@ -14,6 +14,7 @@ from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, Peaks, SlotRates
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 PROFILE_WEEKS: Final = 4
+"""Weeks of an hour-of-week profile: definition of M13 and M14; older weeks are another season."""
 
 
 @dataclass(frozen=True, slots=True)

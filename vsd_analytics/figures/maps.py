@@ -18,6 +18,7 @@ from scipy import ndimage
 from vsd_analytics.figures.floor_days import CELLS_MAX, NO_FLOOR, NO_POSITIONS, Flags, Floats, Grid, Ints
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.result import Reason, State
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.stats.decomposition import closeness, nearby
@@ -25,6 +26,7 @@ from vsd_analytics.stats.hotspots import TRUNCATE
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 CELL_M: Final = 0.5
+"""Side of the cells of the maps M16 to M19: part of their definition, and a multiple of the stored cells."""
 SIGMA_M: Final = 1.0
 """Standard deviation of the smoothing of risk and excess."""
 MIN_EXPOSURE_H: Final = 0.25
@@ -362,7 +364,7 @@ def _load(
             "hours": chosen["hour_start_ms"].to_pylist(),
             "numbers": list(range(chosen.num_rows)),
             "floor": floor.floor_id,
-            "side": settings.cell_m / cell_m,
+            "side": FLOOR_CELL_M / cell_m,
         },
     )
     hour, cx, cy, exposure_s, violation_s = (c.to_numpy() for c in rows.columns)

@@ -12,6 +12,7 @@ import numpy as np
 
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Period, Place, TwoPeriods, positions
 from vsd_analytics.result import Reason
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.stats.decomposition import Mixing, MixingChange, compare_mixing, mixing
 
 CELLS_MAX: Final = 4_000_000
@@ -32,7 +33,7 @@ def mixing_of(period: Period) -> Mixing:
         panel.n,
         panel.exposure_h,
         maps,
-        cell_m=settings.cell_m,
+        cell_m=FLOOR_CELL_M,
         distance_m=settings.distance_m,
         confidence=settings.confidence,
         min_days=settings.min_days,
@@ -54,7 +55,7 @@ def mixing_change(pair: TwoPeriods) -> MixingChange:
         (before.n, now.n),
         (before.exposure_h, now.exposure_h),
         (maps[0], maps[1]),
-        cell_m=settings.cell_m,
+        cell_m=FLOOR_CELL_M,
         distance_m=settings.distance_m,
         confidence=settings.confidence,
         min_days=settings.min_days,

@@ -13,6 +13,8 @@ from vsd_analytics.site.model import EngineError
 from vsd_analytics.stats.sensitivity import Crossings, ThresholdPoint, crossings, true_records
 from vsd_analytics.warehouse.warehouse import Warehouse
 
+WHOLE_FROM: Final = 100
+"""Three significant digits of a number this large have none behind the point."""
 FACTORS: Final = (0.9, 1.0, 1.1)
 """A calibration that is off by 10 % counts at one of these times the legal distance."""
 
@@ -168,7 +170,7 @@ def engine_effect(error: EngineError, *, violation_records: int, moved: Crossing
 
 def _short(n: float) -> str:
     """Return a count with three significant digits."""
-    return f"{float(f'{n:.3g}'):,.0f}" if n >= 100 else f"{n:.3g}"
+    return f"{float(f'{n:.3g}'):,.0f}" if n >= WHOLE_FROM else f"{n:.3g}"
 
 
 def _unknown(distance_m: float, state: State, reason: Reason) -> ThresholdPoint:

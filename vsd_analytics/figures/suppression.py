@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from vsd_analytics.result import Reason
 
 K = TypeVar("K", bound=Hashable)
 Count = int | Mapping[str, int]
 """A count, or a count by camera."""
+
+LEAST_BELOW: Final = 2
+"""Of counts from 1 to just under this, only 1 is hidden, and "<2" says so by itself."""
 
 GIVES_AWAY = Reason("hidden.gives_away")
 
@@ -73,7 +76,7 @@ def held_back(counts: Mapping[K, Count], *, below: int, give: Sequence[K], n_oth
     parts = {key: dict(n) if isinstance(n, Mapping) else {"": n} for key, n in counts.items()}
     sums = {key: sum(part.values()) for key, part in parts.items()}
     small = frozenset(k for k, n in sums.items() if is_small(n, below=below))
-    if (not small and not n_others) or below <= 2:  # "<2" says 1 by itself
+    if (not small and not n_others) or below <= LEAST_BELOW:
         return HeldBack(small, frozenset(), is_total_safe=True)
     others: list[K] = []
     spare = [key for key in give if sums[key] >= max(below, 1)]

@@ -17,6 +17,7 @@ from vsd_analytics.stats.trend import HISTORY_WEEKS, weekly_trend
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 TREND_WEEKS: Final = 12
+"""Weeks of the trend: part of its definition, a quarter of a year."""
 
 
 @dataclass(frozen=True, slots=True)

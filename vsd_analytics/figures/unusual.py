@@ -86,7 +86,17 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
     if (why := slots.why_no_violations) is not None:
         return UnusualWeek(week, floor_id, UNIT, (), 0, 0, "not_measurable", why)
     n, x_h = slots.violations.n, slots.violations.x_h
-    found = unusual_hours(n[-1], x_h[-1], before_n=n[:-1], before_x_h=x_h[:-1])
+    settings = warehouse.site.settings
+    found = unusual_hours(
+        n[-1],
+        x_h[-1],
+        before_n=n[:-1],
+        before_x_h=x_h[:-1],
+        q_max=settings.unusual_false_share,
+        min_change=settings.unusual_min_change,
+        min_difference=settings.unusual_min_violations,
+        share=settings.forecast_share,
+    )
     rows = tuple(_row(monday, hour) for hour in found.rows)
     return UnusualWeek(week, floor_id, UNIT, rows, found.n_unusual, found.n_tested, found.state, found.reason)
 

@@ -21,7 +21,7 @@ import pyarrow as pa
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.limits import unpacked_max, unpacks_too_far
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
-from vsd_analytics.settings import BY_NAME, Settings
+from vsd_analytics.settings import DEFAULTS, Settings
 
 BATCH_ROWS = 200_000
 EXCERPT_CHARS = 500
@@ -123,9 +123,9 @@ class IngestOptions:
     first_frame: float | None = None
     frame_zone: str = "UTC"
     clocks: Mapping[str, str] = field(default_factory=dict)
-    line_max_bytes: int = int(BY_NAME["line_max_bytes"].default)
-    persons_max: int = int(BY_NAME["persons_max"].default)
-    pairs_max: int = int(BY_NAME["pairs_max"].default)
+    line_max_bytes: int = DEFAULTS.line_max_bytes
+    persons_max: int = DEFAULTS.persons_max
+    pairs_max: int = DEFAULTS.pairs_max
     coordinates: str | None = None
     method: str = "center-points"
     resolution_px: tuple[int, int] = (640, 480)

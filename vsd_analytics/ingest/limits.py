@@ -7,7 +7,7 @@ allowed grows with the size on disk, so that a small file can do little harm and
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.settings import Settings
@@ -93,7 +93,7 @@ def within_bounds(source: Source, batches: Iterable[RawBatch]) -> Iterator[RawBa
         InputError: E209 beyond the number of records, or of records that cannot be read. The batch that goes beyond is
             passed on first: what was read counts.
     """
-    settings: Any = source.settings
+    settings = source.settings
     n_records, n_unreadable, allowed = 0, 0, records_max(source.size_bytes, settings)
     for batch in batches:
         yield batch
@@ -104,4 +104,4 @@ def within_bounds(source: Source, batches: Iterable[RawBatch]) -> Iterator[RawBa
         if n_unreadable > settings.unreadable_max:
             found = f"{n_unreadable:,} records or more that cannot be read"
             why = "so many point to a wrong format, a wrong column or damage; those before stay, each counted once"
-            raise too_many(source, found, "unreadable_max", allowed=int(settings.unreadable_max), why=why)
+            raise too_many(source, found, "unreadable_max", allowed=settings.unreadable_max, why=why)

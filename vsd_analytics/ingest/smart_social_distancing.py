@@ -27,7 +27,7 @@ from vsd_analytics.ingest.body_distance import METHODS, EngineSetting, LogAgreem
 from vsd_analytics.ingest.object_log import ObjectLogRow, parsed, timed
 from vsd_analytics.ingest.raw import raw_table
 from vsd_analytics.schema import TableName
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.settings import DEFAULTS
 
 HEADER = b"Version,Timestamp,DetectedObjects,ViolatingObjects,"
 
@@ -62,7 +62,7 @@ class _ObjectLogRows:
         pairs = Pairs.of(frames)
         metres = pairs.distances_m(agreement.setting)
         agreement.add(frames, pairs, distances_m=metres)
-        is_near = metres < float(BY_NAME["pair_max_m"].default)
+        is_near = metres < DEFAULTS.pair_max_m
         ts, lines = np.array(self.ts, dtype=np.int64), np.array([r.line for r in self.rows], dtype=np.int64)
         sizes = [len(f.boxes) for f in frames]
         n_pairs = np.bincount(pairs.frame[is_near], minlength=len(frames))

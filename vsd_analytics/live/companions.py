@@ -24,9 +24,6 @@ FORGET_MS = 600_000
 """People not seen for this long are forgotten: no engine gives them the same id again."""
 SWEEP_MS = 60_000
 
-_RECORDS_MIN = 3
-_CLOSE_MIN_MS = 2000
-
 
 @dataclass(slots=True)
 class _Closeness:
@@ -42,13 +39,14 @@ class Companions:
     """The people one camera has seen, and who of them move together.
 
     Args:
-        settings: `together_m`, `together_share` and `together_walk_m` are used.
+        settings: Those called `together_` of `[rule]` are used.
     """
 
     def __init__(self, settings: Settings) -> None:
         self._near_mm = settings.together_m * 1000
         self._share = settings.together_share
         self._walk_mm = settings.together_walk_m * 1000
+        self._min_ms, self._min_records = settings.together_min_s * 1000, settings.together_min_records
         self._lives: dict[str, int] = {}
         self._seen_ms: dict[str, int] = {}
         self._pairs: dict[tuple[str, str], _Closeness] = {}
@@ -67,7 +65,7 @@ class Companions:
         if ts_ms // SWEEP_MS != self._swept:
             self._swept = ts_ms // SWEEP_MS
             self._sweep(ts_ms)
-        n_min = max(_RECORDS_MIN, _CLOSE_MIN_MS / interval_ms)
+        n_min = max(self._min_records, self._min_ms / interval_ms)
         return [edge for edge in frame.edges if not self._is_together(frame, edge, ts_ms, n_min)]
 
     def _is_together(self, frame: PeopleGraph, edge: Edge, ts_ms: int, n_min: float) -> bool:

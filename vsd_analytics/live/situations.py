@@ -19,6 +19,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from vsd_analytics.geometry.homography import to_floor
+from vsd_analytics.settings import FLOOR_CELL_M, OWNER_CELL_M
 from vsd_analytics.site.model import Area, Camera, Site
 from vsd_analytics.warehouse.dimensions import area_cells, calibration_spans, owner_spans
 
@@ -226,7 +227,7 @@ class Ground:
         s = site.settings
         self._cameras = {c.camera_id: c for c in site.cameras}
         self._floor = {c.camera_id: c.floor_id for c in site.cameras}
-        self._cell_mm, self._owner_cell_mm = round(s.cell_m * 1000), round(s.owner_cell_m * 1000)
+        self._cell_mm, self._owner_cell_mm = round(FLOOR_CELL_M * 1000), round(OWNER_CELL_M * 1000)
         self._coordinate_max_mm = s.coordinate_max_m * 1000.0
         self._owners: dict[str, list[tuple[int, int, dict[tuple[int, int], str]]]] = defaultdict(list)
         for span in owner_spans(site):

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import verdict_of
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile
 from vsd_analytics.stats.shrinkage import between_places
@@ -30,10 +31,10 @@ from vsd_analytics.stats.shrinkage import between_places
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-MIN_DAYS: Final = 7
-MIN_EVENTS: Final = 30
 MIN_PLACEBO_AREAS: Final = 4
+"""Fewer areas that were left alone have no spread to compare a change with."""
 MIN_TREND_WEEKS: Final = 3
+"""Two weeks always lie on a line."""
 MIN_SHRUNKEN_EVENTS: Final = 5
 """Areas with fewer violations have no log rate precise enough for the mean of all areas."""
 MAX_UNPAIRED: Final = 0.25
@@ -151,8 +152,8 @@ def before_after(
     *,
     history: PeriodDays | None = None,
     confidence: float = 0.95,
-    min_days: int = MIN_DAYS,
-    min_events: int = MIN_EVENTS,
+    min_days: int = DEFAULTS.change_min_days,
+    min_events: int = DEFAULTS.change_min_violations,
     min_exposure_h: float = 0.0,
 ) -> BeforeAfter:
     """Return the effect of a change on one area, relative to areas that were left alone (formulas: this module).

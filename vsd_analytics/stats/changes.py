@@ -10,20 +10,18 @@ power by simulation: docs/statistics.md.
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State, Verdict
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, verdict_of
 from vsd_analytics.stats.influence import DayCounts, Floats, as_counts, equal_weights, influence, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile
 from vsd_analytics.stats.rates import MIN_EVENTS, SMALL_COUNT, level
 from vsd_analytics.stats.steadiness import pooled, usual_variance
-
-DEFAULTS: Final = Settings()
 
 Kind = Literal["violations", "person-hours"]
 

@@ -26,14 +26,13 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.changes import compare_exposure
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.quantiles import t_quantile
 
 Floats = npt.NDArray[np.float64]
 
-MIN_PERSON_H: Final = 20.0
-MIN_DAYS: Final = 5
 NODES: Final = 24
 """Gauss-Legendre nodes on each half of a cell's side, for `closeness`."""
 MAP_AXES: Final = 2
@@ -173,8 +172,8 @@ def mixing(
     cell_m: float,
     distance_m: float,
     confidence: float = 0.95,
-    min_days: int = MIN_DAYS,
-    min_person_h: float = MIN_PERSON_H,
+    min_days: int = DEFAULTS.min_days,
+    min_person_h: float = DEFAULTS.min_exposure_h,
 ) -> Mixing:
     """Return crowding, layout and behaviour of a period (formulas: this module).
 
@@ -203,8 +202,8 @@ def compare_mixing(
     cell_m: float,
     distance_m: float,
     confidence: float = 0.95,
-    min_days: int = MIN_DAYS,
-    min_person_h: float = MIN_PERSON_H,
+    min_days: int = DEFAULTS.min_days,
+    min_person_h: float = DEFAULTS.min_exposure_h,
 ) -> MixingChange:
     """Return what moved the time that pairs spend close from period A to period B.
 

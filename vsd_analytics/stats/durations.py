@@ -17,24 +17,20 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.groups import ShareEstimate, share_by_days
 from vsd_analytics.stats.quantiles import t_quantile
 
-DEFAULTS: Final = Settings()
 MIN_VIOLATIONS: Final = 30
 """Fewer have no durations and no distances (catalogue, M10 and M11)."""
-LONG_S: Final = 30.0
-"""A violation of this length is sustained (R2)."""
 CUT_SHARE: Final = 0.2
 """Where more violations were seen in part only, durations are "at least"."""
 N_BOOT: Final = 999
-CONTACT_S: Final = 900.0
-"""Time of a close contact: 15 minutes in all ..."""
+"""Draws of the bootstrap: more change an interval by less than its rounding."""
 CONTACT_WINDOW_S: Final = 86_400.0
-"""... within 24 hours (operational definition of the CDC, 2020)."""
+"""A close contact is 15 minutes (`contact_s`) within 24 hours: operational definition of the CDC, 2020."""
 LONG_LIVED_SHARE: Final = 0.5
-"""Share of violation time that ids must have that can be followed for `CONTACT_S`."""
+"""Share of violation time that ids must have that can be followed for `contact_s`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +55,7 @@ class Durations:
 
     Attributes:
         median, p90: Quantiles of their durations.
-        long_share: Share that lasts at least `LONG_S`.
+        long_share: Share that lasts at least `sustained_s`.
         n: Violations: the denominator.
         n_days: Days with any.
         cut_share: Share that was seen in part only; None when not known.
@@ -138,6 +134,7 @@ def durations(
     n_boot: int = N_BOOT,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
+    sustained_s: float = DEFAULTS.sustained_s,
 ) -> Durations:
     """Return median, 90 % quantile and share of long violations, with intervals from how days differ.
 
@@ -154,6 +151,7 @@ def durations(
         n_boot: Draws.
         confidence: Confidence level.
         min_days: Days with violations an interval needs.
+        sustained_s: Length from which a violation is long.
     """
     seconds, of_day = np.asarray(duration_s, dtype=np.float64), np.asarray(day, dtype=np.int64)
     days, code = np.unique(of_day, return_inverse=True)
@@ -167,7 +165,7 @@ def durations(
             *_without_interval(None, None), unknown, n, with_any, cut_share, at_least, "not_enough_data", reason
         )
     per_day = np.bincount(code, minlength=with_any)
-    long_per_day = np.bincount(code, weights=seconds >= LONG_S, minlength=with_any)
+    long_per_day = np.bincount(code, weights=seconds >= sustained_s, minlength=with_any)
     share = share_by_days(long_per_day, per_day, confidence=confidence, min_days=min_days)
     order = np.argsort(seconds, kind="stable")
     ranked, code = seconds[order], code[order]
@@ -217,18 +215,24 @@ def distance_shares(
 
 
 def close_contacts(
-    pair: npt.ArrayLike, started_s: npt.ArrayLike, duration_s: npt.ArrayLike, is_long_lived: npt.ArrayLike
+    pair: npt.ArrayLike,
+    started_s: npt.ArrayLike,
+    duration_s: npt.ArrayLike,
+    is_long_lived: npt.ArrayLike,
+    *,
+    contact_s: float = DEFAULTS.contact_s,
 ) -> CloseContacts:
-    """Return how many pairs were in violation for 15 minutes within 24 hours: a lower bound.
+    """Return how many pairs were in violation for `contact_s` within 24 hours: a lower bound.
 
     A pair counts when the durations of its episodes that begin within 24 hours before the end of one of them sum to
-    `CONTACT_S`. Episodes of any length count.
+    `contact_s`. Episodes of any length count.
 
     Args:
         pair: Pair of each episode, whole numbers, shape (n,).
         started_s: Its start, seconds, same shape.
         duration_s: Its duration, same shape.
-        is_long_lived: Whether both ids can be followed for `CONTACT_S`, same shape.
+        is_long_lived: Whether both ids can be followed for `contact_s`, same shape.
+        contact_s: Seconds of a close contact.
     """
     of, start, last = (np.asarray(v, dtype=np.float64) for v in (pair, started_s, duration_s))
     lives = np.asarray(is_long_lived, dtype=np.bool_)
@@ -238,14 +242,14 @@ def close_contacts(
     of, start, last, lives = of[order], start[order] - start.min(), last[order], lives[order]
     n_pairs, share = len(np.unique(of)), float(last[lives].sum() / last.sum())
     if share < LONG_LIVED_SHARE:
-        reason = Reason("contacts.short_ids", share=share, minutes=CONTACT_S / 60, least=LONG_LIVED_SHARE)
+        reason = Reason("contacts.short_ids", share=share, minutes=contact_s / 60, least=LONG_LIVED_SHARE)
         return CloseContacts(None, n_pairs, share, "not_measurable", reason)
     reach = float(start.max() + last.max() + 2 * CONTACT_WINDOW_S)
     key = np.unique(of, return_inverse=True)[1] * reach
     begin = np.searchsorted(key + start, key + np.maximum(start + last - CONTACT_WINDOW_S, 0.0), side="left")
     summed = np.concatenate(([0.0], np.cumsum(last)))
     within = summed[1:] - summed[np.minimum(begin, np.arange(len(of)))]
-    n = len(np.unique(of[within >= CONTACT_S]))
+    n = len(np.unique(of[within >= contact_s]))
     return CloseContacts(n, n_pairs, share, "ok", Reason("contacts.at_least"))
 
 

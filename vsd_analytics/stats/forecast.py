@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scipy.special import gammaincinv
 
 from vsd_analytics.result import Reason, State
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.hour_of_week import (
     SLOTS,
     Bools,
@@ -30,8 +31,9 @@ from vsd_analytics.stats.hour_of_week import (
 from vsd_analytics.stats.negative_binomial import quantile
 
 MIN_WEEKS: Final = 4
+"""Recorded weeks a forecast needs: fewer have no median that an odd week leaves alone."""
 MAX_WEEKS: Final = 8
-RANGE: Final = 0.8
+"""Recorded weeks of an hour that are used at most: older ones are another season."""
 LEVEL_DECAY: Final = 0.5  # each week counts half of the one after it
 LEVEL_TRUST: Final = 0.7  # and 0.7 of what they say is believed; both chosen on simulated years
 LEVEL_SHARE: Final = 0.5  # a week tells a level when it recorded the hours of half of the usual count
@@ -123,7 +125,7 @@ def forecast_week(
     *,
     is_count: bool,
     open_h: npt.ArrayLike | None = None,
-    share: float = RANGE,
+    share: float = DEFAULTS.forecast_share,
     min_weeks: int = MIN_WEEKS,
     max_weeks: int = MAX_WEEKS,
 ) -> WeekForecast:

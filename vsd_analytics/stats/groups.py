@@ -16,10 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.quantiles import t_quantile, zero_events_limit
 
-DEFAULTS: Final = Settings()
 MIN_EVENTS: Final = 5
 """Fewer violations get no interval, as for rates."""
 SMALL_COUNT: Final = 30

@@ -15,18 +15,18 @@ import numpy.typing as npt
 from scipy.special import gammaincinv
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 
-DEFAULTS: Final = Settings()
 SLOTS: Final = 168
 WEEK_AXES: Final = 2  # counts are weeks by slots
 MIN_PROFILE_WEEKS: Final = 3  # of the last four (analytics M13, M14)
 SPARSE: Final = 5.0  # below it the median of a count is too coarse, and the mean is used
 N_PEAKS: Final = 3
+"""Hours named: more would not be peaks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.influence import (
     DayCounts,
@@ -28,7 +28,6 @@ from vsd_analytics.stats.influence import (
 )
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile, zero_events_limit
 
-DEFAULTS: Final = Settings()
 MIN_EVENTS: Final = 5  # fewer violations get no interval from days
 MIN_HISTORY_WEEKS: Final = 4  # weekday profiles need that many weeks before the period
 SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never narrower than a Poisson count's

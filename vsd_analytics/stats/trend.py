@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
 
-DEFAULTS: Final = Settings()
 MIN_TREND_WEEKS: Final = 3
+"""Two weeks always lie on a line."""
 HISTORY_WEEKS: Final = 5  # weeks before each week that its weekday profile may use, as the report does
 
 

@@ -9,15 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
-from vsd_analytics.stats.forecast import MAX_WEEKS, MIN_WEEKS, RANGE
+from vsd_analytics.settings import DEFAULTS
+from vsd_analytics.stats.forecast import MAX_WEEKS, MIN_WEEKS
 from vsd_analytics.stats.hotspots import benjamini_hochberg
 from vsd_analytics.stats.hour_of_week import as_weeks, spread, usual
 from vsd_analytics.stats.negative_binomial import both_tails, quantile
 
-Q_MAX: Final = 0.05
-MIN_CHANGE: Final = 0.5  # of the usual
-MIN_DIFFERENCE: Final = 5.0  # violations
 MAX_SHOWN: Final = 5
+"""Rows on a page; all are counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +74,10 @@ def unusual_hours(
     before_x_h: npt.ArrayLike,
     min_weeks: int = MIN_WEEKS,
     max_weeks: int = MAX_WEEKS,
-    q_max: float = Q_MAX,
-    min_change: float = MIN_CHANGE,
-    min_difference: float = MIN_DIFFERENCE,
+    q_max: float = DEFAULTS.unusual_false_share,
+    min_change: float = DEFAULTS.unusual_min_change,
+    min_difference: float = DEFAULTS.unusual_min_violations,
+    share: float = DEFAULTS.forecast_share,
     max_shown: int = MAX_SHOWN,
 ) -> UnusualSlots:
     """Return the hours of a week whose count is hard to believe beside the same hour of the weeks before.
@@ -98,6 +98,7 @@ def unusual_hours(
             without true ones has any.
         min_change: Difference needed, as a share of the usual.
         min_difference: Difference needed, in violations.
+        share: Share of hours the range beside the usual count is to hold.
         max_shown: Rows returned.
 
     Raises:
@@ -129,7 +130,7 @@ def unusual_hours(
     is_unusual = tested & (q <= q_max) & (away >= min_change * expected) & (away >= min_difference)
     found = np.flatnonzero(is_unusual)
     order = found[np.lexsort((found, p[found]))][:max_shown]
-    lo, hi = (quantile(t, mean=mean, dispersion=dispersion) for t in ((1 - RANGE) / 2, (1 + RANGE) / 2))
+    lo, hi = (quantile(t, mean=mean, dispersion=dispersion) for t in ((1 - share) / 2, (1 + share) / 2))
     rows = tuple(
         UnusualSlot(
             int(s), float(counted[s]), float(hours[s]), float(expected[s]), float(lo[s]), float(hi[s]), float(p[s]),

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
 
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import is_temporary
 from vsd_analytics.store.layout import list_parts, unit_folder
@@ -117,7 +118,7 @@ class DayFiles:
             found["views"] = self._times.owners
         if read & _OF_AREAS:
             areas = [(a.area_id, a.floor_id, a.polygon) for a in self._site.areas]
-            found["areas"] = text_hash([areas, self._site.settings.cell_m])
+            found["areas"] = text_hash([areas, FLOOR_CELL_M])
         return found
 
     def _own(self, relation: Relation, day: date) -> dict[str, str]:

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pyarrow as pa
 
-from vsd_analytics.settings import BY_NAME
+from vsd_analytics.settings import DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 
 if TYPE_CHECKING:
@@ -69,36 +69,30 @@ _AREAS = pa.schema(
 
 
 def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
-    """Return the one-row relation `params`: settings in the integer units SQL uses.
+    """Return the one-row relation `params`: the settings that SQL reads, sizes of cells, and hours of a bucket.
+
+    Metres become whole millimetres and seconds whole milliseconds, also in the name: `distance_m` is `distance_mm`.
 
     Args:
         site: Its settings are used.
-        heat_cell_m: Side of the cells of the mart `heatmap`, a multiple of `cell_m`.
+        heat_cell_m: Side of the cells of the mart `heatmap`, a multiple of `FLOOR_CELL_M`.
     """
-    s = site.settings
+    values = site.settings.values
     return {
-        "distance_mm": round(s.distance_m * 1000),
-        "pair_max_mm": round(s.pair_max_m * 1000),
-        "episode_gap_ms": round(s.episode_gap_s * 1000),
-        "episode_min_ms": round(s.episode_min_s * 1000),
-        "coverage_gap_ms": round(s.coverage_gap_s * 1000),
-        "coordinate_max_mm": round(s.coordinate_max_m * 1000),
-        "cell_mm": round(s.cell_m * 1000),
-        "owner_cell_mm": round(s.owner_cell_m * 1000),
+        **dict(_param(s.name, values[s.name]) for s in SETTINGS if s.is_in_sql),
+        "cell_mm": round(FLOOR_CELL_M * 1000),
+        "owner_cell_mm": round(OWNER_CELL_M * 1000),
         "heat_cell_mm": round(heat_cell_m * 1000),
         "bucket_quarters": bucket_quarters(site),
-        "full_hour_share": float(s.full_hour_share),
-        "partial_hour_share": float(s.partial_hour_share),
-        "outage_min_ms": 600_000,
-        "together_mm": round(s.together_m * 1000),
-        "together_share": float(s.together_share),
-        "together_walk_mm": round(s.together_walk_m * 1000),
-        "together_min_ms": 2000,
-        "together_min_records": 3,
-        "gathering_people": 3,
-        "gathering_link_ms": 5000,
-        "gathering_last_ms": 10_000,
     }
+
+
+def _param(name: str, value: Any) -> tuple[str, int | float]:
+    """Return name and value of a setting as SQL reads it."""
+    stem, _, unit = name.rpartition("_")
+    if unit in ("m", "s"):
+        return f"{stem}_m{unit}", round(value * 1000)
+    return name, value if isinstance(DEFAULTS.values[name], int) else float(value)
 
 
 def bucket_quarters(site: Site) -> int:
@@ -111,7 +105,7 @@ def bucket_quarters(site: Site) -> int:
 def _has_whole_hours(timezone: str) -> bool:
     """Return whether local hours of the zone start on UTC hours, in all years from which records are accepted."""
     zone = ZoneInfo(timezone)
-    first = datetime(int(BY_NAME["earliest_year"].default), 1, 1, tzinfo=UTC)
+    first = datetime(DEFAULTS.earliest_year, 1, 1, tzinfo=UTC)
     offsets = {(first + timedelta(weeks=w)).astimezone(zone).utcoffset() for w in range(60 * 53)}
     return all(o is not None and o % timedelta(hours=1) == timedelta() for o in offsets)
 
@@ -159,7 +153,7 @@ def owner_spans(site: Site) -> list[OwnerSpan]:
         starts = sorted({from_ms for c in cameras for from_ms, _, _ in calibration_spans(c)} | {-FOREVER_MS})
         for from_ms, to_ms in pairwise([*starts, FOREVER_MS]):
             now = tuple(replace(c, calibrations=in_force(c, from_ms)) for c in cameras)
-            cells = _owner_cells(now, site.settings.owner_cell_m, floor)
+            cells = _owner_cells(now, OWNER_CELL_M, floor)
             spans.append(OwnerSpan(floor.floor_id, from_ms, to_ms, cells))
     return spans
 
@@ -206,7 +200,7 @@ def area_cells(site: Site) -> pa.Table:
     """Return the floor cells whose centre lies in each area; the first area in vsd.toml gets shared cells."""
     import shapely
 
-    cell_m = site.settings.cell_m
+    cell_m = FLOOR_CELL_M
     taken: set[tuple[str, int, int]] = set()
     rows: list[tuple[Any, ...]] = []
     for area in site.areas:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
@@ -13,7 +14,6 @@ COUNT: Final = "violations counted in the hours that enter rates"
 BETWEEN: Final = "share of violations that are between groups"
 DURATION: Final = "how long violations last"
 DISTANCE: Final = "share of person-time in violation, by distance to the nearest person"
-CONTACTS: Final = "pairs of people too close for 15 minutes within 24 hours"
 
 
 def figures(asked: Asked) -> dict[str, Figure]:
@@ -111,7 +111,7 @@ def _durations(asked: Asked) -> Figure:
     is_told = not asked.small(share.n, share.of - share.n)
     rows.append(
         {
-            "what": "30 s or longer",
+            "what": f"{asked.data.site.settings.sustained_s:g} s or longer",
             "unit": "share",
             "value": share.value if is_told else None,
             "lo": share.lo if is_told else None,
@@ -134,18 +134,19 @@ def _distances(asked: Asked) -> Figure:
 
 def _contacts(asked: Asked) -> Figure:
     found = asked.found.episodes.contacts
+    unit = f"pairs of people too close for {asked.data.site.settings.contact_s / 60:g} minutes within 24 hours"
     if found.n is None or found.state != "ok":
-        return missing(CONTACTS, found.state, found.reason)
+        return missing(unit, found.state, found.reason)
     if asked.small(found.n):
-        return missing(CONTACTS, "not_enough_data", Reason("hidden.pairs", least=asked.below))
+        return missing(unit, "not_enough_data", Reason("hidden.pairs", least=asked.below))
     note = Reason("note.contacts")
-    return Figure(unit=CONTACTS, value=found.n, denominator=found.n_pairs, note=note)
+    return Figure(unit=unit, value=found.n, denominator=found.n_pairs, note=note)
 
 
 def _sensitivity(asked: Asked) -> Figure:
     unit = "share of person-time closer to somebody than each distance"
     found: ThresholdSensitivity = asked.found.sensitivity
-    legal = next((p for p in found.points if abs(p.distance_m - found.distance_m) < 1e-6), None)
+    legal = next((p for p in found.points if math.isclose(p.distance_m, found.distance_m)), None)
     if legal is None or legal.share is None:
         return missing(unit, found.state, found.reason or NOTHING)
     note = None if found.engine is None else found.engine.note

@@ -7,7 +7,6 @@ from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 
-OUTAGES = "outages of 10 minutes or more"
 TRACKS = "track ids, one of a camera and site day each; not visitors"
 QUALITY = "how good the records are"
 
@@ -16,7 +15,7 @@ def figures(asked: Asked) -> dict[str, Figure]:
     """Return M1, M2, M4 and M29."""
     return {
         "M1": _coverage(asked.coverage),
-        "M2": _outages(asked.coverage),
+        "M2": _outages(asked.coverage, least_s=asked.data.site.settings.outage_min_s),
         "M4": _tracks(asked),
         "M29": Figure(unit=QUALITY, rows=tuple(_quality(asked))),
     }
@@ -29,7 +28,7 @@ def _coverage(coverage: Coverage) -> Figure:
     return Figure(unit=unit, value=coverage.share, denominator=coverage.scheduled_h)
 
 
-def _outages(coverage: Coverage) -> Figure:
+def _outages(coverage: Coverage, *, least_s: float) -> Figure:
     rows = tuple(
         {
             "cameras": ", ".join(o.camera_ids),
@@ -40,7 +39,7 @@ def _outages(coverage: Coverage) -> Figure:
         }
         for o in coverage.outages
     )
-    return Figure(unit=OUTAGES, rows=rows)
+    return Figure(unit=f"outages of {least_s / 60:g} minutes or more", rows=rows)
 
 
 def _tracks(asked: Asked) -> Figure:

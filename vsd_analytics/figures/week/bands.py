@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from vsd_analytics.figures.week.model_map import MapBand, Point, Polygon, Ring
 
@@ -12,6 +12,13 @@ if TYPE_CHECKING:
 
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
+
+MAP_AXES: Final = 2
+"""Maps are rows by columns."""
+RING_POINTS: Final = 3
+"""Fewer corners enclose nothing."""
+SMALLEST_PX2: Final = 4.0
+"""Smaller patches on a camera picture cannot be seen."""
 
 
 def heat_bands(
@@ -45,7 +52,7 @@ def heat_bands(
     import numpy as np
 
     grid = np.nan_to_num(np.asarray(density, dtype=np.float64), nan=0.0)
-    if grid.ndim != 2:
+    if grid.ndim != MAP_AXES:
         raise ValueError(f"density must be 2-D, is {grid.ndim}-D")
     padded = np.pad(grid, 1)
     n_y, n_x = padded.shape
@@ -63,7 +70,7 @@ def heat_bands(
             rings = []
             for start, end in pairwise(ends):
                 thin = cv2.approxPolyDP(outline[start : end - 1].astype(np.float32), tolerance, True)[:, 0]
-                if len(thin) >= 3 and abs(_signed_area(thin)) >= smallest:
+                if len(thin) >= RING_POINTS and abs(_signed_area(thin)) >= smallest:
                     rings.append(_ring(thin))
                 elif not rings:
                     break
@@ -125,13 +132,13 @@ def project_polygons(
     w_near = (floor_to_px @ (centre / centre[2]))[2] / 50
     shown: list[Polygon] = []
     for rings in polygons:
-        projected = [ring for r in rings if len(ring := _project_ring(r, floor_to_px, w_near)) >= 3]
+        projected = [ring for r in rings if len(ring := _project_ring(r, floor_to_px, w_near)) >= RING_POINTS]
         if not projected:
             continue
         shape = Shape(projected[0], projected[1:]).buffer(0).intersection(frame)
         parts = getattr(shape, "geoms", [shape])
         for part in parts:
-            if part.geom_type == "Polygon" and part.area >= 4:
+            if part.geom_type == "Polygon" and part.area >= SMALLEST_PX2:
                 rings_px = [part.exterior, *part.interiors]
                 shown.append(tuple(tuple((float(a), float(b)) for a, b in r.coords[:-1]) for r in rings_px))
     return tuple(shown)

@@ -13,6 +13,7 @@ from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent, MapBand
 from vsd_analytics.figures.week.walkable import Walkable
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Fixture
 
 TRUNCATE = 3.0
@@ -34,7 +35,7 @@ class FloorGrid:
 
     def __init__(self, data: WeekData, extent: Extent) -> None:
         self._data = data
-        self.cell_m = data.site.settings.cell_m
+        self.cell_m = FLOOR_CELL_M
         x0, y0, x1, y1 = extent
         self._first = (int(np.floor(x0 / self.cell_m)), int(np.floor(y0 / self.cell_m)))
         self.shape = (
@@ -60,7 +61,8 @@ class FloorGrid:
     def axes(self) -> tuple[Array, Array]:
         """Return the floor x of each column's middle and the floor y of each row's."""
         x, y = (
-            (first + 0.5 + np.arange(n)) * self.cell_m for first, n in zip(self._first, self.shape[::-1], strict=True)
+            (first + 0.5 + np.arange(n, dtype=np.float64)) * self.cell_m
+            for first, n in zip(self._first, self.shape[::-1], strict=True)
         )
         return x, y
 

@@ -27,11 +27,14 @@ from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.geometry.embedded_pictures import has_paper, picture_image, plan_image
 from vsd_analytics.geometry.scale_bar import nice_length_m
+from vsd_analytics.settings import FLOOR_CELL_M
 
 MARGIN_M = 1.0
 SIDE_MIN_M = 8.0
 CELLS_MAX = 4_000_000
+"""Larger floors are not drawn: a position far off would fill the memory."""
 SPOTS_MAX = 3
+"""Numbers on a map, as many as cards."""
 
 
 def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> tuple[FloorMap, ...]:
@@ -80,7 +83,6 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
 def floor_extent(data: WeekData) -> Extent | None:
     """Return the floor to draw: the plan, else what was walked on and the areas; None when unknown or too large."""
     extent = camera_views.plan_bounds(data.floor)
-    cell_m = data.site.settings.cell_m
     if extent is None:
         seen = data.warehouse.rows(
             "select min(cx) as x0, min(cy) as y0, max(cx) + 1 as x1, max(cy) + 1 as y1 from floor_cells "
@@ -89,10 +91,10 @@ def floor_extent(data: WeekData) -> Extent | None:
         )[0]
         if seen["x0"] is None:
             return None
-        walked = shapely.box(*(seen[k] * cell_m for k in ("x0", "y0", "x1", "y1")))
+        walked = shapely.box(*(seen[k] * FLOOR_CELL_M for k in ("x0", "y0", "x1", "y1")))
         whole = shapely.union_all([walked, *(shapely.Polygon(a.polygon) for a in data.areas)])
         extent = _at_least(whole.buffer(MARGIN_M).bounds)
-    n_cells = (extent[2] - extent[0]) * (extent[3] - extent[1]) / cell_m**2
+    n_cells = (extent[2] - extent[0]) * (extent[3] - extent[1]) / FLOOR_CELL_M**2
     return extent if n_cells <= CELLS_MAX else None
 
 

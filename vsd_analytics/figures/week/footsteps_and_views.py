@@ -14,11 +14,13 @@ from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.floor_maps import as_rings
 from vsd_analytics.figures.week.model_map import Extent, Footsteps, MapView, MapViews, Point, Polygon
 from vsd_analytics.geometry import camera_views
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Calibration, Camera
 
 MIN_TRACKS: Final = 5
 """A cell is shown when at least this many different tracks stood in it (house plan, 7.7)."""
 SMALLEST_M2: Final = 0.01
+"""Smaller pieces of a view are rounding of its cut."""
 LABEL_M: Final = 0.8
 """A camera's label keeps this far from the edge of its view."""
 
@@ -35,7 +37,7 @@ def footsteps(data: WeekData, *, extent: Extent) -> Footsteps | None:
     Returns:
         None where no cell has so many: the engine sends no positions, no track ids, or too few people came.
     """
-    cell_m = data.site.settings.cell_m
+    cell_m = FLOOR_CELL_M
     least = max(MIN_TRACKS, int(data.site.settings.mask_below))
     rows = data.warehouse.rows(
         "select cx, cy from footsteps where floor_id = $floor and local_date between $first and $last "

@@ -13,6 +13,7 @@ from vsd_analytics.figures.week.results import HourCell, When
 from vsd_analytics.stats.forecast import ForecastScore
 
 HIGHEST: Final = 3
+"""Hours named beside the chart; all are in the JSON file."""
 
 
 def outlook(found: forecast.FloorForecast) -> Outlook:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
@@ -12,6 +13,9 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Causes, Redesign
 from vsd_analytics.stats.decomposition import MixingChange
 
+SHOWN_DAYS: Final = 63
+"""A change is on the page for nine weeks: four after it are compared, and washout and holidays may move these."""
+
 
 def redesigns(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[Redesign, ...]:
     """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
@@ -19,7 +23,9 @@ def redesigns(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[Redes
     A change is told as long as its weeks after hold a day of this week, or it lies in the last nine weeks: then it is
     said what is still missing.
     """
-    return tuple(_redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < 63)
+    return tuple(
+        _redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < SHOWN_DAYS
+    )
 
 
 def causes(found: MixingChange) -> Causes:

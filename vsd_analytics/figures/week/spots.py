@@ -27,11 +27,18 @@ from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, Sureness, UsualHours
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.result import Reason
+from vsd_analytics.settings import FLOOR_CELL_M
 
 SPOTS_MAX: Final = 3
+"""Cards on a page; all hotspots are in the JSON file."""
 RECORDED_SHARE: Final = 0.9
+"""A spot is sure when its cameras recorded this share of the open hours ..."""
 DAYS_PRESENT: Final = 5
+"""... when it had violations on so many days of the week ..."""
 ERROR_M: Final = 0.5
+"""... and when its camera's calibration is off by at most this much."""
+LOW_FROM: Final = 2
+"""A spot that misses so many of the three is of low sureness (help of `Evidence.sureness`)."""
 DOWN_SHARE: Final = 0.25
 """A camera that missed this share of a spot's usual hours was down in them."""
 USUAL_SHARE: Final = 0.5
@@ -181,8 +188,7 @@ def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
     day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
     kept = np.ones(rows.num_rows, dtype=np.bool_)
     if not isinstance(where, str):
-        cell_m = data.site.settings.cell_m
-        x, y = ((rows[c].to_numpy() + 0.5) * cell_m for c in ("cx", "cy"))
+        x, y = ((rows[c].to_numpy() + 0.5) * FLOOR_CELL_M for c in ("cx", "cy"))
         kept = np.asarray(shapely.contains_xy(where, x, y))
     cameras = [c for c, k in zip(rows["camera_id"].to_pylist(), kept, strict=True) if k]
     return _Seen(day[kept], rows["local_hour"].to_numpy().astype(np.int64)[kept], cameras)
@@ -215,7 +221,7 @@ def _evidence(
     is_down = open_h > 0 and lost > DOWN_SHARE * open_h
     n_days = len(np.unique(week.day))
     missed = sum((recorded < RECORDED_SHARE, n_days < DAYS_PRESENT, error_m is None or error_m > ERROR_M))
-    sureness: Sureness = "low" if is_down or missed >= 2 else "medium" if missed else "high"
+    sureness: Sureness = "low" if is_down or missed >= LOW_FROM else "medium" if missed else "high"
     return Evidence(
         sureness=sureness,
         recorded_share=recorded,

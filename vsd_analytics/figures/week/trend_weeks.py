@@ -13,6 +13,7 @@ from vsd_analytics.figures.week.results import Level
 from vsd_analytics.result import Reason
 
 WEEKS: Final = 10
+"""Points of the chart: what its width shows legibly."""
 
 
 def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
