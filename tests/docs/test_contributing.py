@@ -9,7 +9,7 @@ from pathlib import Path
 
 import duckdb
 import pytest
-from pages import REPOSITORY, blocks
+from markdown_pages import REPOSITORY, blocks
 
 from vsd_analytics import settings
 from vsd_analytics.ingest import pipeline

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from pages import REPOSITORY, blocks
+from markdown_pages import REPOSITORY, blocks
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run

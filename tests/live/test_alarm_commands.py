@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from alarm_worlds import frame, quiet, row, stand
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, publish
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, publish
 from site_text import site_text
 from test_alarm_delivery import receiver
 

@@ -18,7 +18,7 @@ from typing import Any
 import duckdb
 import paho.mqtt.client as paho
 import pytest
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
 from paho.mqtt.enums import CallbackAPIVersion
 
 from vsd_analytics.config import load_site

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
 
 from vsd_analytics.config import load_site
 from vsd_analytics.doctor.broker import examine_listener

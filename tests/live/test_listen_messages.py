@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from broker import frame, write_project
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from live.local_broker import frame, write_project
 
 from vsd_analytics.config import load_site
 from vsd_analytics.live.batches import ReceivedMessage

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planner import dense, planted
+from planner import dense_floor as dense
+from planner import planted_shop as planted
 
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData

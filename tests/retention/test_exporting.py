@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from retained_projects import DAYS, TOML, make_project, messages, three_days, vsd, write
+from aged_projects import DAYS, TOML, make_project, messages, three_days, vsd, write
 from test_purging_by_range import table
 
 from vsd_analytics.errors import UsageError

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from aged_projects import DAYS, NOW, TERMS, day, litter, make_project, messages, three_days, vsd, write
 from purge_crashes import Crash, watched
-from retained_projects import DAYS, NOW, TERMS, day, litter, make_project, messages, three_days, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from retained_projects import (
+from aged_projects import (
     DAYS,
     NOW,
     TERMS,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from retained_projects import DAYS, TOML, audit, make_project, vsd
+from aged_projects import DAYS, TOML, audit, make_project, vsd
 
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from warehouse_projects import T0, Person, fact_files, make_site, open_days, put
+from warehouse.small_projects import T0, Person, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse.analyst_query import query_rows, run_query

@@ -9,7 +9,7 @@ from typing import Any
 
 import duckdb
 import pytest
-from warehouse_projects import T0, Person, at, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import T0, Person, at, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse import analyst_query, compute

@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
-from warehouse_projects import HOUR, Frame, Person, beats, make_site, put
+from warehouse.small_projects import HOUR, Frame, Person, beats, make_site, put
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.retention.purge import Terms, purge_range

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from warehouse_projects import HOUR, T0, Frame, Pair, Person, at, beats, make_site, open_days, put
+from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, at, beats, make_site, open_days, put
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Calibration, Camera

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from warehouse_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Calibration, Camera
