@@ -35,10 +35,10 @@ from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit, merged_parts
 
-BATCH_HOURS = 24
-BATCH_ROWS = 2_000_000
-"""Stored rows per batch. Whole days of a quiet site share one query; hours of a busy site are computed one by one, so
-that memory stays bounded."""
+BATCH_HOURS = 168
+BATCH_ROWS = 500_000
+"""Stored rows per batch. Whole weeks of a quiet site share one query, which costs more to plan than to run. Hours of a
+busy site are computed one by one, so that memory stays bounded."""
 
 
 def build(
