@@ -124,7 +124,7 @@ def test_init_asks_again_after_an_impossible_answer(vsd: Vsd, tmp_path: Path, mo
 
 
 @given(name=st.text(min_size=1, max_size=60), camera=st.text(max_size=30))
-def test_any_name_stands_in_the_file_as_it_was_given(
+def test_any_name_is_in_the_file_as_it_was_given(
     tmp_path_factory: pytest.TempPathFactory, name: str, camera: str
 ) -> None:
     answers = Answers(name, "UTC", cameras=(f"cam-1={camera}",))
@@ -440,7 +440,7 @@ def test_settings_are_shown_with_their_source(vsd: Vsd, project: Path, monkeypat
     assert shown["cell_m"] == (0.25, "default")
 
 
-def test_network_file_systems_are_told_from_local_ones(tmp_path: Path) -> None:
+def test_network_file_systems_are_distinguished_from_local_ones(tmp_path: Path) -> None:
     from vsd_analytics.doctor import checks as doctors
 
     mounts = tmp_path / "mounts"

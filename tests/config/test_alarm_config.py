@@ -1,4 +1,4 @@
-"""[[alarm]] and [alarms] of vsd.toml: what loads, and that every mistake is told with a fix."""
+"""[[alarm]] and [alarms] of vsd.toml: what loads, and that every mistake is reported with a fix."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_every_mistake_is_told_with_its_mend(tmp_path: Path, name: str) -> None:
+def test_every_mistake_is_reported_with_its_fix(tmp_path: Path, name: str) -> None:
     text, code, words = MISTAKES[name]
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, text)

@@ -93,7 +93,9 @@ def test_bad_line_is_named(tmp_path: Path, bad: str) -> None:
 
 @pytest.mark.parametrize("torn", [b"{", b'{"at": "2026-11', '{"at": "2026-11-11", "text": "caf\u00e9'.encode()[:-1]])
 @pytest.mark.parametrize("end", [b"", b"\n", b'\n{"at": "2026-11-12", "text": "after", "area": null}\n'])
-def test_a_line_that_broke_off_is_told_and_every_other_entry_is_read(tmp_path: Path, torn: bytes, end: bytes) -> None:
+def test_a_line_that_broke_off_is_reported_and_every_other_entry_is_read(
+    tmp_path: Path, torn: bytes, end: bytes
+) -> None:
     site = make_site(tmp_path)
     add_entry(site, text="before", at="2026-11-10")
     with (tmp_path / "log.jsonl").open("ab") as f:

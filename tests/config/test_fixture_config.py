@@ -43,7 +43,7 @@ def test_the_shortest_fixture_is_a_shelf_that_stays(tmp_path: Path) -> None:
     assert load(tmp_path, SHELF).fixtures == (Fixture("shelf-1", "Shelf 1", "ground", corners, "shelf", False),)
 
 
-def test_kind_and_movable_are_read_and_order_is_kept(tmp_path: Path) -> None:
+def test_kind_and_movable_are_read_in_order(tmp_path: Path) -> None:
     till = SHELF.replace("shelf-1", "a-till") + 'kind = "till"\nmovable = true\n'
     found = load(tmp_path, SHELF + till).fixtures
     assert [(f.fixture_id, f.kind, f.is_movable) for f in found] == [
@@ -73,7 +73,7 @@ def test_a_site_without_fixtures_has_none(tmp_path: Path) -> None:
         (SHELF.replace("[2, 1], [0, 1]", "[2000, 1], [0, 1000]"), "E128", 14, "too large", "metres"),
     ],
 )
-def test_mistakes_are_told_with_line_and_mend(
+def test_mistakes_are_reported_with_line_and_fix(
     tmp_path: Path, text: str, code: str, line: int, said: str, fix: str
 ) -> None:
     problem = the_problem(tmp_path, text)

@@ -1,4 +1,4 @@
-"""`[mqtt]` of vsd.toml: what loads, what is refused, and that no password ever stands there."""
+"""`[mqtt]` of vsd.toml: what loads, what is refused, and that it never holds a password."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ status_topic = "vsd/shop/status"
         ('host = "h"\ntls = "yes"', "E124", "true or false"),
     ],
 )
-def test_mistakes_are_told(tmp_path: Path, line: str, code: str, words: str) -> None:
+def test_mistakes_are_reported(tmp_path: Path, line: str, code: str, words: str) -> None:
     problem = the_problem(tmp_path, f"[mqtt]\n{line}\n")
     assert problem.code == code
     assert words in problem.what
@@ -127,7 +127,7 @@ def test_the_password_is_the_environments_then_the_files_first_line(tmp_path: Pa
 
 
 @pytest.mark.parametrize("content", [b"", b"\nsecond", b"\xff\xfe\x00"])
-def test_a_password_file_without_a_password_is_told(tmp_path: Path, content: bytes) -> None:
+def test_a_password_file_without_a_password_is_reported(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "password"
     file.write_bytes(content)
     with pytest.raises(LiveError) as caught:

@@ -1,4 +1,4 @@
-"""vsd.toml: what loads, and that every mistake is told at once with its line and fix."""
+"""vsd.toml: what loads, and that all mistakes are reported at once, with line and fix."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def test_id_that_could_be_a_path_or_markup_is_refused(tmp_path: Path, camera_id:
         ("[[floor]]", "[floor]", "E124", 5, "two brackets"),
     ],
 )  # fmt: skip
-def test_mistake_is_told_with_line_text_and_mend(
+def test_mistake_is_reported_with_line_text_and_fix(
     tmp_path: Path, old: str, new: str, code: str, line: int, words: str
 ) -> None:
     text = SMALLEST.replace(old, new, 1)
@@ -237,7 +237,7 @@ def test_mistake_is_told_with_line_text_and_mend(
     assert words in str(problem.fix)
 
 
-def test_all_mistakes_are_told_at_once_by_line(tmp_path: Path) -> None:
+def test_all_mistakes_are_reported_at_once_by_line(tmp_path: Path) -> None:
     text = SMALLEST.replace('"shop"', '"Shop"').replace('name = "Ground floor"', "name = 3").replace("Entrance", "")
     found = problems(tmp_path, text)
     assert [(p.where.line, p.code) for p in found if p.where] == [(2, "E125"), (7, "E124"), (10, "E124")]
@@ -406,7 +406,7 @@ def test_mistake_in_the_history_names_that_file_and_line(tmp_path: Path) -> None
         (b"\xff\xfe\x00", "E406"),
     ],
 )
-def test_matrix_that_cannot_be_used_is_told_at_its_line(tmp_path: Path, data: str | bytes, code: str) -> None:
+def test_matrix_that_cannot_be_used_is_reported_at_its_line(tmp_path: Path, data: str | bytes, code: str) -> None:
     write(tmp_path, "h.txt", data)
     problem = the_problem(tmp_path, SMALLEST + 'homography = "h.txt"\n')
     assert (problem.code, problem.where and problem.where.line) == (code, 11)
@@ -447,7 +447,7 @@ def test_points_become_a_calibration_with_its_error(tmp_path: Path) -> None:
         ("", "E401"),
     ],
 )
-def test_points_that_cannot_be_used_are_told(tmp_path: Path, data: str, code: str) -> None:
+def test_points_that_cannot_be_used_are_reported(tmp_path: Path, data: str, code: str) -> None:
     write(tmp_path, "p.csv", data)
     assert the_problem(tmp_path, SMALLEST + 'points = "p.csv"\n').code == code
 

@@ -18,7 +18,7 @@ _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)|<img[^>]*src=\"([^\"]+)\"")
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """One fenced block: the comment before it, its language, its text and the chapter (`##`) it stands in."""
+    """One fenced block: the comment before it, its language, its text and its chapter (`##`)."""
 
     mark: str
     language: str

@@ -1,4 +1,4 @@
-"""The guide is run as it stands: its files are written, its commands executed, what they print is compared."""
+"""The guide is run as it is: its files are written, its commands executed, what they print is compared."""
 
 from __future__ import annotations
 

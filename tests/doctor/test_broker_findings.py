@@ -59,11 +59,11 @@ def test_a_listener_that_does_well_is_ok(site: Site) -> None:
         ({"at": "yesterday"}, "needs you"),
     ],
 )
-def test_a_listener_in_trouble_is_told(site: Site, told: dict[str, Any] | None, expected: str) -> None:
+def test_a_listener_in_trouble_is_reported(site: Site, told: dict[str, Any] | None, expected: str) -> None:
     assert states(site, None if told is None else heartbeat(**told))[0] == ("listener", expected)
 
 
-def test_silent_cameras_rejects_gaps_and_qos_0_are_told(site: Site) -> None:
+def test_silent_cameras_rejects_gaps_and_qos_0_are_reported(site: Site) -> None:
     told = heartbeat(rejected={"bad-json": 3}, qos0=2)
     told["cameras"]["cam-1"]["missing"] = 4
     del told["cameras"]["cam-2"]
@@ -118,7 +118,7 @@ def test_mosquittos_defaults_have_all_faults() -> None:
         ("persistent_client_expiration 2h", "persistent_client_expiration"),
     ],
 )
-def test_each_setting_that_loses_messages_is_told(tmp_path: Path, line: str, words: str) -> None:
+def test_each_setting_that_loses_messages_is_reported(tmp_path: Path, line: str, words: str) -> None:
     file = tmp_path / "mosquitto.conf"
     file.write_text(f"{recommended_config()}\n{line}\n")
     (fault,) = config_faults(parse_config(file))
@@ -148,7 +148,7 @@ def test_included_files_count(tmp_path: Path) -> None:
     assert config_faults(parse_config(file)) == []
 
 
-def test_a_configuration_that_cannot_be_read_is_told(tmp_path: Path) -> None:
+def test_a_configuration_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
     (finding,) = examine_config(tmp_path / "nowhere.conf")
     assert finding.state == "needs you"
 
@@ -186,11 +186,11 @@ def test_the_broker_is_asked_and_keeps_nothing_of_it(running: Mosquitto) -> None
     assert "mosquitto" in answer.version
 
 
-def test_a_broker_that_is_not_there_is_told_soon() -> None:
+def test_a_broker_that_is_not_there_is_reported_soon() -> None:
     assert "refused" in (ask(Broker("127.0.0.1", 1), password=None).error or "")
 
 
-def test_somebody_who_speaks_no_mqtt_is_told() -> None:
+def test_somebody_who_speaks_no_mqtt_is_reported() -> None:
     import socket
 
     with socket.socket() as server:

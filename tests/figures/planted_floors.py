@@ -30,7 +30,7 @@ def square(x: float, y: float, *, radius_m: float = 1.5, ratio: float = 4.0) -> 
 
 
 def site_of(root: Path, *, cameras: Sequence[Camera] = (), areas: Sequence[Area] = (QUEUE,), **settings: Any) -> Site:
-    """Return a site with one floor and, unless told otherwise, one camera that sees all of it."""
+    """Return a site with one floor and, unless `cameras` says otherwise, one camera that sees all of it."""
     return Site(
         "shop",
         "Shop",

@@ -1,4 +1,4 @@
-"""Areas at the border of the view are told apart from those inside it."""
+"""Areas at the border of the view are distinguished from those inside it."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def test_a_recalibration_in_the_weeks_is_refused(tmp_path: Path, day: int) -> No
     assert found(tmp_path, rate=changed(0.6), calibrations=same).state == "ok"
 
 
-def test_a_recalibration_of_the_areas_own_camera_is_refused_though_others_stand(tmp_path: Path) -> None:
+def test_a_recalibration_of_the_areas_own_camera_is_refused_though_others_stay(tmp_path: Path) -> None:
     anew = [("cam-2", d, "aaaaaaaa" if d < 40 else "bbbbbbbb") for d in range(N_DAYS)]
     figure = found(
         tmp_path,
@@ -188,7 +188,7 @@ def test_another_change_in_the_same_area_is_a_doubt(tmp_path: Path) -> None:
     assert figure.doubts == (Reason("redesign.other_change", day=str(FIRST + timedelta(days=45))),)
 
 
-def test_without_a_comparison_area_only_the_area_itself_is_told_and_called_weak(tmp_path: Path) -> None:
+def test_without_a_comparison_area_only_the_area_itself_is_reported_and_called_weak(tmp_path: Path) -> None:
     figure = found(tmp_path, site=site_of(tmp_path, areas=AREAS[:1]), rate=changed(0.6, season=1.5))
     assert (figure.state, figure.design, figure.effect, figure.comparison) == ("ok", "area alone", None, None)
     assert reason_text(figure.doubts[0]).startswith("weak design")
@@ -196,7 +196,7 @@ def test_without_a_comparison_area_only_the_area_itself_is_told_and_called_weak(
     assert figure.alone.theta == pytest.approx(0.9, rel=0.12)
 
 
-def test_what_moved_to_the_neighbours_is_told(tmp_path: Path) -> None:
+def test_what_moved_to_the_neighbours_is_reported(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=changed(0.6), around=lambda a, d: 4.0 if a == "queue" and d >= CHANGE else 2.0)
     near = figure.neighbours
     assert near is not None
@@ -206,7 +206,7 @@ def test_what_moved_to_the_neighbours_is_told(tmp_path: Path) -> None:
     assert near.effect.verdict == "clear_rise"
 
 
-def test_fewer_people_are_told_beside_the_effect(tmp_path: Path) -> None:
+def test_fewer_people_are_reported_beside_the_effect(tmp_path: Path) -> None:
     figure = found(tmp_path, people=lambda a, d: 20.0 if a == "queue" and d >= CHANGE else 40.0)
     assert figure.people is not None
     assert figure.people.verdict == "clear_fall"

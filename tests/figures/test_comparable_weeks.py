@@ -152,7 +152,7 @@ def every(seconds: int, messages: Any) -> list[dict[str, Any]]:
     return [m for m in messages if datetime.fromisoformat(m["ts"].replace("Z", "+00:00")).timestamp() % seconds == 0]
 
 
-def test_another_frame_rate_is_told_and_compared(tmp_path: Path) -> None:
+def test_another_frame_rate_is_reported_and_compared(tmp_path: Path) -> None:
     before, now = two_weeks()
     report = w.report(w.world(tmp_path, toml(), before, every(20, now)))
     assert report.state == "normal"
@@ -164,7 +164,7 @@ def test_another_frame_rate_is_told_and_compared(tmp_path: Path) -> None:
     assert line.text in text_of(render_html(report))
 
 
-def test_the_same_frame_rate_is_not_told(tmp_path: Path) -> None:
+def test_the_same_frame_rate_is_not_reported(tmp_path: Path) -> None:
     report = w.report(w.world(tmp_path, toml(), *two_weeks()))
     assert report.log == ()
 

@@ -1,4 +1,4 @@
-"""`vsd compare` from engine output to what stands on the screen: a planted redesign, and a recalibration inside it."""
+"""`vsd compare` from engine output to what is on the screen: a planted redesign, and a recalibration inside it."""
 
 from __future__ import annotations
 

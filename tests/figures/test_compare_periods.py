@@ -50,7 +50,7 @@ def test_days_are_paired_by_weekday_in_order_and_each_once(first: date, n: int, 
         assert [p for p in pairs if p[1].weekday() == weekday] == list(zip(of[0][:least], of[1][:least], strict=True))
 
 
-def test_more_people_at_equal_risk_is_told_as_people(tmp_path: Path) -> None:
+def test_more_people_at_equal_risk_is_reported_as_people(tmp_path: Path) -> None:
     found = compared(tmp_path, people=lambda area, d: 40.0 if d < 7 else 80.0, rate=lambda area, d: 2.0)
     assert found.state == "ok"
     whole = found.places[0]

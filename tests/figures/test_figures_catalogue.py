@@ -1,4 +1,4 @@
-"""The catalogue M0 to M29 stands once in the SQL headers, and docs/figures.md is made from it."""
+"""The catalogue M0 to M29 is in the SQL headers once, and docs/figures.md is made from it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_every_figure_stands_once_in_the_headers() -> None:
+def test_every_figure_is_in_the_headers_once() -> None:
     assert [f.metric for f in figure_headers()] == ALL
 
 

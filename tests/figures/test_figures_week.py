@@ -27,7 +27,7 @@ STATES = ("ok", "not_enough_data", "not_measurable")
 
 
 def figures_of(report: WeekReport) -> Figures:
-    """Return the figures as the JSON twin has them."""
+    """Return the figures as the JSON file has them."""
     told: Figures = json.loads(to_json(report))["figures"]
     return told
 
@@ -73,7 +73,7 @@ def test_every_figure_of_the_table_is_in_the_json_and_the_reverse(told: Figures)
     check(told)
 
 
-def test_what_was_planted_is_told(told: Figures) -> None:
+def test_what_was_planted_is_reported(told: Figures) -> None:
     assert told["M0"]["value"] == pytest.approx(N / 21, rel=1e-5)
     assert told["M1"]["value"] == pytest.approx(1.0, abs=1e-3)
     assert told["M3"]["value"] == pytest.approx(EXPOSURE_H, rel=1e-3)
@@ -81,7 +81,7 @@ def test_what_was_planted_is_told(told: Figures) -> None:
     assert told["M6"]["value"] == pytest.approx(CLOSE_H / EXPOSURE_H, rel=1e-3)
     assert told["M7"]["value"] == pytest.approx(N / EXPOSURE_H, rel=1e-3)
     assert told["M8"]["value"] == N
-    assert told["M4"]["value"] == 2 * N + 7  # one of them stands there all day, every day
+    assert told["M4"]["value"] == 2 * N + 7  # one of them is there all day, every day
     assert values(told, "M10", "value", "what")["median"] == 20
     assert values(told, "M11", "share", "from_m")[1.5] == 1
     assert values(told, "M21", "share", "least")[2] == 1
@@ -101,7 +101,7 @@ def test_levels_of_people_have_the_interval_of_days(told: Figures) -> None:
     assert told["M3"]["hi"] == pytest.approx(told["M5"]["hi"] * scale, rel=1e-4)
 
 
-def test_the_fullest_quarter_hour_is_told_with_its_start(told: Figures) -> None:
+def test_the_fullest_quarter_hour_is_reported_with_its_start(told: Figures) -> None:
     (peak,) = [row for row in told["M5"]["rows"] if row["what"] == "fullest quarter-hour"]
     # twenty slots of 40 s begin at each hour; in each, two more people for every place that has violations left
     assert peak["people"] == pytest.approx(1 + 2 * 20 / 40 * (1 + 12 / 22.5 + 6 / 22.5), rel=0.1)
@@ -127,7 +127,7 @@ def test_areas_are_ranked_and_those_at_the_border_say_so(told: Figures) -> None:
     assert "is unknown" in rows[0]["border_note"]  # the camera has no view
 
 
-def test_the_engines_stated_error_stands_beside_the_sensitivity(told: Figures) -> None:
+def test_the_engines_stated_error_is_beside_the_sensitivity(told: Figures) -> None:
     assert "90% of the violation records it gives are true" in told["M26"]["note"]
 
 
@@ -252,20 +252,20 @@ def test_the_fullest_hour_of_the_week_is_the_first(sixth: Figures) -> None:
     assert max(profile, key=lambda day: profile[day] or 0) == "Saturday"
 
 
-def test_the_unusual_hour_is_told_beside_the_usual_range(sixth: Figures) -> None:
+def test_the_unusual_hour_is_reported_beside_the_usual_range(sixth: Figures) -> None:
     (row,) = sixth["M24"]["rows"]
     assert (row["weekday"], row["hour"]) == ("Wednesday", 9)
     assert row["violations"] > row["hi"] > row["lo"]
 
 
-def test_weeks_and_the_week_to_come_are_told(sixth: Figures) -> None:
+def test_weeks_and_the_week_to_come_are_reported(sixth: Figures) -> None:
     assert [row["state"] for row in sixth["M28"]["rows"]] == ["ok"] * 6
     assert sum(row["n_changes"] for row in sixth["M28"]["rows"]) == 1
     series = [row["series"] for row in sixth["M25"]["rows"]]
     assert {name: series.count(name) for name in series} == {"people": 7, "violations": 7, "gathering": 7}
 
 
-def test_the_change_of_the_door_is_told_with_what_it_rests_on(sixth: Figures) -> None:
+def test_the_change_of_the_door_is_reported_with_what_it_rests_on(sixth: Figures) -> None:
     (row,) = sixth["M27"]["rows"]
     assert (row["area"], row["entry"]) == ("door", 1)
     if row["state"] == "ok":

@@ -144,7 +144,7 @@ def test_three_weeks_are_refused(tmp_path: Path) -> None:
     assert reason_text(odd.reason) == "what is usual needs 4 recorded weeks before, has 2"
 
 
-def test_gatherings_are_told_when_somebody_counts_them(tmp_path: Path) -> None:
+def test_gatherings_are_reported_when_somebody_counts_them(tmp_path: Path) -> None:
     n, x_h = np.zeros((13, 168)), np.ones((13, 168))
     n[::2, 10] = 1
     with planted(site_of(tmp_path)) as warehouse:
@@ -318,7 +318,7 @@ def test_json_has_the_same_and_no_nan(project: Path, capsys: pytest.CaptureFixtu
     assert list(json.loads(capsys.readouterr().out)) == ["unusual"]
 
 
-def test_a_floor_that_is_not_there_is_told(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_floor_that_is_not_there_is_reported(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsd("-C", str(project), "forecast", "--week", "2026-W46", "--floor", "roof") == 2
     assert "no floor has the id 'roof'" in capsys.readouterr().err
 

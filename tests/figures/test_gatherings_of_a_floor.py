@@ -173,7 +173,7 @@ def test_what_was_not_recorded_is_not_zero(tmp_path: Path) -> None:
 
 
 def test_gatherings_and_distances_outlive_the_records(tmp_path: Path) -> None:
-    """Three people over the hour, then all records purged: what was told of them is told again."""
+    """Three people over the hour, then all records purged: what was reported of them is reported again."""
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START + 3_590_000, n_s=1900))
 

@@ -242,7 +242,7 @@ def two_groups_that_meet() -> list[Person]:
     return rows
 
 
-def test_both_readings_stand_and_add_up(tmp_path: Path) -> None:
+def test_both_readings_are_there_and_add_up(tmp_path: Path) -> None:
     site = make_site(tmp_path)
     put(site, [*two_groups_that_meet(), *beats(T0, T0 + HOUR)])
     with open_days(site) as warehouse:
@@ -317,7 +317,7 @@ def test_what_cannot_tell_says_why(tmp_path: Path, records: list, state: str, wo
 
 
 def test_hours_purged_before_tracks_were_counted_are_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Their sealed facts know violations, but not who moved together: neither reading of them is told."""
+    """Their sealed facts know violations, but not who moved together: neither reading of them is shown."""
     site = make_site(tmp_path)
     put(site, two_groups_that_meet())
     monkeypatch.setattr(purge, "NOT_SEALED", ("pairs", "track_lives", "track_pairs"))

@@ -62,7 +62,7 @@ def test_a_hotspot_that_comes_back_has_its_old_id_and_is_new() -> None:
     assert history.resolved == ()
 
 
-def test_resolved_is_told_once() -> None:
+def test_resolved_is_reported_once() -> None:
     gone = [window(0, "##..."), window(1, ".....")]
     assert [name for name, _ in of(*gone).resolved] == ["ground-x-2-y10"]
     assert of(*gone, window(2, ".....")).resolved == ()
@@ -83,8 +83,8 @@ def test_a_hotspot_that_falls_in_two_is_no_news() -> None:
     }
 
 
-def test_two_places_with_one_name_are_told_apart() -> None:
-    # the second stands where the first one was first seen, after that has wandered off
+def test_two_places_with_one_name_are_distinguished() -> None:
+    # the second is where the first one was first seen, after that has wandered off
     steps = ["##........", ".##.......", "..##......", "...##.....", "....##....", ".....##...", "##...##..."]
     history = of(*(window(k, row) for k, row in enumerate(steps)))
     assert sorted(i.spot_id for i in history.now.values()) == ["ground-x-2-y10", "ground-x-2-y10-2"]

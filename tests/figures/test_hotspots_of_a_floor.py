@@ -70,7 +70,7 @@ def test_crowds_are_no_hotspot(tmp_path: Path) -> None:
         assert hotspots(warehouse).spots == ()
 
 
-def test_place_outside_areas_is_told_by_metres_and_the_nearest_area(tmp_path: Path) -> None:
+def test_place_outside_areas_is_reported_by_metres_and_the_nearest_area(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), always(square(12, 6)), shift_m=(-4, -2)) as warehouse:
         (spot,) = hotspots(warehouse).spots
     assert math.dist((spot.place.x_m, spot.place.y_m), (8, 4)) < 1
@@ -132,7 +132,7 @@ def test_cells_at_the_border_of_the_view_are_not_tested(tmp_path: Path) -> None:
         assert not hotspots(warehouse).cells.is_hot[:, 0].any()  # type: ignore[union-attr]
 
 
-def test_unknown_views_are_told(tmp_path: Path) -> None:
+def test_unknown_views_are_reported(tmp_path: Path) -> None:
     site = site_of(tmp_path, cameras=[Camera("cam", "Cam", "ground", hz=1.0)])
     with planted(site, always(HOT)) as warehouse:
         found = hotspots(warehouse)
@@ -216,7 +216,7 @@ def test_a_place_that_became_riskier_is_new_and_the_old_one_persists(tmp_path: P
     assert weeks[-1].compared_with == LAST - timedelta(days=7)
 
 
-def test_what_stands_out_no_more_is_told_with_its_ratio_now(tmp_path: Path) -> None:
+def test_what_is_no_hotspot_any_more_is_reported_with_its_ratio_now(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), lambda day: HOT if day < 14 else EVEN, n_days=49) as warehouse:
         weeks = [hotspots(warehouse, until=LAST - timedelta(days=7 * k)) for k in (3, 2, 1, 0)]
     gone = [k for k, week in enumerate(weeks) if week.resolved]

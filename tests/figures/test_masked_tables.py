@@ -124,7 +124,7 @@ def test_heatmap_for_sharing(project: Path) -> None:
         vsd(project, "heatmap", "--range", at_nine, "--share", "--format", "svg", "--out", "x.svg")
 
 
-def test_a_small_cell_is_told_to_be_small(tmp_path: Path) -> None:
+def test_a_small_cell_is_reported_as_small(tmp_path: Path) -> None:
     root = make_project(tmp_path / "p")
     persons = [{"id": "a", "x_m": 1.1, "y_m": 1.1}, {"id": "b", "x_m": 1.6, "y_m": 1.1}]
     found = [{"v": 1, "camera": "cam-1", "ts": f"{DAYS[0]}T09:00:{10 * k:02d}Z", "persons": persons} for k in range(3)]

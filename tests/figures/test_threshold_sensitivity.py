@@ -88,7 +88,7 @@ def test_each_point_is_what_a_site_with_that_legal_distance_counts(crowd: Site) 
         assert point.share == pytest.approx(told["s"] / told["e"])
 
 
-def test_distances_not_kept_are_not_measurable_but_the_others_stand(crowd: Site) -> None:
+def test_distances_that_are_not_stored_are_not_measurable_but_the_others_are(crowd: Site) -> None:
     short = replace(crowd, settings=crowd.settings.with_values({"pair_max_m": 2.1}))
     with open_day(short) as warehouse:
         found = threshold_sensitivity(warehouse)
@@ -125,7 +125,7 @@ def test_engine_that_sends_violations_only_says_nothing_of_greater_distances(tmp
     assert [(p.violation_records, p.reason) for p in found.points] == [(1, None), (1, None), (None, NOT_SENT)]
 
 
-def test_stated_engine_error_stands_beside_the_count(crowd: Site) -> None:
+def test_stated_engine_error_is_beside_the_count(crowd: Site) -> None:
     stated = replace(crowd, engine=EngineError(precision=0.9, recall=0.75, distance_sd_m=0.1))
     with open_day(stated) as warehouse:
         found = threshold_sensitivity(warehouse)

@@ -108,7 +108,7 @@ def test_pseudonyms_of_replayed_rows_are_those_of_their_track(tmp_path: Path) ->
     assert stored(site)["observations"][0]["track_id"] != "a"
 
 
-def test_a_mended_mapping_reads_lines_again_and_none_twice(tmp_path: Path) -> None:
+def test_a_corrected_mapping_reads_lines_again_and_none_twice(tmp_path: Path) -> None:
     site = small_site(tmp_path / "site", settings=PLAIN, ingest_map={"ts": "local"})
     path = tmp_path / "a.csv"
     path.write_text(

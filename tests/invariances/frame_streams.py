@@ -148,6 +148,6 @@ def files(site: Site, folder: str) -> dict[str, bytes]:
 
 
 def _computed(site: Site, folder: str) -> list[Path]:
-    """Return every Parquet file below a folder of the project, without the rows kept by day."""
+    """Return every Parquet file below a folder of the project, without the rows stored by day."""
     root = site.root / folder
     return [p for p in sorted(root.rglob("*.parquet")) if p.relative_to(root).parts[0] != "days"]

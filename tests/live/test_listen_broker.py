@@ -212,7 +212,7 @@ def test_what_cannot_be_stored_is_not_acknowledged_and_comes_again(
     assert numbers(root) == list(range(20))
 
 
-def test_rejects_that_cannot_be_kept_are_not_acknowledged(
+def test_rejects_that_cannot_be_stored_are_not_acknowledged(
     tmp_path: Path, shared_broker: Mosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = project(tmp_path, shared_broker)

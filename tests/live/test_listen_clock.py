@@ -72,7 +72,7 @@ def broker(tmp_path: Path) -> Iterator[Mosquitto]:
 
 
 @pytest.mark.parametrize("ahead", [-YEARS, YEARS])
-def test_a_wrong_clock_is_told_and_every_message_is_durable_and_replayed_once_it_is_right(
+def test_a_wrong_clock_is_reported_and_every_message_is_durable_and_replayed_once_it_is_right(
     tmp_path: Path, broker: Mosquitto, ahead: timedelta
 ) -> None:
     world = World(tmp_path, broker)

@@ -1,4 +1,4 @@
-"""Solve for every count held back from all that is published of many weeks; the table stands in docs/privacy.md.
+"""Solve for every count held back from all that is published of many weeks; the table is in docs/privacy.md.
 
 Worlds of few violations, each with `--weeks` weeks in a row. A reader has every number of every week's JSON file, CSV
 tables and planner (`hidden_counts`).

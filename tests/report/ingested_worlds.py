@@ -46,7 +46,7 @@ def toml(
     camera: str = "",
     more: str = "",
 ) -> str:
-    """Return a `vsd.toml`; `site`, `floor`, `camera` are lines for those tables, `more` stands at the end."""
+    """Return a `vsd.toml`; `site`, `floor`, `camera` are lines for those tables, `more` comes at the end."""
     blocks = [
         f'[site]\nid = "shop"\nname = "Shop"\ntimezone = "{zone}"\nopening = {opening}\n{site}',
         f'[[floor]]\nid = "ground"\nname = "Ground floor"\n{floor}',

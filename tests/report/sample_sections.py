@@ -299,7 +299,7 @@ def with_tested_spots() -> page_model.WeekReport:
 
 
 def twelve_weeks(*, n_more_areas: int = 0) -> page_model.WeekReport:
-    """As long a report as there is: three spots with pictures, maps of the change, five marks, two redesigns told.
+    """As long a report as there is: three spots with pictures, maps of the change, five marks, two redesigns.
 
     Args:
         n_more_areas: Areas beyond those of the other weeks.
@@ -350,7 +350,7 @@ def twelve_weeks(*, n_more_areas: int = 0) -> page_model.WeekReport:
 
 
 def refused() -> page_model.WeekReport:
-    """A second week: hardly anything of the sections can be told, and each says why."""
+    """A second week: hardly anything of the sections can be shown, and each says why."""
     report = complete()
     none = m.Readings(state="not_measurable", reason=read_reason("track ids are cut: 38% end where another begins"))
     return replace(

@@ -1,4 +1,4 @@
-"""`vsd report` end to end: the same bytes from the same records, hostile names, a twin that keeps its schema."""
+"""`vsd report` end to end: the same bytes from the same records, hostile names, a JSON file that follows its schema."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_second_report_makes_no_fact_again(shop: Site) -> None:
     assert planned == [0]
 
 
-def test_twin_keeps_the_published_schema(shop: Site, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_json_file_follows_the_published_schema(shop: Site, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(cli, ["schema", "report"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert run(cli, ["-C", str(shop.root), "report", "--week", "2026-W46", "--json"]) == 0

@@ -70,7 +70,7 @@ def test_records_acknowledged_while_their_hour_is_sealed_go_to_quarantine(
     assert raw_days(project) == {f"date={DAYS[2]}"}
 
 
-def test_the_user_is_told_of_records_that_came_too_late(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_user_hears_of_records_that_came_too_late(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     purge_at_first_append(monkeypatch, project)
     assert "210 new records stored, 210 quarantined" in vsd(project, "ingest", str(late_file(project)), code=1)
 

@@ -1,4 +1,4 @@
-"""Twins of made-up weeks for the index: the report's own fixtures, moved to other weeks, sites and floors."""
+"""JSON files of made-up weeks for the index: the report's own fixtures, moved to other weeks, sites and floors."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def report(
 def write(
     folder: Path, made: page_model.WeekReport, *, stem: str | None = None, page: bool = True, **more: Any
 ) -> Path:
-    """Write a twin, and an empty page beside it, into the reports of a project; return the twin."""
+    """Write a JSON file, and an empty page beside it, into the reports of a project; return the path of the JSON file."""
     reports = folder / "reports"
     reports.mkdir(parents=True, exist_ok=True)
     stem = stem or made.week.iso

@@ -74,7 +74,7 @@ def test_root_takes_every_project_in_a_folder(tmp_path: Path, shop: Path, capsys
     assert 'href="shop/reports/2026-W46.html"' in (tmp_path / "index.html").read_text()
 
 
-def test_what_cannot_be_listed_is_named_with_a_mend_and_exit_code_1(
+def test_what_cannot_be_listed_is_named_with_a_fix_and_exit_code_1(
     shop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (shop / "reports" / "2026-W45.json").unlink()

@@ -22,9 +22,7 @@ def shop(tmp_path: Path) -> Path:
     return w.world(tmp_path, w.toml(), *streams).root
 
 
-def test_missing_reports_are_made_and_pages_that_are_there_are_kept(
-    shop: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_missing_reports_are_made_and_pages_that_are_there_stay(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:
     reports = shop / "reports"
     reports.mkdir()
     old = w.BEFORE - timedelta(weeks=3)

@@ -1,4 +1,4 @@
-"""The page: one file without script or request, sound in structure, hostile names as text, every number a twin's."""
+"""The page: one file without script or request, sound in structure, hostile names as text, every number from a JSON file."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_size_stays_small(page: str) -> None:
 
 
 def strangers(folders: list[Path], text: str) -> set[str]:
-    """Return the numbers on the page that no twin explains."""
+    """Return the numbers on the page that no JSON file explains."""
     reports = [from_json(p.read_bytes()) for f in folders for p in sorted((f / "reports").glob("*.json"))]
     known = {n for r in reports for n in allowed(r)}
     known |= {n for r in reports for n in NUMBER.findall(r.story.headline if r.story else "")}
@@ -124,7 +124,7 @@ def strangers(folders: list[Path], text: str) -> set[str]:
     return set(NUMBER.findall(seen)) - known
 
 
-def test_every_number_is_a_twins(company: Path, page: str) -> None:
+def test_every_number_is_in_a_json_file(company: Path, page: str) -> None:
     assert strangers([company / n for n in ("riverside", "harbour", "central")], page) == set()
 
 
@@ -207,14 +207,14 @@ def test_a_floor_that_was_not_reported_shows_its_last_week_and_says_so(tmp_path:
     assert first.weeks[-4:] == ("121", "no report", "no report", "no report")
 
 
-def test_sites_of_one_name_are_told_apart(tmp_path: Path) -> None:
+def test_sites_of_one_name_are_distinguished(tmp_path: Path) -> None:
     for name in ("north", "south"):
         many.write(tmp_path / name, many.report())
     rows = make_index(listed(tmp_path / "north", tmp_path / "south")).rows
     assert [r.site for r in rows] == ["Riverside Store (north)", "Riverside Store (south)"]
 
 
-def test_of_two_twins_of_a_week_the_later_counts_and_the_other_is_named(tmp_path: Path) -> None:
+def test_of_two_json_files_of_a_week_the_later_counts_and_the_other_is_named(tmp_path: Path) -> None:
     old, new = many.report(value=100.0), many.report(value=200.0)
     many.write(tmp_path, replace(old, generated_at=old.generated_at - timedelta(days=3)), stem="2026-W46-ground")
     many.write(tmp_path, new)
@@ -223,7 +223,7 @@ def test_of_two_twins_of_a_week_the_later_counts_and_the_other_is_named(tmp_path
     assert make_index(found).rows[0].rate == "200"
 
 
-def test_years_are_kept_apart_and_older_ones_fold(tmp_path: Path) -> None:
+def test_years_are_apart_and_older_ones_fold(tmp_path: Path) -> None:
     for back in (0, 1, 50, 60):
         many.write(tmp_path / "p", many.report(back=back))
     index = make_index(listed(tmp_path / "p"))
@@ -279,7 +279,7 @@ def test_long_texts_of_people_are_cut(tmp_path: Path) -> None:
     assert len(row.details[1]) <= 110
 
 
-def test_only_what_was_logged_in_the_week_is_told(tmp_path: Path) -> None:
+def test_only_what_was_logged_in_the_week_is_reported(tmp_path: Path) -> None:
     made = many.report(value=100.0, change=-0.3)
     before = replace(made.log[1], at=made.log[1].at - timedelta(weeks=1))
     many.write(tmp_path / "p", replace(made, log=(before,)))
@@ -287,7 +287,7 @@ def test_only_what_was_logged_in_the_week_is_told(tmp_path: Path) -> None:
     assert row.details[1].startswith("Busiest: ")
 
 
-def test_a_change_of_an_area_stands_with_its_week_ever_after(tmp_path: Path) -> None:
+def test_a_change_of_an_area_stays_with_its_week(tmp_path: Path) -> None:
     made = many.report(value=100.0, change=-0.3)
     many.write(tmp_path / "p", made)
     many.write(tmp_path / "p", many.report(back=-1))
@@ -295,7 +295,7 @@ def test_a_change_of_an_area_stands_with_its_week_ever_after(tmp_path: Path) -> 
     assert line.logged == (f"Logged: {made.log[1].text}",)
 
 
-def test_equal_twins_give_equal_bytes_in_another_process(company: Path) -> None:
+def test_equal_json_files_give_equal_bytes_in_another_process(company: Path) -> None:
     program = (
         "import sys, hashlib; sys.path[:0] = sys.argv[2:]\n"
         "from pathlib import Path\nfrom site_index.test_index_page import listed\n"

@@ -1,4 +1,4 @@
-"""What stands in a folder of reports: twins taken in, everything else named, and nothing that stops the others."""
+"""What is in a folder of reports: JSON files are read, all else is named, and nothing stops the others."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_weeks_are_read_with_their_links(shop: Path) -> None:
 
 
 @pytest.mark.parametrize("name", list(weeks.ALL))
-def test_what_the_index_takes_from_a_twin_is_what_the_report_says(tmp_path: Path, name: str) -> None:
+def test_what_the_index_takes_from_a_json_file_is_what_the_report_says(tmp_path: Path, name: str) -> None:
     report = weeks.ALL[name]()
     data = to_json(report)
     jsonschema.Draft202012Validator(json_schema()).validate(json.loads(data))
@@ -95,7 +95,7 @@ def test_a_later_addition_to_the_schema_is_no_reason_to_refuse(shop: Path) -> No
         (b'{"schema": "vsd.report.week/2"}', "W512"),
     ],
 )
-def test_a_file_that_is_no_twin_is_named_and_the_others_go_on(shop: Path, data: bytes, code: str) -> None:
+def test_a_file_that_is_no_json_file_is_named_and_the_others_go_on(shop: Path, data: bytes, code: str) -> None:
     (shop / "reports" / "2026-W43.json").write_bytes(data)
     assert codes(shop) == [(code, "2026-W43.json")]
     assert len(read_shelf(shop / "reports", project="shop").entries) == 3
@@ -115,7 +115,7 @@ def test_a_file_that_is_no_twin_is_named_and_the_others_go_on(shop: Path, data: 
         ("generated_at", "2026-11-16T06:00:00", "W510"),
     ],
 )
-def test_a_twin_that_contradicts_itself_is_damaged(shop: Path, path: str, value: Any, code: str) -> None:
+def test_a_json_file_that_contradicts_itself_is_damaged(shop: Path, path: str, value: Any, code: str) -> None:
     file = shop / "reports" / "2026-W46.json"
     file.write_bytes(changed(file.read_bytes(), path, value))
     assert codes(shop) == [(code, "2026-W46.json")]
@@ -124,20 +124,20 @@ def test_a_twin_that_contradicts_itself_is_damaged(shop: Path, path: str, value:
 
 
 @pytest.mark.parametrize("stem", ["2026-W40", "2026-W46-first", "copy of 2026-W46", "2026-W46-UP", "2026-W60", "a"])
-def test_a_twin_under_another_name_is_foreign(shop: Path, stem: str) -> None:
+def test_a_json_file_under_another_name_is_foreign(shop: Path, stem: str) -> None:
     reports = shop / "reports"
     (reports / f"{stem}.json").write_bytes((reports / "2026-W46.json").read_bytes())
     assert codes(shop) == [("W511", f"{stem}.json")]
 
 
-def test_a_twin_may_name_its_floor(shop: Path) -> None:
+def test_a_json_file_may_name_its_floor(shop: Path) -> None:
     reports = shop / "reports"
     (reports / "2026-W46.json").rename(reports / "2026-W46-ground.json")
     (reports / "2026-W46.html").rename(reports / "2026-W46-ground.html")
     assert codes(shop) == []
 
 
-def test_a_page_without_its_twin_is_listed_without_figures_and_named(shop: Path) -> None:
+def test_a_page_without_its_json_file_is_listed_without_figures_and_named(shop: Path) -> None:
     (shop / "reports" / "2026-W45.json").unlink()
     assert codes(shop) == [("W513", "2026-W45.html")]
     entry = read_shelf(shop / "reports", project="shop").entries[1]
@@ -200,7 +200,7 @@ def test_kinds_of_files_by_name(name: str, kind: str | None) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_a_twin_with_any_part_spoilt_is_read_or_refused_in_words(
+def test_a_json_file_with_any_part_spoilt_is_read_or_refused_in_words(
     tmp_path_factory: pytest.TempPathFactory, seed: int
 ) -> None:
     draw = Random(seed)

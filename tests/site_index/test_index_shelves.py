@@ -65,7 +65,7 @@ def test_a_new_report_replaces_the_published_one_and_an_equal_one_is_left_alone(
     assert published.read_bytes() == path.read_bytes()
 
 
-def test_a_damaged_twin_does_not_replace_a_published_one(tmp_path: Path) -> None:
+def test_a_damaged_json_file_does_not_replace_a_published_one(tmp_path: Path) -> None:
     shop, out = tmp_path / "shop", tmp_path / "public"
     path = many.write(shop, many.report())
     whole = path.read_bytes()

@@ -74,7 +74,7 @@ def make_site(
     closed: Iterable[date] = (),
     **settings: Any,
 ) -> Site:
-    """Return a site with one floor, cameras at 1 Hz unless told otherwise."""
+    """Return a site with one floor, cameras at 1 Hz unless `cameras` says otherwise."""
     return Site(
         "shop",
         "Shop",

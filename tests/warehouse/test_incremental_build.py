@@ -269,7 +269,7 @@ def test_fact_file_that_breaks_off_is_computed_again(project: Path, relation: st
 
 
 @pytest.mark.parametrize("relation", ["exposure", "camera_days"])
-def test_fact_file_of_garbage_between_right_ends_says_how_to_mend_it(project: Path, relation: str) -> None:
+def test_fact_file_of_garbage_between_right_ends_says_how_to_fix_it(project: Path, relation: str) -> None:
     path = next((project / "facts" / relation).rglob("*.parquet"))
     path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
     with pytest.raises(StoreError, match="facts") as caught, open_days(make_site(project)) as warehouse:

@@ -93,7 +93,7 @@ def test_steps_ascend_and_double_whatever_the_counts(counts: list[int]) -> None:
     assert steps[-1] <= top < 2.5 * steps[-1] or top < 40
 
 
-def test_given_steps_are_kept_so_that_two_weeks_compare(tmp_path: Path) -> None:
+def test_given_steps_are_used_so_that_two_weeks_compare(tmp_path: Path) -> None:
     used = heatmap_file.draw_heatmap(
         cells((0, 0, 7)),
         site(),

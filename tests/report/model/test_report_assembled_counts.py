@@ -64,7 +64,9 @@ def test_rates_of_areas_add_up_to_the_floors(two_cameras: Site) -> None:
     assert sum(a.share or 0 for a in report.areas) == pytest.approx(1)
 
 
-def test_one_rate_on_page_twin_command_and_python(two_cameras: Site, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_rate_on_page_in_json_by_command_and_in_python(
+    two_cameras: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
     report = w.report(two_cameras)
     by_hand = total(busy) / 21 + 12
     assert report.level.often.value == pytest.approx(by_hand)
@@ -289,7 +291,7 @@ def test_no_small_count_is_printed_anywhere(small: WeekReport) -> None:
             assert set(leaves(row)) & {n / k for n in (1.0, 2.0, 3.0, 4.0) for k in (1, 21)} <= {1.0}  # shares of 1
 
 
-def test_every_number_of_a_page_with_small_counts_is_in_its_twin(small: WeekReport) -> None:
+def test_every_number_of_a_page_with_small_counts_is_in_its_json_file(small: WeekReport) -> None:
     assert strangers(small, render_html(small)) == set()
 
 
@@ -330,7 +332,7 @@ def test_an_area_whose_only_camera_was_down_has_no_count_rather_than_zero(tmp_pa
     assert (twin["door"]["counted"], twin["door"]["exposure_h"]) == (None, None)
 
 
-def test_a_week_before_of_few_violations_is_not_told_nor_worked_out(tmp_path: Path) -> None:
+def test_a_week_before_of_few_violations_is_neither_shown_nor_worked_out(tmp_path: Path) -> None:
     def few(day: int, hour: int) -> dict[w.Place, int]:
         return {w.QUEUE: 1} if (day, hour) in {(0, 9), (3, 9), (5, 11)} else {}
 

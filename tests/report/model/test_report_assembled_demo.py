@@ -82,7 +82,7 @@ def test_page_of_the_demo_is_small_and_marked_as_made_up(report: WeekReport) -> 
     assert len(page.encode()) < 250_000
 
 
-def test_every_number_of_the_demos_page_is_in_its_twin(report: WeekReport) -> None:
+def test_every_number_of_the_demos_page_is_in_its_json_file(report: WeekReport) -> None:
     assert strangers(report, render_html(report)) == set()
 
 
@@ -128,7 +128,7 @@ def frames(path: Path) -> Frames:
 
 
 def violations(seen: dict[str, Frames], owners: dict[tuple[int, int], str]) -> list[tuple[str, int]]:
-    """Return camera and first instant of every violation: runs of one camera, joined over cameras, told once."""
+    """Return camera and first instant of every violation: runs of one camera, joined over cameras, counted once."""
     import networkx as nx
 
     runs = [r for camera, told in seen.items() for r in runs_of(camera, told)]

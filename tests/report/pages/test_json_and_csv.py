@@ -1,4 +1,4 @@
-"""JSON and CSV twins: valid, stable, complete, and honest about what is missing."""
+"""JSON and CSV files: valid, stable, complete, and honest about what is missing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from vsd_analytics.store.spreadsheet import safe_cell
 
 
 @pytest.mark.parametrize("name", list(weeks.ALL))
-def test_the_twin_is_valid_and_renders_the_same_page(name: str) -> None:
+def test_the_json_file_is_valid_and_renders_the_same_page(name: str) -> None:
     report = weeks.ALL[name]()
     data = to_json(report)
     jsonschema.Draft202012Validator(json_schema()).validate(json.loads(data))

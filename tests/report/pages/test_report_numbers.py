@@ -1,4 +1,4 @@
-"""The numbers gate: every number a reader sees on the page stands in the JSON twin."""
+"""The numbers gate: every number a reader sees on the page is in the JSON file."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Text(HTMLParser):
 
 
 def leaves(value: Any, unit: str | None = None) -> Iterator[tuple[Any, str | None]]:
-    """Yield every number, date and text of the twin with its unit; the words made from them are left out."""
+    """Yield every number, date and text of the JSON file with its unit; the words made from them are left out."""
     if isinstance(value, Story):
         return
     if isinstance(value, Reason):
@@ -76,7 +76,7 @@ def leaves(value: Any, unit: str | None = None) -> Iterator[tuple[Any, str | Non
 
 
 def forms(value: Any, unit: str | None) -> set[str]:
-    """Return all ways one value of the twin may be written."""
+    """Return all ways one value of the JSON file may be written."""
     if value is None or isinstance(value, bool):
         return set()
     if isinstance(value, datetime | date):
@@ -108,7 +108,7 @@ def allowed(report: WeekReport) -> set[str]:
 
 
 def strangers(report: WeekReport, page: str) -> set[str]:
-    """Return the numbers on the page that no value of the twin explains."""
+    """Return the numbers on the page that no value of the JSON file explains."""
     twin = from_json(to_json(report))
     named = {v for v, _ in leaves(twin) if isinstance(v, str) and NUMBER.search(v)}
     texts = sorted((v for v in named if re.search(r"[^\W\d]", v)), key=len, reverse=True)
@@ -123,7 +123,7 @@ ALL = {**weeks.ALL, **sections.MORE}
 
 
 @pytest.mark.parametrize("name", list(ALL))
-def test_every_number_on_the_page_is_in_the_twin(name: str) -> None:
+def test_every_number_on_the_page_is_in_the_json_file(name: str) -> None:
     report = ALL[name]()
     assert strangers(report, render_html(report)) == set()
 
@@ -141,7 +141,7 @@ def test_the_gate_finds_a_figure_that_differs() -> None:
     assert "123" in strangers(report, render_html(replace(report, level=level)))
 
 
-def test_every_verdict_of_the_page_is_the_twins() -> None:
+def test_every_verdict_of_the_page_is_in_the_json_file() -> None:
     twin = from_json(to_json(weeks.normal()))
     page = render_html(weeks.normal())
     table = page.split('<table class="cmp"')[1].split("</table>")[0]

@@ -42,7 +42,7 @@ def seen(page: str) -> str:
 
 
 @pytest.mark.parametrize("width", [WIDE, NARROW])
-def test_weeks_are_never_joined_over_a_gap_and_stand_on_zero(width: int) -> None:
+def test_weeks_are_never_joined_over_a_gap_and_start_at_zero(width: int) -> None:
     trend = sections.trend(weeks.normal())
     drawing = chart(trend, "often", width=width, label="weeks")
     assert drawing.count('class="tl"') == 10 - 1 - 2  # nine steps, less the two beside the gap
@@ -101,7 +101,7 @@ def test_the_small_line_is_broken_at_the_gap_and_absent_with_two_weeks() -> None
         (200.0, 10.0, "the highest of these 9 weeks"),
     ],
 )
-def test_a_week_stands_out_by_its_range_not_by_its_figure(value: float, half: float, said: str) -> None:
+def test_a_week_is_notable_by_its_range_not_by_its_figure(value: float, half: float, said: str) -> None:
     report = weeks.normal()
     level = replace(report.level, often=m.Estimate(value=value, lo=value - half, hi=value + half))
     report = replace(report, level=level)
@@ -231,7 +231,7 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
 # ---- what happened at the site ----
 
 
-def test_the_site_log_stands_once_and_names_the_letters_of_the_charts() -> None:
+def test_the_site_log_is_there_once_and_names_the_letters_of_the_charts() -> None:
     report = sections.complete()
     report = replace(report, log=(*report.log, m.LogLine(at=NIGHT, kind="detected", text="Camera off")))
     page = make_page(report)
@@ -255,7 +255,7 @@ def test_without_charts_the_log_is_part_of_what_changed() -> None:
 # ---- readings ----
 
 
-def test_both_readings_stand_beside_each_other_with_their_accuracy() -> None:
+def test_both_readings_are_side_by_side_with_their_accuracy() -> None:
     page = make_page(sections.complete())
     assert [t.also for t in page.tiles[:2]] == ["Between groups: 98", "Between groups: 0.34"]
     assert "81% (likely between 78% and 84%) remain" in page.readings_note
@@ -327,7 +327,7 @@ def test_what_hardly_moved_is_not_explained() -> None:
     assert table.sentence.endswith("No part of it moved much.")
 
 
-def test_a_redesign_is_told_with_its_range_its_people_and_what_must_hold() -> None:
+def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -> None:
     table = page_sections.redesigns(sections.complete())
     assert table is not None
     head, often, row = table.rows
@@ -423,7 +423,7 @@ def test_every_instant_of_the_sections_is_local() -> None:
         assert utc.at == mark.at
 
 
-def test_further_figures_are_told_by_the_catalogue_and_refused_with_their_reason() -> None:
+def test_further_figures_are_reported_by_the_catalogue_and_refused_with_their_reason() -> None:
     rows = {r.name: r for r in make_page(sections.complete()).more_figures}
     assert rows["How long violations last: median"].value == "12"
     assert rows["How long violations last: 30 s or longer"].likely == "29% and 36%"

@@ -38,7 +38,7 @@ def drawn() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("week", "name"), drawn())
-def test_every_figure_of_every_week_stands_alone_or_says_why_not(week: str, name: str) -> None:
+def test_every_figure_of_every_week_is_complete_alone_or_says_why_not(week: str, name: str) -> None:
     report = ALL[week]()
     svg = figure_or_why(report, name)
     if isinstance(svg, ReportError):

@@ -90,7 +90,7 @@ def test_both_parts_of_every_week_say_headline_things_and_question(name: str) ->
 
 
 @pytest.mark.parametrize("name", list(ALL))
-def test_every_number_of_the_mail_stands_in_the_page(name: str) -> None:
+def test_every_number_of_the_mail_is_on_the_page(name: str) -> None:
     from vsd_analytics.report.pages.week import render_html
 
     def numbers(text: str) -> set[str]:

@@ -138,7 +138,7 @@ def test_one_figure(project: Path, tmp_path: Path, kind: str, capsysbinary: pyte
         ("--send",),
     ],
 )
-def test_what_does_not_go_together_is_told_before_anything_is_made(
+def test_what_does_not_go_together_is_reported_before_anything_is_made(
     project: Path, arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = sorted(project.rglob("*"))
@@ -265,7 +265,7 @@ def test_two_commands_at_once_do_not_both_send(project: Path, capsys: pytest.Cap
     assert "error[E809]" in capsys.readouterr().err
 
 
-def test_late_data_are_told_and_an_old_week_is_not_sent_twice(
+def test_late_data_are_reported_and_an_old_week_is_not_sent_twice(
     project: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     inbox = Inbox()

@@ -30,7 +30,7 @@ OF_THE_WEEK = (
     *("change_maps", "small_maps", "log"),
     *("planner", "index/index", "index/macros"),
 )
-# Modules whose every sentence stands in the catalogue.
+# Modules whose every sentence is in the catalogue.
 SPEAKING = (
     *(f"report/words/{n}" for n in ("headline", "things_to_know", "figure_titles", "terms", "no_data", "format")),
     "report/words/questions",
@@ -201,7 +201,7 @@ class Heard(HTMLParser):
 
 
 def test_a_page_of_another_language_has_no_word_of_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A made-up language marks every sentence; what stands outside the marks must come from the data."""
+    """A made-up language marks every sentence; what is outside the marks must come from the data."""
     real = catalogue.template
     monkeypatch.setattr(catalogue, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
     for name in ("first_week", "empty", "no_data", "too_incomplete", "settings_changed", "complete", "refused"):
