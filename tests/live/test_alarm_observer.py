@@ -147,7 +147,7 @@ def test_a_silence_of_hours_is_known_again(tmp_path: Path, hours: int) -> None:
 
 
 def test_what_was_there_before_the_records_begin_is_reported_only_while_it_lasts(tmp_path: Path) -> None:
-    """A listener starts in the middle of it, with nothing reported before: a gathering is news, a contact may be old."""
+    """A listener starts in the middle of it, nothing reported before: a gathering is news, a contact may be old."""
     ended, lasting = (make_site(GATHERING, CONTACT, root=tmp_path / name) for name in ("ended", "lasting"))
     for site, until_s in ((ended, 1600), (lasting, 2100)):
         store = Store(site.root / "store", site_id=site.site_id)

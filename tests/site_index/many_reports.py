@@ -67,7 +67,7 @@ def report(
 def write(
     folder: Path, made: page_model.WeekReport, *, stem: str | None = None, page: bool = True, **more: Any
 ) -> Path:
-    """Write a JSON file, and an empty page beside it, into the reports of a project; return the path of the JSON file."""
+    """Write a JSON file, and an empty page beside it, into the reports of a project; return its path."""
     reports = folder / "reports"
     reports.mkdir(parents=True, exist_ok=True)
     stem = stem or made.week.iso

@@ -1,4 +1,4 @@
-"""The page: one file without script or request, sound in structure, hostile names as text, every number from a JSON file."""
+"""The page: one file without script or request, sound in structure, hostile names as text, numbers from JSON files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows stored by day: the same as computed at once, computed once, computed again where anything they depend on changed."""
+"""Rows stored by day: the same as computed at once, and computed again only where what they depend on changed."""
 
 from __future__ import annotations
 
