@@ -18,6 +18,18 @@ settings.load_profile("steady")
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _no_wait_for_the_disk(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let fsync do nothing in this process: only a power cut or a broken disk shows a difference.
+
+    Tests of the store and of faults wait for the disk, and so do the processes that a test starts.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if not {"faults", "store"} & set(request.path.parts):
+            patch.setattr(os, "fsync", lambda file: None)
+        yield
+
+
 def _realdata_root() -> Path:
     return Path(os.environ.get("VSD_REALDATA", REPOSITORY.parent / "shared" / "data"))
 

@@ -16,6 +16,7 @@ from vsd_analytics.config import load_site
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Site
 
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:
@@ -26,6 +27,12 @@ def busy(day: int, hour: int) -> dict[w.Place, int]:
 def quieter(day: int, hour: int) -> dict[w.Place, int]:
     """The same with half as many at the door."""
     return {**busy(day, hour), w.DOOR: 6 + (day * 3) % 4}
+
+
+@pytest.fixture(scope="module")
+def busy_week(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """Return a site of which one busy week is stored. Tests leave it as it is."""
+    return w.world(tmp_path_factory.mktemp("busy"), w.toml(), w.messages(busy))
 
 
 def text_of(page: str) -> str:
@@ -55,8 +62,8 @@ def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
     assert "Stand moved away. Door." in text_of(render_html(report))
 
 
-def test_first_week_has_a_level_and_no_change(tmp_path: Path) -> None:
-    report = w.report(w.world(tmp_path, w.toml(), w.messages(busy)))
+def test_first_week_has_a_level_and_no_change(busy_week: Site) -> None:
+    report = w.report(busy_week)
     assert report.state == "first_week"
     assert report.previous is None
     assert report.level.often.value is not None
@@ -282,8 +289,8 @@ def test_site_without_areas_has_a_map_and_says_how_to_name_them(tmp_path: Path) 
     assert "Whole floor: clear fall" in page
 
 
-def test_floor_without_plan_or_picture_is_drawn_bare(tmp_path: Path) -> None:
-    report = w.report(w.world(tmp_path, w.toml(), w.messages(busy)))
+def test_floor_without_plan_or_picture_is_drawn_bare(busy_week: Site) -> None:
+    report = w.report(busy_week)
     (drawn,) = report.maps
     assert (drawn.kind, drawn.image) == ("floor", None)
     assert drawn.extent[0] < w.QUEUE[0] < w.ALONE[0] < drawn.extent[2]
@@ -339,7 +346,6 @@ def test_a_six_foot_site_never_says_two_metres(tmp_path: Path) -> None:
     assert "1.83\u00a0m" in page
 
 
-def test_a_report_is_the_same_after_reading_it_from_disk(tmp_path: Path) -> None:
-    site = w.world(tmp_path, w.toml(), w.messages(busy))
-    first, again = to_json(w.report(site)), to_json(w.report(load_site(tmp_path)))
+def test_a_report_is_the_same_after_reading_it_from_disk(busy_week: Site) -> None:
+    first, again = to_json(w.report(busy_week)), to_json(w.report(load_site(busy_week.root)))
     assert first == again
