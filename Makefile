@@ -14,9 +14,10 @@ demo: $(VENV)/.installed
 	rm -rf vsd-demo
 	$(BIN)/vsd demo vsd-demo
 
-# What `make check` runs: folders and files without a demo project, a browser, a subprocess or a loop over simulated weeks.
-FAST := $(addprefix tests/, test_architecture.py config docs/test_contributing.py docs/test_docs.py docs/test_words.py \
-        geometry sql/test_sql_files.py cli/test_site_commands.py)
+# What `make check` runs: folders and files without a demo project, a browser or a loop over simulated weeks.
+FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_site_commands.py config \
+        docs/test_contributing.py docs/test_docs.py docs/test_words.py geometry report/pages report/words \
+        sql/test_sql_files.py stats)
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff format --check --quiet .
