@@ -14,9 +14,10 @@ demo: $(VENV)/.installed
 	rm -rf vsd-demo
 	$(BIN)/vsd demo vsd-demo
 
-# What `make check` runs: folders and files without a demo project, a browser, a subprocess or a loop over simulated weeks.
-FAST := $(addprefix tests/, test_architecture.py cli_site docs/test_contributing.py docs/test_docs.py docs/test_words.py \
-        geometry site sql/test_sql_files.py)
+# What `make check` runs: folders and files without a demo project, a browser or a loop over simulated weeks.
+FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_site_commands.py config \
+        docs/test_contributing.py docs/test_docs.py docs/test_words.py geometry report/pages report/words \
+        sql/test_sql_files.py stats)
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff format --check --quiet .
@@ -25,7 +26,7 @@ check: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation" $(FAST)
 
 test: $(VENV)/.installed-test lint
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .
@@ -51,7 +52,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
 	$(BIN)/python tests/live/prove_soak.py --hours 24 --seed 1 --rate 2000
 	$(BIN)/python tests/retention/prove_purge_crashes.py
-	$(BIN)/python tests/report/prove_hidden_counts.py --seeds 11 --weeks 10
+	$(BIN)/python tests/privacy/prove_hidden_counts.py --seeds 11 --weeks 10
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 	$(BIN)/python tests/fuzz/prove_limits.py --inputs 25000 --seed 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +16,18 @@ settings.register_profile("steady", deadline=None, derandomize=True, suppress_he
 settings.load_profile("steady")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_wait_for_the_disk(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let fsync do nothing in this process: only a power cut or a broken disk shows a difference.
+
+    Tests of the store and of faults wait for the disk, and so do the processes that a test starts.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if not {"faults", "store"} & set(request.path.parts):
+            patch.setattr(os, "fsync", lambda file: None)
+        yield
 
 
 def _realdata_root() -> Path:
@@ -36,14 +49,27 @@ def realdata() -> Callable[[str], Path]:
 
 @pytest.fixture(scope="session")
 def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of a demo project with one detailed week, 2026-W46, in its store. Tests leave it as it is."""
+    """Return the folder of a demo project with one detailed week, 2026-W46, stored and built. Tests leave it as it is.
+
+    It takes half a minute to make, so the workers of a run share one: the first that needs it makes it.
+    """
     from vsd_analytics.config import load_site
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
+    from vsd_analytics.warehouse.build import build
 
-    root = tmp_path_factory.mktemp("demo") / "vsd-demo"
-    write_demo_project(root, seed=4, weeks=1)
-    ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
+    base = tmp_path_factory.getbasetemp()
+    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if is_worker else base) / "demo"
+    folder.mkdir(exist_ok=True)
+    root = folder / "vsd-demo"
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "made").exists():
+            write_demo_project(root, seed=4, weeks=1)
+            ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
+            build(load_site(root))
+            (folder / "made").touch()
     return root
 
 

@@ -41,7 +41,7 @@ def read_all(site: Site) -> None:
 
 
 def all_marts(site: Site) -> None:
-    """Open the warehouse of a week and compute every mart in full, none from days that are kept."""
+    """Open the warehouse of a week and compute every mart in full, none from days that are stored."""
     with open_warehouse(site, MONDAY, SUNDAY, uses_days=False) as warehouse:
         for name in relations("marts"):
             warehouse.table(f"select * from {name}")

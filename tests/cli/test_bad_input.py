@@ -84,7 +84,7 @@ REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_file_that_cannot_be_used_is_refused_with_a_mend(vsd: Vsd, tmp_path: Path, name: str) -> None:
+def test_a_file_that_cannot_be_used_is_refused_with_a_fix(vsd: Vsd, tmp_path: Path, name: str) -> None:
     file, content, error_code, words, fix = REFUSED[name]
     if content is not None:
         (tmp_path / file).write_bytes(content.encode() if isinstance(content, str) else content)
@@ -102,7 +102,7 @@ def test_a_file_that_cannot_be_used_is_refused_with_a_mend(vsd: Vsd, tmp_path: P
     assert err == ""
 
 
-# name of the file, content, reason, line of the first bad record, good records kept, words of the message
+# name of the file, content, reason, line of the first bad record, good records stored, words of the message
 QUARANTINED: dict[str, tuple[str, str | bytes, str, int, int, str]] = {
     "text in a number column": ("a.csv", HEADER + GOOD + GOOD.replace(",1,", ",abc,"), "not-a-number", 3, 1, "'abc'"),
     "NaN distance": ("a.csv", PAIRS + PAIR.replace("1.5", "NaN"), "not-a-number", 3, 1, "'NaN'"),
@@ -147,7 +147,7 @@ def test_a_bad_record_is_quarantined_counted_and_explained(vsd: Vsd, tmp_path: P
     assert told["sources"][0]["examples"][reason]["line"] == line
 
 
-def test_records_before_the_damage_in_a_gzip_are_kept_and_the_damage_is_told(vsd: Vsd, tmp_path: Path) -> None:
+def test_records_before_the_damage_in_a_gzip_are_stored_and_the_damage_is_reported(vsd: Vsd, tmp_path: Path) -> None:
     rows = "".join(GOOD.replace("00Z,cam-1,a", f"00.{k % 1000:03}Z,cam-1,{k}") for k in range(5000))
     whole = gzip.compress((HEADER + rows).encode(), mtime=0)
     (tmp_path / "a.csv.gz").write_bytes(whole[: len(whole) // 2])
@@ -218,7 +218,7 @@ def test_a_wrong_call_is_exit_code_2_and_says_how_to_call(vsd: Vsd, arguments: l
     assert words in f"{told['message']} {told['fix']}"
 
 
-def test_no_project_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_project_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(cli, ["-C", str(tmp_path), "ingest", "a.csv"]) == 2
     assert "error[E102]" in capsys.readouterr().err
 
@@ -233,7 +233,7 @@ def test_an_interrupt_is_exit_code_130(vsd: Vsd, tmp_path: Path, monkeypatch: py
     assert (code, err.strip()) == (130, "interrupted")
 
 
-def test_an_internal_error_is_told_without_a_traceback_unless_asked(
+def test_an_internal_error_is_reported_without_a_traceback_unless_asked(
     vsd: Vsd, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*arguments: object, **more: object) -> None:
@@ -366,7 +366,7 @@ def test_control_characters_of_a_query_do_not_reach_the_terminal(vsd: Vsd, tmp_p
         ["report", "--week", "9999-W52"],
     ],
 )
-def test_days_at_the_ends_of_the_calendar_are_told(vsd: Vsd, tmp_path: Path, arguments: list[str]) -> None:
+def test_days_at_the_ends_of_the_calendar_are_reported(vsd: Vsd, tmp_path: Path, arguments: list[str]) -> None:
     (tmp_path / "a.jsonl").write_text(MESSAGE)
     assert vsd("ingest", tmp_path / "a.jsonl")[0] == 0
     code, _, err = vsd(*arguments)
@@ -374,7 +374,7 @@ def test_days_at_the_ends_of_the_calendar_are_told(vsd: Vsd, tmp_path: Path, arg
 
 
 @pytest.mark.parametrize("now", ["0001-01-01", "9999-12-31T23:59:59"])
-def test_clock_at_the_ends_of_the_calendar_is_told(capsys: pytest.CaptureFixture[str], now: str) -> None:
+def test_clock_at_the_ends_of_the_calendar_is_reported(capsys: pytest.CaptureFixture[str], now: str) -> None:
     assert run(cli, ["--now", now, "report"]) == 2
     assert "E101" in capsys.readouterr().err
 

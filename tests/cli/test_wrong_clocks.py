@@ -31,7 +31,7 @@ def vsd(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
 
 
 @pytest.mark.parametrize("command", ["check", "ingest"])
-def test_instants_far_from_the_others_of_a_file_are_told(vsd: Vsd, tmp_path: Path, command: str) -> None:
+def test_instants_far_from_the_others_of_a_file_are_reported(vsd: Vsd, tmp_path: Path, command: str) -> None:
     (tmp_path / "a.csv").write_text(HEADER + OLD + NEW)
     code, _, err = vsd(command, tmp_path / "a.csv")
     assert code == 1
@@ -39,7 +39,7 @@ def test_instants_far_from_the_others_of_a_file_are_told(vsd: Vsd, tmp_path: Pat
     assert "vsd purge --camera ID --range DAYS" in err
 
 
-def test_instants_far_from_what_is_stored_are_told(vsd: Vsd, tmp_path: Path) -> None:
+def test_instants_far_from_what_is_stored_are_reported(vsd: Vsd, tmp_path: Path) -> None:
     (tmp_path / "new.csv").write_text(HEADER + NEW)
     (tmp_path / "old.csv").write_text(HEADER + OLD)
     assert vsd("ingest", tmp_path / "new.csv")[0] == 0

@@ -12,7 +12,7 @@ from typing import Any
 import generate_reference as reference
 import pytest
 from jsonschema import Draft202012Validator
-from pages import PAGES
+from markdown_pages import PAGES
 from site_text import site_text
 
 from vsd_analytics.config import load_site

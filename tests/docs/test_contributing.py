@@ -12,7 +12,7 @@ from pathlib import Path
 import duckdb
 import generate_reference as reference
 import pytest
-from pages import REPOSITORY, blocks
+from markdown_pages import REPOSITORY, blocks
 from site_text import site_text
 
 from vsd_analytics import settings
@@ -151,6 +151,21 @@ def test_rooms_are_listed_in_the_order_of_imports() -> None:
     order = re.findall(r'"(\w+)"', source.partition("ROOMS = (")[2].partition("\n)\n")[0])
     page = (REPOSITORY / "docs" / "architecture.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(\w+)/?` \|", page.partition("## The rooms")[2].partition("\nOther")[0], re.M) == order
+
+
+def test_the_page_of_the_tests_names_every_folder_of_tests_and_no_other() -> None:
+    folder = REPOSITORY / "tests"
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+)/`", page.partition("\n## Run")[0])) - {"vsd_analytics", "site"}
+    there = {p.relative_to(folder) for p in folder.rglob("*.py")}
+    assert {p.parts[0] for p in there if len(p.parts) > 1} <= named
+    assert named <= {part for p in there for part in p.parts[:-1]}
+
+
+def test_every_room_with_code_has_a_folder_of_tests() -> None:
+    rooms = {p.name for p in (REPOSITORY / "vsd_analytics").iterdir() if p.is_dir() and any(p.glob("*.py"))}
+    without = {room for room in rooms if not list((REPOSITORY / "tests" / room).rglob("test_*.py"))}
+    assert without == {"site"}, "site/ has only value types, which tests/config/ reads"
 
 
 def test_contributing_has_no_block_that_no_test_reads() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import generate_reference as reference
 import pytest
-from pages import PAGES, REPOSITORY, anchors, commands, links
+from markdown_pages import PAGES, REPOSITORY, anchors, commands, links
 
 from vsd_analytics.cli import COMMANDS, cli, explanations
 from vsd_analytics.errors import VsdError

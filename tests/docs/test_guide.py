@@ -1,4 +1,4 @@
-"""The guide is run as it stands: its files are written, its commands executed, what they print is compared."""
+"""The guide is run as it is: its files are written, its commands executed, what they print is compared."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from pages import REPOSITORY, blocks
+from markdown_pages import REPOSITORY, blocks
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run

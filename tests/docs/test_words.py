@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 import generate_reference as reference
 import pytest
-from pages import REPOSITORY
+from markdown_pages import REPOSITORY
 
 from vsd_analytics.cli import explanations
 from vsd_analytics.settings import SETTINGS

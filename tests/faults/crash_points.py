@@ -40,7 +40,7 @@ _TRACED = {
     **dict.fromkeys(("ftruncate", "truncate", "fallocate"), "truncate"),
 }
 CONTEXT = multiprocessing.get_context("forkserver")
-CONTEXT.set_forkserver_preload(["warm"])
+CONTEXT.set_forkserver_preload(["warm_start"])
 PATIENCE_S = 120.0
 _CALL = re.compile(r"^\d+\s+(\w+)\((.*)$")
 _TOKEN = re.compile(r"\.[^./]+\.tmp\b")
@@ -207,7 +207,7 @@ def _start_server() -> None:
         source = Path(__file__).with_name("refuse.c")
         subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True)
         before = dict(os.environ)
-        paths = [str(source.parent), *before.get("PYTHONPATH", "").split(os.pathsep)]  # warm.py is there
+        paths = [str(source.parent), *before.get("PYTHONPATH", "").split(os.pathsep)]  # warm_start.py is there
         os.environ |= {"LD_PRELOAD": str(library), "PYTHONPATH": os.pathsep.join(filter(None, paths))}
         try:
             forkserver.ensure_running()

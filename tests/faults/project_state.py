@@ -16,7 +16,7 @@ PAGES = "reports"
 LOG = "log.jsonl"
 N_TOLD = 3
 SEVERAL = b"several"
-"""Stands for the bytes of a unit of facts that has several files; they are litter."""
+"""Represents the bytes of a unit of facts that has several files; they are litter."""
 
 Row = tuple[Any, ...]
 

@@ -102,7 +102,7 @@ class Power:
 def after_cut(
     root: Path, truth: Truth, acked: list[Any], like: State | None, built_by: Sequence[Sequence[str]]
 ) -> tuple[int, list[str]]:
-    """Return how many fact files are torn, and what is wrong: as the disk stands, and after the next build."""
+    """Return how many fact files are torn, and what is wrong: as the disk is, and after the next build."""
     if not (root / "vsd.toml").exists():
         return 0, ["the project is gone"]
     shutil.rmtree(root / PAGES, ignore_errors=True)  # they are written anew, below

@@ -75,6 +75,6 @@ def test_a_killed_process_has_not_made_the_call(tmp_path: Path) -> None:
     assert (done.status, done.acked, (tmp_path / "file").read_bytes()) == ("killed", ["closed"], 2 * DATA)
 
 
-def test_a_sync_tried_again_on_the_same_open_file_is_told(tmp_path: Path) -> None:
+def test_a_sync_tried_again_on_the_same_open_file_is_reported(tmp_path: Path) -> None:
     [first, _] = run(sync_again, tmp_path).points
     assert run(sync_again, tmp_path, point=first, fault=FAULTS["EIO"]).retried == [""]

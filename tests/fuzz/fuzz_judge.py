@@ -61,7 +61,7 @@ class Outcome:
 
 
 class MemoryStore:
-    """Stands for the store: checks rows as `Store.append` does and keeps them."""
+    """Takes the place of the store: checks rows as `Store.append` does and keeps them."""
 
     tables: list[tuple[TableName, pa.Table]]
 

@@ -117,7 +117,7 @@ def change_json(rng: Random, data: bytes) -> bytes:
         node[rng.choice(("", "v", "camera", "ts", "persons", "pairs", "id", "x_m", "seq", "quality", "extra"))] = (
             node.pop(key)
         )
-    elif kind == 2 and isinstance(node, dict):  # a key that stands twice
+    elif kind == 2 and isinstance(node, dict):  # a key that is there twice
         text = json.dumps(value)
         again = f'{{"{key}":{json.dumps(rng.choice(VALUES))},'
         return text.replace("{", again, 1).encode()

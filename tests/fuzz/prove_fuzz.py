@@ -1,4 +1,4 @@
-"""At least 100,000 damaged inputs over all adapters: none ends in a traceback or hangs, and the good rows are kept.
+"""At least 100,000 damaged inputs over all adapters: none ends in a traceback or hangs, and the good rows are stored.
 
     python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 

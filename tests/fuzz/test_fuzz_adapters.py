@@ -1,4 +1,4 @@
-"""Damaged inputs end in quarantine or a refusal with a code, and the good rows around the damage are kept.
+"""Damaged inputs end in quarantine or a refusal with a code, and the good rows around the damage are stored.
 
 The long run of the same cases is `prove_fuzz.py`; what it found stands here in its smallest form.
 """
@@ -51,7 +51,7 @@ def test_every_input_is_clean_before_it_is_damaged(judge: Judge, name: str) -> N
 
 @pytest.mark.filterwarnings("error::SyntaxWarning", "error::RuntimeWarning")
 @pytest.mark.parametrize("first", range(0, 600, 100))
-def test_damaged_inputs_are_told_and_the_rows_around_the_damage_are_kept(judge: Judge, first: int) -> None:
+def test_damaged_inputs_are_reported_and_the_rows_around_the_damage_are_stored(judge: Judge, first: int) -> None:
     words = {run_case(judge, number, seed=1).outcome.word for number in range(first, first + 100)}
     assert words == {"clean", "quarantined", "refused"}
 
@@ -104,7 +104,7 @@ def table(judge: Judge, data: bytes, *, name: str = "a.csv", **options: object) 
     return judge.file(World("", name), data, name=name, **{**CAMERA, **options})
 
 
-def test_gzip_with_damaged_blocks_is_refused_and_the_lines_before_are_kept(judge: Judge) -> None:
+def test_gzip_with_damaged_blocks_is_refused_and_the_lines_before_are_stored(judge: Judge) -> None:
     rows = "".join(f"{START_MS + k},{k},{random.Random(k).random()},2\n" for k in range(20_000))
     packed = bytearray(gzip.compress(("ts,track_id,x_m,y_m\n" + rows).encode(), mtime=0))
     packed[-4000:-3000] = b"\xff" * 1000
@@ -162,7 +162,7 @@ def test_a_time_too_large_for_a_double_spoils_its_row_only(judge: Judge, number:
 
 @pytest.mark.parametrize("number", ["9" * 400, "9" * 5000, "0x" + "f" * 5000, "-9223372036854775809"])
 @pytest.mark.parametrize("key", ["polygon = [[0, 0], [5, 0], [5, {}]]", "unknown = {}", "name = {}"])
-def test_a_whole_number_beyond_64_bits_in_the_configuration_is_told(judge: Judge, key: str, number: str) -> None:
+def test_a_whole_number_beyond_64_bits_in_the_configuration_is_reported(judge: Judge, key: str, number: str) -> None:
     text = CONFIG.partition("polygon")[0].replace('name = "Tills"\n', "") + key.format(number) + "\n"
     outcome = judge.config(text.encode())
     assert (outcome.word, outcome.code) == ("refused", "E103")

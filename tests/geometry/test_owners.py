@@ -148,7 +148,7 @@ def test_where_no_camera_sees_the_nearest_view_counts() -> None:
     assert found[23, 10] == "b"  # x = 11.75 m
 
 
-def test_one_owner_for_twins_whatever_the_cell() -> None:
+def test_one_owner_for_two_equal_cameras_whatever_the_cell() -> None:
     h = look(at=(0, 0))
     assert set(owners(camera("a", h), camera("b", h)).values()) == {"a"}
 

@@ -93,7 +93,7 @@ class Lab:
         return "stored" if source["records"] else "nothing found"
 
     def check_places(self) -> None:
-        """Everything is an input or stands where the project puts it; stored names are known or hashes."""
+        """Everything is an input or is where the project puts it; stored names are known or hashes."""
         for path in self.root.rglob("*"):
             if path.is_dir():
                 continue

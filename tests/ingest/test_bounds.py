@@ -45,7 +45,7 @@ def code(result: SourceResult) -> str:
 
 
 def shrunk(path: Path, *, footer: bool) -> None:
-    """Write a hundred where a number above a million stands: in the footer, or in the headers of pages."""
+    """Write a hundred where a number is above a million: in the footer, or in the headers of pages."""
 
     def varint(value: int, length: int) -> bytes:
         digits = [(value << 1 >> 7 * i) & 127 for i in range(length)]
@@ -90,7 +90,7 @@ def test_more_rows_than_bytes_can_say_are_refused_and_a_setting_lets_them_in(tmp
     assert take_table(tmp_path, rows, records_free=20_000).n_records == {"observations": 20_000}
 
 
-def test_one_text_in_every_row_counts_as_often_as_it_stands_there(tmp_path: Path) -> None:
+def test_one_text_in_every_row_counts_as_often_as_it_is_there(tmp_path: Path) -> None:
     rows = table(10_000, track_id="x" * 1000)
     assert code(take_table(tmp_path, rows)) == "E206"
     result = take_table(tmp_path, rows, unpack_free_mb=20.0)

@@ -112,7 +112,7 @@ def test_a_frame_cut_between_two_batches_is_counted_as_one() -> None:
     assert found == [[False] * 2, [False] * 2, [False] * 2, [True] * 2, [False]]
 
 
-def test_rows_without_ids_are_told_apart_by_their_places(root: Path) -> None:
+def test_rows_without_ids_are_distinguished_by_their_places(root: Path) -> None:
     rows = [f"2026-11-09T10:00:0{s}Z,{i % n}.0,0.0" for s, n in ((0, 3), (1, 4)) for i in range(8)]
     assert told(read(root, "a.csv", "\n".join(["ts,x_m,y_m", *rows, ""]))) == ({"observations": 8}, {"too-many": 8})
 

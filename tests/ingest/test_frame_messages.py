@@ -1,4 +1,4 @@
-"""VSD frame messages: every kind of bad line is quarantined with its number, the good ones around it are kept."""
+"""VSD frame messages: every kind of bad line is quarantined with its number, the good ones around it are stored."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ BAD_LINES: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD_LINES)
-def test_a_bad_line_is_quarantined_and_its_neighbours_are_kept(tmp_path: Path, name: str) -> None:
+def test_a_bad_line_is_quarantined_and_its_neighbours_are_stored(tmp_path: Path, name: str) -> None:
     bad, reason = BAD_LINES[name]
     content = b"\n".join([line().encode(), b"", bad, b"  \r", line(camera="cam-2").encode(), b""])
     found = read_frames(tmp_path / "a.jsonl", content)
@@ -163,7 +163,7 @@ def test_naive_times_are_on_their_cameras_clock(tmp_path: Path) -> None:
     assert hours == [0, 0, -9, 0, -1, 0]
 
 
-def test_a_local_time_that_comes_twice_is_the_first_and_told(tmp_path: Path) -> None:
+def test_a_local_time_that_comes_twice_is_the_first_and_reported(tmp_path: Path) -> None:
     options = IngestOptions(frame_zone="Europe/Rome")
     found = read_frames(tmp_path / "a.jsonl", line(ts="2026-10-25T02:30:00"), options)
     assert found.column("ts_ms", "frames") == [1792888200000]  # 00:30 UTC
@@ -195,7 +195,7 @@ def test_detection_goes_by_a_line_that_is_one(tmp_path: Path, content: str, is_o
     assert Frames().detects(Source(tmp_path / "x")) == is_ours
 
 
-def test_messages_before_damage_in_a_gzip_are_kept(tmp_path: Path) -> None:
+def test_messages_before_damage_in_a_gzip_are_stored(tmp_path: Path) -> None:
     text = "".join(line(seq=k, ts=f"2026-11-09T09:{k // 60:02}:{k % 60:02}Z") + "\n" for k in range(3000))
     whole = gzip.compress(text.encode(), compresslevel=1, mtime=0)
     path = tmp_path / "a.jsonl.gz"

@@ -1,4 +1,4 @@
-"""From files to the store: what is counted, kept, refused and never written."""
+"""From files to the store: what is counted, stored, refused and never written."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_times_without_offset_are_on_the_clock_of_each_camera(tmp_path: Path) ->
     assert [(s.first_ms, s.last_ms) for s in found.sources] == [(midnight, nine)] * 2
 
 
-def test_a_source_without_any_record_is_told(tmp_path: Path) -> None:
+def test_a_source_without_any_record_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(TABLE)
     (tmp_path / "b.jsonl").write_text("\n\n")
     options = IngestOptions()
@@ -162,7 +162,7 @@ def test_formats_are_found_by_name_or_with_a_hint(tmp_path: Path) -> None:
     assert unknown.value.code == "E204"
 
 
-def test_quarantine_is_kept_once_and_counted_always(tmp_path: Path) -> None:
+def test_quarantine_is_stored_once_and_counted_always(tmp_path: Path) -> None:
     bad = [
         Rejected(k, "bad-json" if k % 2 else "no-time", "why", f"text {k} \ud800")
         for k in range(STORED_PER_SOURCE + 500)

@@ -81,7 +81,7 @@ def test_what_is_no_time_is_wrong_and_never_the_clock(text: str) -> None:
     assert found.is_wrong.tolist() == [True, False]
 
 
-def test_the_hour_that_comes_twice_is_the_first_and_told_once() -> None:
+def test_the_hour_that_comes_twice_is_the_first_and_reported_once() -> None:
     texts = [f"2026-10-25T{h}:00" for h in ("01:59", "02:00", "02:59", "03:00")]
     found = parse_instants(pa.array(texts), zone="Europe/Rome")
     offsets = [2, 2, 2, 1]

@@ -107,7 +107,7 @@ OBSERVATIONS: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", OBSERVATIONS)
-def test_a_bad_person_record_is_rejected_and_its_neighbours_are_kept(name: str) -> None:
+def test_a_bad_person_record_is_rejected_and_its_neighbours_are_stored(name: str) -> None:
     changes, reason = OBSERVATIONS[name]
     found = normalised("observations", person(), person(**changes), person(person=2))
     assert [(r.line, r.reason) for r in found.rejected] == [(2, reason)]
@@ -168,7 +168,7 @@ PAIRS: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", PAIRS)
-def test_a_bad_pair_is_rejected_and_its_neighbours_are_kept(name: str) -> None:
+def test_a_bad_pair_is_rejected_and_its_neighbours_are_stored(name: str) -> None:
     changes, reason = PAIRS[name]
     found = normalised("pairs", PAIR, {**PAIR, **changes}, {**PAIR, "track_a": "c"})
     assert [(r.line, r.reason) for r in found.rejected] == [(2, reason)]

@@ -1,4 +1,4 @@
-"""The quarantine: what is kept, what is counted, that nothing is kept twice, and who may read it."""
+"""The quarantine: what is stored, what is counted, that nothing is stored twice, and who may read it."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_a_raw_row_comes_back_as_it_was_nan_and_infinity_as_well(rows: list[dict
     assert repr(back.to_pylist()) == repr(expected)
 
 
-def test_the_same_bad_file_at_another_time_is_kept_once_with_its_first_instant(tmp_path: Path) -> None:
+def test_the_same_bad_file_at_another_time_is_stored_once_with_its_first_instant(tmp_path: Path) -> None:
     site = small_site(tmp_path / "site")
     path = tmp_path / "a.csv"
     path.write_text(HEADER + "2026-11-09T09:00:00Z,cam-9,a,1,2\n")
@@ -107,7 +107,7 @@ def test_what_is_beyond_the_cap_is_counted_and_said(tmp_path: Path) -> None:
             quarantine.add(bad[start : start + 7], at=at)
         quarantine.close()
     by_reason = {s.reason: (s.n_stored, s.n_not_kept, s.sources["a"]) for s in summarise(tmp_path / "q")}
-    # numbers 0 to 11 are kept: four times no-camera; of 30 there are ten. The second span holds the same.
+    # numbers 0 to 11 are stored: four times no-camera; of 30 there are ten. The second span holds the same.
     assert by_reason == {"no-time": (8, 12, 20), "no-camera": (4, 6, 10)}
     assert sum(quarantine.counts.values()) == 60
 
@@ -138,7 +138,7 @@ def test_a_live_source_keeps_each_span_and_its_small_files_are_put_together(tmp_
     assert len(files(tmp_path / "q")) == 1
 
 
-def test_a_record_that_is_too_long_or_no_text_is_kept_in_part_and_cannot_be_replayed(tmp_path: Path) -> None:
+def test_a_record_that_is_too_long_or_no_text_is_stored_in_part_and_cannot_be_replayed(tmp_path: Path) -> None:
     site = small_site(tmp_path / "site")
     path = tmp_path / "a.csv"
     row = b"2026-11-09T09:00:00Z,cam-1,%s,x,2\n"
@@ -196,7 +196,7 @@ def test_a_disk_that_refuses_loses_nothing_that_is_held(tmp_path: Path, monkeypa
     assert [e.line for e in kept(tmp_path / "q")] == [1]
 
 
-def test_a_crash_between_the_new_file_and_the_end_of_the_old_one_is_mended_by_the_next_run(
+def test_a_crash_between_the_new_file_and_the_end_of_the_old_one_is_repaired_by_the_next_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     quarantine = Quarantine(tmp_path / "q", source="a", at=NOW)

@@ -108,7 +108,7 @@ def test_pseudonyms_of_replayed_rows_are_those_of_their_track(tmp_path: Path) ->
     assert stored(site)["observations"][0]["track_id"] != "a"
 
 
-def test_a_mended_mapping_reads_lines_again_and_none_twice(tmp_path: Path) -> None:
+def test_a_corrected_mapping_reads_lines_again_and_none_twice(tmp_path: Path) -> None:
     site = small_site(tmp_path / "site", settings=PLAIN, ingest_map={"ts": "local"})
     path = tmp_path / "a.csv"
     path.write_text(
@@ -324,7 +324,7 @@ def test_list_and_replay_tell_people_and_programs(tmp_path: Path, capsys: pytest
     vsd("ingest", tmp_path / "a.csv")
     code, out = vsd("quarantine", "list")
     assert code == 1
-    assert "unknown-camera: 1 kept; 1 can be replayed" in out
+    assert "unknown-camera: 1 stored; 1 can be replayed" in out
     assert f"--> {tmp_path / 'a.csv'}, line 2" in out
     assert "engine_ids" in out
     assert "\x1b" not in out

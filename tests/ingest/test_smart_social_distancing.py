@@ -122,7 +122,7 @@ def test_rows_become_heartbeats_foot_points_and_pairs(tmp_path: Path) -> None:
     assert all(tables[name].schema == RAW_SCHEMAS[name] for name in TABLES)
 
 
-def test_pairs_beyond_the_threshold_are_kept_up_to_pair_max(tmp_path: Path) -> None:
+def test_pairs_beyond_the_threshold_are_stored_up_to_pair_max(tmp_path: Path) -> None:
     at = [(x, 0.2, x + 0.1, 0.6) for x in (0.0, 0.3, 0.75)]
     tables, _ = read(write(tmp_path, [log_row("2026-01-05 09:00:00", at)]))
     assert any(p["distance_m"] > 1.5 for p in tables["pairs"].to_pylist())
@@ -135,7 +135,7 @@ def test_pairs_beyond_the_threshold_are_kept_up_to_pair_max(tmp_path: Path) -> N
     assert kept == expected
 
 
-def test_tracked_ids_are_kept_and_fallback_ids_are_not(tmp_path: Path) -> None:
+def test_tracked_ids_are_stored_and_fallback_ids_are_not(tmp_path: Path) -> None:
     tables, _ = read(write(tmp_path, [log_row("2026-01-05 09:00:00", [*NEAR, FAR], ids=["1-0", 17, "walker-3"])]))
     assert tables["observations"]["track"].to_pylist() == [None, "17", "walker-3"]
     assert [(p["track_a"], p["track_b"]) for p in tables["pairs"].to_pylist()] == [(None, "17")]
@@ -273,7 +273,7 @@ def test_large_logs_come_in_batches_of_bounded_size(tmp_path: Path, monkeypatch:
     assert notes(batches) == ["info: pairs rebuilt from boxes agree with the log in 120 of 120 rows"]
 
 
-def test_rows_before_damage_are_kept(tmp_path: Path) -> None:
+def test_rows_before_damage_are_stored(tmp_path: Path) -> None:
     rows = [
         log_row(f"2026-01-05 09:{m:02}:{s:02}", [*NEAR, (0.5, 0.1, 0.6 + s / 997, 0.4 + m / 991)])
         for m in range(20)

@@ -140,7 +140,7 @@ def test_a_file_cut_in_half_is_refused(tmp_path: Path) -> None:
     assert "Parquet" in found.error.what
 
 
-def test_records_before_damage_inside_are_kept(tmp_path: Path) -> None:
+def test_records_before_damage_inside_are_stored(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     n = 300_000
     columns = {"ts": np.full(n, NINE_MS), "x_m": np.random.default_rng(1).random(n), "y_m": np.zeros(n)}

@@ -111,7 +111,7 @@ def test_a_missing_column_of_named_columns_is_to_be_named_there(tmp_path: Path) 
     assert str(found.error.fix).startswith("name it in --columns: distance_m")
 
 
-def test_headerless_files_need_names_and_ignored_columns_may_stand_at_the_end(tmp_path: Path) -> None:
+def test_headerless_files_need_names_and_ignored_columns_may_be_at_the_end(tmp_path: Path) -> None:
     text = "1794214800.5,7,1.5,2.5,9,9\n1794214801,8,3,4,9,9\n"
     options = IngestOptions(camera="cam-1", columns=("ts", "track_id", "x_m", "_", "y_m"))
     found = read_table(tmp_path / "a.csv", text, options)
@@ -189,7 +189,7 @@ def test_boxes_become_foot_points_both_ways(tmp_path: Path) -> None:
         ]
 
 
-def test_floor_metres_win_over_boxes_and_pixels_may_stand_beside_them(tmp_path: Path) -> None:
+def test_floor_metres_win_over_boxes_and_pixels_may_be_beside_them(tmp_path: Path) -> None:
     text = "ts,x_m,y_m,u_px,v_px,left,top,right,bottom\n1794214800,1,2,3,4,100,50,140,250\n"
     (row,) = read_table(tmp_path / "a.csv", text).people
     assert (row["x_m"], row["y_m"], row["u_px"], row["v_px"], row["quality"]) == (1.0, 2.0, 3.0, 4.0, "metric")
@@ -233,7 +233,7 @@ BAD_CELLS = {
 
 
 @pytest.mark.parametrize("name", BAD_CELLS)
-def test_a_bad_row_is_quarantined_with_its_line_and_its_neighbours_are_kept(tmp_path: Path, name: str) -> None:
+def test_a_bad_row_is_quarantined_with_its_line_and_its_neighbours_are_stored(tmp_path: Path, name: str) -> None:
     bad, reason, detail = BAD_CELLS[name]
     text = "\n".join(["", "ts,track_id,x_m,y_m", "1794214800,a,1,2", "", bad, "1794214802,c,3,4", bad, ""])
     found = read_table(tmp_path / "a.csv", text)
@@ -254,7 +254,7 @@ def test_a_trailing_delimiter_is_no_field(tmp_path: Path) -> None:
     assert not found.rejected
 
 
-def test_a_cut_last_line_is_quarantined_or_kept_but_never_half_a_number(tmp_path: Path) -> None:
+def test_a_cut_last_line_is_quarantined_or_stored_but_never_half_a_number(tmp_path: Path) -> None:
     found = read_table(tmp_path / "a.csv", "ts,x_m,y_m\n1794214800,1,2\n17942148")
     assert (len(found.people), found.reasons) == (1, {3: "wrong-number-of-fields"})
 
@@ -272,7 +272,7 @@ def _limited(n_bytes: int) -> IngestOptions:
     return IngestOptions(camera="cam-1", line_max_bytes=n_bytes)
 
 
-def test_rows_before_damage_in_a_gzip_are_kept(tmp_path: Path) -> None:
+def test_rows_before_damage_in_a_gzip_are_stored(tmp_path: Path) -> None:
     text = "ts,x_m,y_m\n" + "".join(f"{1794214800 + k},{k / 7:.5f},2\n" for k in range(20_000))
     whole = gzip.compress(text.encode(), mtime=0)
     path = tmp_path / "a.csv.gz"
@@ -301,7 +301,7 @@ def test_a_file_without_content_is_called_empty(tmp_path: Path, content: str | b
     assert found.error.code == "E202"
 
 
-def test_utf_16_is_told_from_garbage(tmp_path: Path) -> None:
+def test_utf_16_is_distinguished_from_garbage(tmp_path: Path) -> None:
     found = read_table(tmp_path / "a.csv", CSV.encode("utf-16"))
     assert found.error is not None
     assert found.error.fix is not None
@@ -325,7 +325,7 @@ def test_ids_that_only_look_like_numbers_are_left_alone(tmp_path: Path) -> None:
     assert read_table(tmp_path / "a.csv", text).column("track") == ids
 
 
-def test_pairs_are_told_from_positions_by_their_columns(tmp_path: Path) -> None:
+def test_pairs_are_distinguished_from_positions_by_their_columns(tmp_path: Path) -> None:
     text = "ts,track_a,track_b,distance_m,distance_sd_m\n1794214800,1,2,1.5,0.1\n1794214800,3,,0,\n"
     found = read_table(tmp_path / "a.csv", text)
     assert found.people == []

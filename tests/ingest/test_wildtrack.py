@@ -143,7 +143,7 @@ def test_a_person_off_the_grid_is_quarantined_but_was_seen(tmp_path: Path, bad: 
     assert tables["frames"]["n_persons"].to_pylist() == [3]
 
 
-def test_files_before_damage_are_kept(tmp_path: Path) -> None:
+def test_files_before_damage_are_stored(tmp_path: Path) -> None:
     files = {
         f"{n * 5:08}.json": json.dumps([person(p, (n * 7919 + p * 104729) % 691200) for p in range(30)]).encode()
         for n in range(100)

@@ -18,10 +18,10 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pyarrow as pa
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "warehouse"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from seen_worlds import shoppers, small_site, true_spells
-from warehouse_projects import T0, open_days, table
+from warehouse.small_projects import T0, open_days, table
 
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.simulate.people import simulate_day

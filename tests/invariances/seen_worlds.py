@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from warehouse_projects import Frame, Pair, Person, make_site, open_days
+from warehouse.small_projects import Frame, Pair, Person, make_site, open_days
 
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.figures.rates import level_often, level_risky

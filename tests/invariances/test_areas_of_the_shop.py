@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pyarrow as pa
 import pytest
-from warehouse_projects import open_days
+from warehouse.small_projects import open_days
 
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.simulate.cameras import CAMERAS, HEIGHT_PX, NOISE_SD_M, WIDTH_PX

@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from seen_worlds import Record, close_pairs, headline, marts, shoppers, small_site, swapped, true_spells
-from warehouse_projects import DAY, HOUR, T0, Person, at, beats, put
+from warehouse.small_projects import DAY, HOUR, T0, Person, at, beats, put
 
 from vsd_analytics.site.model import Camera
 

@@ -27,8 +27,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, write_project
-from producer import Camera, Load, produce
+from local_broker import MOSQUITTO, WHY_NOT, Mosquitto, write_project
+from soak_producer import Camera, Load, produce
 from soak_report import Event, Life, Outcome, print_report
 from soak_truth import gaps, lost, stored_sums, tracks_stored, tracks_true, truth_sums
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from producer import Load
+from soak_producer import Load
 from soak_truth import Ranges, Sums
 
 

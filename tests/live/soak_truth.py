@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 import duckdb
 import numpy as np
 import pyarrow as pa
-from producer import Load
+from soak_producer import Load
 
 from vsd_analytics.config import load_site
 from vsd_analytics.warehouse.warehouse import open_warehouse, stored_extent

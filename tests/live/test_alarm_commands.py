@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from alarm_worlds import frame, quiet, row, stand
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, publish
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, publish
 from site_text import site_text
 from test_alarm_delivery import receiver
 
@@ -85,7 +85,7 @@ def test_events_are_the_lines_that_are_delivered_once(project: Path, capsys: pyt
     assert (project / "alarms.jsonl").read_text() == events
 
 
-def test_a_day_that_goes_on_is_told_as_far_as_it_is_known(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_day_that_goes_on_is_listed_as_far_as_it_is_known(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsd(project, "alarms", "--json", "--rule", "dead", now="2026-11-09T08:30:00Z") == 0
     assert json.loads(capsys.readouterr().out) == {"alarms": []}
     assert vsd(project, "alarms", "--json", "--rule", "dead") == 0
@@ -96,7 +96,7 @@ def test_a_day_that_goes_on_is_told_as_far_as_it_is_known(project: Path, capsys:
     assert alarm["end"] == "2026-11-09T21:00:00.000+01:00"
 
 
-def test_what_cannot_be_done_is_told(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_done_is_reported(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsd(project, "alarms", "--rule", "crows") == 2
     assert "--rule crowd" in capsys.readouterr().err
     assert vsd(project, "alarms", "someday") == 2
@@ -107,7 +107,7 @@ def test_what_cannot_be_done_is_told(project: Path, capsys: pytest.CaptureFixtur
     assert "no [[alarm]]" in capsys.readouterr().out
 
 
-def test_an_empty_store_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_store_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "vsd.toml").write_text(SITE + RULES)
     assert vsd(tmp_path, "alarms") == 2
     assert "E301" in capsys.readouterr().err

@@ -26,7 +26,7 @@ Answer = int | float
 
 
 class Receiver(ThreadingHTTPServer):
-    """A webhook that answers as told, then 200; keeps what it was sent."""
+    """A webhook that answers as `answers` says, then 200; keeps what it was sent."""
 
     daemon_threads = True
 

@@ -1,4 +1,4 @@
-"""Alarms inside the listener: told once each, also over restarts; no mistake of theirs stops it."""
+"""Alarms inside the listener: each reported once, also over restarts; no mistake of theirs stops it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RULES = (GATHERING, replace(GATHERING, alarm_id="three", n_people=3, for_s=20.0)
 
 
 def live(site: Site, messages: Sequence[Message], *, killed_s: Sequence[int] = (), away_s: int = 0) -> list[dict]:
-    """Listen for 5 s at a time, dying and starting again at some; return what stands in alarms.jsonl."""
+    """Listen for 5 s at a time, dying and starting again at some; return what is in alarms.jsonl."""
     store = Store(site.root / "store", site_id=site.site_id)
     tables = tables_of(site, messages)
     ages = {t: rows["ts"].cast(pa.int64()).to_numpy() - START_MS for t, rows in tables.items()}
@@ -146,8 +146,8 @@ def test_a_silence_of_hours_is_known_again(tmp_path: Path, hours: int) -> None:
     assert sum(r["event"] == "end" for r in told) == (0 if hours < 24 else 2)
 
 
-def test_what_was_there_before_the_records_begin_is_told_only_while_it_lasts(tmp_path: Path) -> None:
-    """A listener starts in the middle of it, with nothing told before: a gathering is news, a contact may be old."""
+def test_what_was_there_before_the_records_begin_is_reported_only_while_it_lasts(tmp_path: Path) -> None:
+    """A listener starts in the middle of it, nothing reported before: a gathering is news, a contact may be old."""
     ended, lasting = (make_site(GATHERING, CONTACT, root=tmp_path / name) for name in ("ended", "lasting"))
     for site, until_s in ((ended, 1600), (lasting, 2100)):
         store = Store(site.root / "store", site_id=site.site_id)

@@ -28,7 +28,7 @@ CONTACT = AlarmRule("c", "contact", for_s=10.0, cooldown_s=0.0)
 
 
 def records(folder: Path, fps: float, *, every: int = 1) -> dict[TableName, pa.Table]:
-    """Return a scene as stored tables; annotations come every 0.4 s, of which every so-many-th is kept."""
+    """Return a scene as stored tables; annotations come every 0.4 s, of which every so-many-th is used."""
     with gzip.open(folder / "obsmat.txt.gz") as f:
         rows = np.loadtxt(f)
     frames = np.unique(rows[:, 0])
@@ -44,7 +44,7 @@ def records(folder: Path, fps: float, *, every: int = 1) -> dict[TableName, pa.T
 
 
 def gatherings(tables: dict[TableName, pa.Table]) -> list[tuple[int, int]]:
-    """Return when each began and when it was last told, milliseconds."""
+    """Return when each began and when it was last reported, milliseconds."""
     engine = AlarmEngine(make_site(GATHERING))
     last = {e.alarm: e for e in [*engine.feed(tables), *engine.close()]}
     return sorted((e.since_ms, e.at_ms) for e in last.values())
@@ -93,5 +93,5 @@ def test_people_who_came_together_are_mostly_no_contacts(realdata: Find, monkeyp
             everybody.setattr("vsd_analytics.live.companions.Companions._is_together", lambda *_: False)
             close = pairs(folder, fps)
         counts += [len(close & groups), len(found & groups), len(close - groups), len(found - groups)]
-    # of 140 pairs of a group that were close for 10 s 19 are told, of 18 pairs of strangers 11
+    # of 140 pairs of a group that were close for 10 s 19 are reported, of 18 pairs of strangers 11
     assert counts.tolist() == [140, 19, 18, 11]

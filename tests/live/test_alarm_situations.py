@@ -1,4 +1,4 @@
-"""Planted gatherings, contacts and silences: each told once, when it is due, and nothing else."""
+"""Planted gatherings, contacts and silences: each reported once, when it is due, and nothing else."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_an_area_on_another_floor_does_not_count() -> None:
     assert run(upstairs, merge(stand(row(4), 100), quiet(120))) == []
 
 
-def test_who_joins_is_told_at_once_and_who_passes_by_again_is_not() -> None:
+def test_who_joins_is_reported_at_once_and_who_passes_by_again_is_not() -> None:
     passing = walk([((2.0, 0.0), (2.0, 8.0))], 8, start_s=70, first_id=9)
     again = walk([((2.0, 0.0), (2.0, 8.0))], 8, start_s=90, first_id=10)
     events = run(make_site(GATHERING), merge(stand(row(4), 110), passing, again, quiet(120)))
@@ -105,7 +105,7 @@ def test_who_joins_is_told_at_once_and_who_passes_by_again_is_not() -> None:
     assert len({e.alarm for e in events}) == 1
 
 
-def test_an_open_alarm_is_told_again_every_minute() -> None:
+def test_an_open_alarm_is_reported_again_every_minute() -> None:
     events = run(make_site(GATHERING), merge(stand(row(4), 250), quiet(300)))
     assert told(events) == [("start", 60), ("update", 120), ("update", 180), ("update", 240), ("end", 250)]
 
@@ -153,7 +153,7 @@ def test_two_gatherings_at_once_are_two_alarms_also_when_they_part_and_meet() ->
     assert told(run(make_site(GATHERING), merge(chain, quiet(100)))) == [("start", 60), ("end", 80)]
 
 
-def test_nothing_is_told_when_the_site_is_closed() -> None:
+def test_there_is_no_alarm_when_the_site_is_closed() -> None:
     night = make_site(GATHERING, opening=(((600, 1260),),) * 7)
     assert run(night, merge(stand(row(4), 100), quiet(120))) == []
     assert run(make_site(GATHERING, closed=frozenset({at(0).date()})), stand(row(4), 100)) == []
@@ -166,7 +166,7 @@ def test_a_gathering_ends_when_the_site_closes() -> None:
     assert told(events)[-1] == ("end", 899)
 
 
-def test_the_same_place_stays_quiet_after_an_end_and_a_long_one_is_told_after_that() -> None:
+def test_the_same_place_stays_quiet_after_an_end_and_a_long_one_is_reported_after_that() -> None:
     rule = replace(GATHERING, cooldown_s=100.0)
     again = merge(stand(row(4), 70), stand(row(4), 60, start_s=90, first_id=11), quiet(300))
     assert told(run(make_site(rule), again)) == [("start", 60), ("end", 70)]
@@ -291,7 +291,7 @@ def test_contacts_of_engines_that_send_pairs_only() -> None:
 BUSY = make_site(SILENCE)
 
 
-def test_a_silent_camera_is_told_and_its_return_is_the_end() -> None:
+def test_a_silent_camera_is_reported_and_its_return_is_the_end() -> None:
     world = [*quiet(30), *quiet(100, start_s=200), *quiet(300, camera="cam-2")]
     events = run(BUSY, world)
     assert told(events) == [("start", 90), ("update", 150), ("end", 200)]
@@ -373,7 +373,7 @@ def test_a_camera_never_heard_is_silent_from_the_start_of_watching() -> None:
     assert run(BUSY, quiet(100)) == []
 
 
-def test_a_camera_that_comes_and_goes_is_told_once_in_a_cool_down() -> None:
+def test_a_camera_that_comes_and_goes_is_reported_once_in_a_cool_down() -> None:
     world = [*quiet(600, camera="cam-2")] + [m for s in (0, 100, 200, 300) for m in quiet(5, start_s=s)]
     assert told(run(make_site(replace(SILENCE, cooldown_s=1000.0)), world)) == [("start", 65), ("end", 100)]
 

@@ -18,7 +18,7 @@ from typing import Any
 import duckdb
 import paho.mqtt.client as paho
 import pytest
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
 from paho.mqtt.enums import CallbackAPIVersion
 
 from vsd_analytics.config import load_site
@@ -212,7 +212,7 @@ def test_what_cannot_be_stored_is_not_acknowledged_and_comes_again(
     assert numbers(root) == list(range(20))
 
 
-def test_rejects_that_cannot_be_kept_are_not_acknowledged(
+def test_rejects_that_cannot_be_stored_are_not_acknowledged(
     tmp_path: Path, shared_broker: Mosquitto, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = project(tmp_path, shared_broker)

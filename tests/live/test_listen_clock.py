@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
 
 from vsd_analytics.config import load_site
 from vsd_analytics.doctor.broker import examine_listener
@@ -72,7 +72,7 @@ def broker(tmp_path: Path) -> Iterator[Mosquitto]:
 
 
 @pytest.mark.parametrize("ahead", [-YEARS, YEARS])
-def test_a_wrong_clock_is_told_and_every_message_is_durable_and_replayed_once_it_is_right(
+def test_a_wrong_clock_is_reported_and_every_message_is_durable_and_replayed_once_it_is_right(
     tmp_path: Path, broker: Mosquitto, ahead: timedelta
 ) -> None:
     world = World(tmp_path, broker)

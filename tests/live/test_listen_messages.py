@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from broker import frame, write_project
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from live.local_broker import frame, write_project
 
 from vsd_analytics.config import load_site
 from vsd_analytics.live.batches import ReceivedMessage
@@ -96,7 +96,7 @@ def test_the_clock_moves(preparer: Preparer) -> None:
         (ReceivedMessage("vsd/cam-1/frames", b"{", 1_000_001), "line-too-long"),
     ],
 )
-def test_bad_messages_are_rejected_with_reason_and_topic_and_the_good_beside_them_kept(
+def test_bad_messages_are_rejected_with_reason_and_topic_and_the_good_beside_them_stored(
     preparer: Preparer, bad: ReceivedMessage, reason: str
 ) -> None:
     good = delivery(frame(1, at=NOW)[1])

@@ -92,7 +92,7 @@ def nothing() -> None:
     """Let a look pass."""
 
 
-def test_a_file_is_taken_once_it_stands_still_and_is_moved(site: Site) -> None:
+def test_a_file_is_taken_once_it_grows_no_more_and_is_moved(site: Site) -> None:
     world = World(site)
     path = world.folder / "a.jsonl"
     taken: list[list[str]] = []

@@ -1,4 +1,4 @@
-"""Notebooks and the Python of the pages run on a demo project; notebooks are kept without outputs."""
+"""Notebooks and the Python of the pages run on a demo project; notebooks are stored without outputs."""
 
 from __future__ import annotations
 

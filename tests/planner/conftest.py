@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from planner import planted
+from planner import planted_shop as planted
 
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData

@@ -22,7 +22,7 @@ def vsd(shop: Site, capsys: pytest.CaptureFixture[str]):
     return call
 
 
-def test_a_page_is_written_and_its_figures_are_told(vsd, tmp_path: Path) -> None:
+def test_a_page_is_written_and_its_figures_are_reported(vsd, tmp_path: Path) -> None:
     code, out, _ = vsd("--week", "2026-W46", "--out", str(tmp_path), "--json")
     assert code == 0
     (told,) = json.loads(out)["planners"]
@@ -35,7 +35,7 @@ def test_a_page_is_written_and_its_figures_are_told(vsd, tmp_path: Path) -> None
     assert vsd("--week", "2026-W46", "--out", "-")[1] == page.read_text(encoding="utf-8")
 
 
-def test_any_week_may_stand_beside_it(vsd, tmp_path: Path) -> None:
+def test_any_week_may_be_compared_with_it(vsd, tmp_path: Path) -> None:
     code, out, _ = vsd("--week", "2026-W46", "--before", "2026-W43", "--out", str(tmp_path), "--json")
     assert code == 0
     assert json.loads(out)["planners"][0]["before"] == "2026-W43"
@@ -60,7 +60,7 @@ def test_a_week_without_records_has_a_page_that_says_so(vsd, tmp_path: Path) -> 
         (("--out", "-", "--json"), "one page for each floor"),
     ],
 )
-def test_mistakes_are_told_in_words(vsd, arguments: tuple[str, ...], word: str) -> None:
+def test_mistakes_are_reported_in_words(vsd, arguments: tuple[str, ...], word: str) -> None:
     code, out, err = vsd(*arguments)
     assert code == 2
     assert word in out + err

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planner import dense, planted
+from planner import dense_floor as dense
+from planner import planted_shop as planted
 
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
@@ -62,7 +63,7 @@ def test_what_people_read_has_none_of_the_words_that_are_not_said(texts: dict[st
     assert forbidden_in(spoken) == []
 
 
-def test_the_report_s_figures_stand_there_without_script(masked: PlannerData, texts: dict[str, str]) -> None:
+def test_the_report_s_figures_are_there_without_script(masked: PlannerData, texts: dict[str, str]) -> None:
     table = re.search(r'id="figures">(.*?)</table>', texts["masked"], flags=re.DOTALL)
     assert table is not None
     for row in masked.places:
@@ -81,7 +82,7 @@ def test_no_small_count_is_in_the_file(masked: PlannerData, texts: dict[str, str
     assert small  # the planted floor has some, so that there was something to hold back
 
 
-def test_hours_that_the_report_holds_back_stand_together(shop: Site, exact: PlannerData) -> None:
+def test_hours_that_the_report_hides_are_shown_together(shop: Site, exact: PlannerData) -> None:
     site = planted.with_settings(shop, mask_below=60, min_exposure_h=2.0)
     data = planted.known(site)
     n = data.week.panel.n[0].sum(axis=0)
@@ -90,7 +91,7 @@ def test_hours_that_the_report_holds_back_stand_together(shop: Site, exact: Plan
     assert n.sum() == exact.week.panel.n[0].sum()
 
 
-def test_a_place_with_too_few_is_not_told(shop: Site) -> None:
+def test_a_place_with_too_few_is_not_reported(shop: Site) -> None:
     data = planted.known(planted.with_settings(shop, mask_below=250))
     door = next(k for k, row in enumerate(data.places) if row.place_id == "area:door")
     assert "fewer than 250" in data.week.hidden[door]

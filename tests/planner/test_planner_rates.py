@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from planner import planted
+from planner import planted_shop as planted
 
 from vsd_analytics.figures.panels import FloorHours, Panel, Period, Place, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate

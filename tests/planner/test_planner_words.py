@@ -1,4 +1,4 @@
-"""Every word of the page stands in the catalogue: none in the script, none left over in a page of another language."""
+"""Every word of the page is in the catalogue: none in the script, none left over in a page of another language."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_reasons_are_those_of_the_analysis() -> None:
 def test_a_page_of_another_language_has_no_word_of_this_one(
     masked: PlannerData, browser: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """A made-up language marks every sentence; what stands outside the marks must come from the data."""
+    """A made-up language marks every sentence; what is outside the marks must come from the data."""
     real = catalogue.template
     monkeypatch.setattr(catalogue, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
     monkeypatch.setattr(fmt, "DAYS", ("1",) * 7)

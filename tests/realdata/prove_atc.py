@@ -1,6 +1,6 @@
 """Every figure of the catalogue on a real morning: the ATC shopping centre, Wednesday 24 October 2012, hours 9 to 11.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_atc.py`; the table stands in docs/statistics.md. The recording goes
+Run `VSD_REALDATA=... python tests/realdata/prove_atc.py`; the table is in docs/statistics.md. The recording goes
 through ingest, store, facts and report as any engine's output does; what three hours cannot tell is refused with its
 reason. Beside them stands what plain numpy counted of the same files, where it did.
 """
@@ -61,7 +61,7 @@ polygon = [[0, -40], [80, -40], [80, 40], [0, 40]]
 
 
 def report(root: Path, folder: Path) -> Mapping[str, Any]:
-    """Return the JSON twin of the week of the recording.
+    """Return the JSON file of the week of the recording.
 
     Args:
         root: An empty folder for the project.

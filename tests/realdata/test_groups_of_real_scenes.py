@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from group_scenes import DAY, FPS, Scores, cut, project, read_groups, read_scene, score, write
+from stats.group_scenes import DAY, FPS, Scores, cut, project, read_groups, read_scene, score, write
 
 from vsd_analytics.cli import main
 from vsd_analytics.warehouse.warehouse import open_warehouse

@@ -203,7 +203,7 @@ def test_the_truth_file_says_the_same(realdata: Find) -> None:
 
 
 def test_facts_of_a_copied_project_are_fresh(realdata: Find, tmp_path: Path) -> None:
-    """A project can be moved: nothing in it depends on where it stands."""
+    """A project can be moved: nothing in it depends on where it is."""
     site = one_camera(tmp_path / "here", Camera("street", "Street", "floor"))
     options = IngestOptions(format="positions", columns=OBSMAT, fps=25.0, start=START)
     take_in(site, [realdata("eth_ucy/zara01/obsmat.txt.gz")], options)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from retained_projects import DAYS, TERMS, TOML, make_project, messages, vsd, write
+from aged_projects import DAYS, TERMS, TOML, make_project, messages, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.retention.purge import purge_range

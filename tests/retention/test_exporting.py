@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from retained_projects import DAYS, TOML, make_project, messages, three_days, vsd, write
+from aged_projects import DAYS, TOML, make_project, messages, three_days, vsd, write
 from test_purging_by_range import table
 
 from vsd_analytics.errors import UsageError
@@ -75,7 +75,7 @@ def test_only_what_was_asked_for_is_handed_over(project: Path, tmp_path: Path) -
     assert nothing["records"] == {"observations": 0}
 
 
-def test_pairs_without_ids_are_told_and_stand_in_the_table(tmp_path: Path) -> None:
+def test_pairs_without_ids_are_reported_and_are_in_the_table(tmp_path: Path) -> None:
     root = make_project(tmp_path / "p")
     lines = f"ts,camera_id,track_a,track_b,distance_m\n{DAYS[0]}T09:00:00Z,cam-1,,,1.5\n"
     (root / "pairs.csv").write_text(lines)

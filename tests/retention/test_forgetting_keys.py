@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import Path
 
 import pytest
-from retained_projects import DAYS, TERMS, TOML, audit, day, make_project, messages, three_days, vsd, write
+from aged_projects import DAYS, TERMS, TOML, audit, day, make_project, messages, three_days, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError

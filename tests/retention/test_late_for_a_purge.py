@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from aged_projects import DAYS, NOW, TERMS, day, litter, make_project, messages, three_days, vsd, write
 from purge_crashes import Crash, watched
-from retained_projects import DAYS, NOW, TERMS, day, litter, make_project, messages, three_days, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
@@ -70,7 +70,7 @@ def test_records_acknowledged_while_their_hour_is_sealed_go_to_quarantine(
     assert raw_days(project) == {f"date={DAYS[2]}"}
 
 
-def test_the_user_is_told_of_records_that_came_too_late(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_user_hears_of_records_that_came_too_late(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     purge_at_first_append(monkeypatch, project)
     assert "210 new records stored, 210 quarantined" in vsd(project, "ingest", str(late_file(project)), code=1)
 

@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from retained_projects import (
+from aged_projects import (
     DAYS,
     NOW,
     TERMS,
@@ -116,7 +116,7 @@ def test_the_audit_line_says_what_when_and_why(purged: Path) -> None:
     assert (entry["older_than"], entry["utc_days"], entry["reason"]) == (DAYS[2], [DAYS[0], DAYS[1]], "retention")
 
 
-def test_where_single_people_were_is_not_kept(purged: Path) -> None:
+def test_where_single_people_were_is_not_stored(purged: Path) -> None:
     kept = {p.name for p in (purged / "sealed").iterdir()}
     assert "exposure" in kept
     assert "pairs" not in kept
@@ -229,7 +229,7 @@ def test_old_quarantine_goes_with_the_records(project: Path) -> None:
 
 
 @pytest.mark.parametrize("victim", ["exposure", "seals"])
-def test_damage_to_what_is_kept_is_told(purged: Path, victim: str) -> None:
+def test_damage_to_what_is_stored_is_reported(purged: Path, victim: str) -> None:
     path = next(p for p in (purged / "sealed" / victim).rglob("*") if p.is_file())
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(StoreError) as caught:

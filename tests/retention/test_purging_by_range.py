@@ -9,7 +9,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from retained_projects import DAYS, TERMS, audit, litter, make_project, messages, seals_of, three_days, vsd, write
+from aged_projects import DAYS, TERMS, audit, litter, make_project, messages, seals_of, three_days, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError

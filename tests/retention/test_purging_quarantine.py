@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from retained_projects import DAYS, TOML, audit, make_project, vsd
+from aged_projects import DAYS, TOML, audit, make_project, vsd
 
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
 
@@ -87,7 +87,7 @@ def test_quarantined_records_of_the_camera_and_time_go_and_others_stay(project: 
     assert "nothing to remove" in vsd(project, "purge", *HOUR)
 
 
-def test_what_is_in_doubt_is_told(project: Path) -> None:
+def test_what_is_in_doubt_is_reported(project: Path) -> None:
     """The frame and the person of an unknown camera, the cut line, the two cells that are no times."""
     assert "8 quarantined records removed, 5 as their camera or time cannot be read" in vsd(project, "purge", *HOUR)
 

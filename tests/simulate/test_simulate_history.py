@@ -1,4 +1,4 @@
-"""What happens over the weeks of a long demo: planted where it says, told in its files, and in its truth."""
+"""What happens over the weeks of a long demo: planted where it says, and written into its files and its truth."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_nothing_is_written_of_lost_times_and_closed_days(project: tuple[Path, D
     assert sizes[(day + timedelta(days=1)).isoformat()] < 100
 
 
-def test_the_display_stands_in_its_new_place_from_the_move_on() -> None:
+def test_the_display_is_in_its_new_place_from_the_move_on() -> None:
     past = known()
     for weeks_before, shop in ((5, SHOP_BEFORE), (4, SHOP_AFTER)):
         monday = LAST - timedelta(weeks=weeks_before)

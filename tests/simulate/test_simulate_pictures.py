@@ -22,7 +22,7 @@ def test_pictures_are_small_grey_pngs_and_always_the_same(camera: PinholeCamera)
     assert image.shape == (HEIGHT_PX, WIDTH_PX)
 
 
-def test_the_display_stands_where_the_homography_says() -> None:
+def test_the_display_is_where_the_homography_says() -> None:
     """The two pictures differ at the display's old and new place, and nowhere else."""
     camera = CAMERAS[0]
     before, after = (

@@ -89,7 +89,7 @@ def run(case: Case) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
 
 
 def all_inputs() -> duckdb.DuckDBPyConnection:
-    """Return a connection on which every input of every relation stands, typed and without rows (dimensions filled)."""
+    """Return a connection on which every input of every relation exists, typed and without rows (dimensions filled)."""
     con = connect(threads=1)
     register_site(con, site())
     register_quarters(con, first_hour=0, last_hour=5)

@@ -168,7 +168,7 @@ def test_names_are_unique_over_layers() -> None:
     assert len(names) == len(set(names))
 
 
-def test_a_relation_stands_after_what_it_reads() -> None:
+def test_a_relation_comes_after_what_it_reads() -> None:
     order = list(relations("staging", "facts"))
     for relation in relations("staging", "facts").values():
         for read in relation.reads:

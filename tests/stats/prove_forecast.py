@@ -1,6 +1,6 @@
 """Draws years with known truth and prints how good forecasts, unusual hours and hour profiles are.
 
-Run `python tests/stats/prove_forecast.py --worlds 20`; the tables stand in docs/statistics.md.
+Run `python tests/stats/prove_forecast.py --worlds 20`; the tables are in docs/statistics.md.
 
 The world: a shop open 13 hours (8 on Sunday) with a midday and an evening peak, Saturday half as busy again, Sunday
 quieter. Over the year people grow by a fifth; a season of a fifth up and down also moves the evening; weeks wander

@@ -144,7 +144,7 @@ def row(world: World, pool: ProcessPoolExecutor, n_floors: int) -> str:
 
 
 def two_places(seed: int, gap_m: int) -> tuple[bool, bool]:
-    """Tell whether two planted places side by side are told as two within 1 m, and whether neighbours alone do."""
+    """Return if two planted places side by side are reported as two within 1 m, and whether neighbours alone do."""
     rng = np.random.default_rng([seed, gap_m])
     world = World(28, 1200.0, 0.25, 2.5)
     n, x_h, place = draw(world, rng)

@@ -1,6 +1,6 @@
 """Draws weeks with known truth and prints how often the intervals of `vsd_analytics.stats` hold it.
 
-Run `python tests/stats/prove_intervals.py --weeks 2000`; the tables stand in docs/statistics.md.
+Run `python tests/stats/prove_intervals.py --weeks 2000`; the tables are in docs/statistics.md.
 
 The world: a site with four cameras of unequal share, each with its own weekday profile, open 13 hours (8 on Sunday).
 A day moves all its violations by a common factor, gamma with mean 1 and sd `day_sd`; given that, each camera's daily

@@ -109,7 +109,7 @@ def test_unequal_periods_are_not_paired_and_a_weekday_profile_is_no_noise() -> N
     assert found.log_se < 2 * plain.log_se
 
 
-def test_a_trend_before_the_change_is_told() -> None:
+def test_a_trend_before_the_change_is_reported() -> None:
     rng = np.random.default_rng(7)
     b, a = period(rng, weeks=8), period(rng, weeks=2, first=8)
     rising = replace(b, n=np.round(b.n * 1.15**b.week))
@@ -173,7 +173,7 @@ def test_what_cannot_be_a_count_is_refused() -> None:
         before_after(b, period(rng, n_areas=2))
 
 
-def test_the_trend_may_be_told_over_more_weeks_than_are_compared() -> None:
+def test_the_trend_may_cover_more_weeks_than_are_compared() -> None:
     rng = np.random.default_rng(11)
     history = period(rng, weeks=8)
     last = np.arange(56) >= 42

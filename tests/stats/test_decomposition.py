@@ -87,7 +87,7 @@ def test_closeness_is_even_and_its_sum_the_disc() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 40), (31, 17)])
-def test_what_stands_nearby_equals_the_plain_sum_and_ends_at_the_edge(shape: tuple[int, int]) -> None:
+def test_what_is_nearby_equals_the_plain_sum_and_ends_at_the_edge(shape: tuple[int, int]) -> None:
     maps = np.random.default_rng(5).random((2, *shape))
     kernel = np.random.default_rng(6).random((5, 7))
     expected = np.zeros(maps.shape)

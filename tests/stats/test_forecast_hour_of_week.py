@@ -98,7 +98,7 @@ def test_an_hour_recorded_in_two_of_four_weeks_has_no_rate() -> None:
     assert slot_rates(np.zeros((4, SLOTS)), 0 * x).state == "not_enough_data"
 
 
-def test_the_peak_is_told_with_the_hours_it_cannot_be_told_apart_from() -> None:
+def test_the_peak_is_reported_with_the_hours_it_cannot_be_distinguished_from() -> None:
     n = np.full((4, SLOTS), 10.0)
     n[:, 60], n[:, 61], n[:, 90] = 200, 195, 60
     found = peaks(slot_rates(n, np.ones_like(n)))

@@ -165,7 +165,7 @@ def test_missing_days_are_not_zero() -> None:
     ratio = place_rate(n[8:], x[8:], found.cells.label == spot.label)
     assert ratio is not None
     assert spot.rate.ratio == pytest.approx(ratio.ratio, rel=1e-9)
-    # what stands in the cells of days that were not recorded is not looked at
+    # what is in the cells of days that were not recorded is not looked at
     wild = hotspots(np.where(recorded, n, 1e4), np.where(recorded, x, 3.0), sigma_cells=1.0, is_recorded=recorded)
     np.testing.assert_array_equal(wild.cells.t, found.cells.t)
     # and taken for zero, they would count as days

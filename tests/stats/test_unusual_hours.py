@@ -53,7 +53,7 @@ def test_an_hour_half_recorded_is_judged_by_what_half_of_it_usually_has(before: 
     assert told.rows[0].usual == pytest.approx(0.6 * np.median(before[:, 41]))
 
 
-def test_a_change_of_less_than_half_or_less_than_five_is_not_told() -> None:
+def test_a_change_of_less_than_half_or_less_than_five_is_not_reported() -> None:
     before = np.full((8, SLOTS), 1000.0)
     now = before[0].copy()
     now[3], now[4] = 1450, 1550

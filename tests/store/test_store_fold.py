@@ -102,7 +102,7 @@ def test_late_data_make_an_extra_part_with_the_new_rows_only(tmp_path: Path) -> 
     assert len(stored(tmp_path)["observations"]) == 3
 
 
-def test_people_without_track_are_known_by_where_they_stand(tmp_path: Path) -> None:
+def test_people_without_track_are_known_by_where_they_are(tmp_path: Path) -> None:
     batch = [person(track=None, x_mm=x, index=i) for i, x in enumerate((1, 2, 3))]
     assert _folded(tmp_path, batch) == TableCounts(3, 0, 0)
     other_order = [person(track=None, x_mm=x, index=i) for i, x in enumerate((3, 1, 2, 4))]
@@ -125,7 +125,7 @@ def test_pairs_are_known_by_both_tracks_or_by_both_members(tmp_path: Path) -> No
     assert _folded(tmp_path, [*batch, pair(b="d")], name="pairs") == TableCounts(1, 4, 0)
 
 
-def test_pairs_without_ids_at_one_instant_are_told_apart_by_their_distance(tmp_path: Path) -> None:
+def test_pairs_without_ids_at_one_instant_are_distinguished_by_their_distance(tmp_path: Path) -> None:
     batch = [pair(a=None, b=None, mm=1500), pair(a=None, b=None, mm=1501)]
     assert _folded(tmp_path, batch, name="pairs") == TableCounts(2, 0, 0)
     assert _folded(tmp_path, batch, name="pairs") == TableCounts(0, 2, 0)

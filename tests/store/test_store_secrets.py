@@ -13,7 +13,7 @@ from vsd_analytics.store.secrets import KEY_BYTES, DayKeys, pseudonym
 DAY = date(2026, 11, 9)
 
 
-def test_a_key_is_made_once_and_kept_by_whoever_came_first(tmp_path: Path) -> None:
+def test_a_key_is_made_once_by_whoever_comes_first(tmp_path: Path) -> None:
     first = DayKeys(tmp_path / "secrets").key(DAY)
     assert len(first) == KEY_BYTES
     DayKeys(tmp_path / "secrets").put(DAY, b"x" * KEY_BYTES)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from warehouse_projects import T0, Person, fact_files, make_site, open_days, put
+from warehouse.small_projects import T0, Person, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse.analyst_query import query_rows, run_query
@@ -105,7 +105,7 @@ def test_python_variables_are_no_relations(warehouse: Warehouse) -> None:
     assert len(frame) == 1
 
 
-def test_a_mistake_is_told_in_duckdb_words_with_a_mend(warehouse: Warehouse) -> None:
+def test_a_mistake_is_reported_in_duckdb_words_with_a_fix(warehouse: Warehouse) -> None:
     with pytest.raises(SqlError) as caught:
         run_query(warehouse, "select no_such_column from hours")
     assert "no_such_column" in str(caught.value.why)

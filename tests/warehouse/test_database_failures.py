@@ -9,7 +9,7 @@ from typing import Any
 
 import duckdb
 import pytest
-from warehouse_projects import T0, Person, at, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import T0, Person, at, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse import analyst_query, compute
@@ -72,7 +72,7 @@ def test_facts_computed_the_careful_way_have_the_same_bytes(tmp_path: Path, fail
     assert fact_files(careful) == fact_files(plain)
 
 
-def test_a_fact_that_fails_twice_is_told_with_its_relation_hour_and_camera(
+def test_a_fact_that_fails_twice_is_reported_with_its_relation_hour_and_camera(
     tmp_path: Path, failing: Callable[..., list[str]]
 ) -> None:
     site = make_site(tmp_path)
@@ -105,7 +105,7 @@ def test_a_mart_is_asked_for_again_on_a_new_connection(tmp_path: Path, monkeypat
         assert warehouse.rows("select current_setting('disabled_optimizers') as o") == [{"o": "join_order"}]
 
 
-def test_a_mart_that_fails_twice_is_told_with_its_name(tmp_path: Path) -> None:
+def test_a_mart_that_fails_twice_is_reported_with_its_name(tmp_path: Path) -> None:
     def fails(_con: duckdb.DuckDBPyConnection) -> None:
         raise duckdb.InternalException("INTERNAL Error: simulated")
 

@@ -1,4 +1,4 @@
-"""Rows kept by day: the same as computed at once, computed once, made anew where anything they depend on changed."""
+"""Rows stored by day: the same as computed at once, and computed again only where what they depend on changed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
-from warehouse_projects import HOUR, Frame, Person, beats, make_site, put
+from warehouse.small_projects import HOUR, Frame, Person, beats, make_site, put
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.retention.purge import Terms, purge_range
@@ -73,7 +73,7 @@ def project(stored: Path, tmp_path: Path) -> Site:
 
 
 def rows(site: Site, *, first: date = FIRST, last: date = LAST, uses_days: bool = True) -> dict[str, tuple[str, list]]:
-    """Return types and rows of every relation that is kept."""
+    """Return types and rows of every relation that is stored by day."""
     with Warehouse(site, first, last, uses_days=uses_days) as warehouse:
         found = {}
         for name in KEPT:
@@ -90,7 +90,7 @@ def day_files(site: Site) -> dict[str, int]:
 
 @pytest.mark.parametrize("zone", ZONES)
 def test_days_one_by_one_have_the_rows_of_the_whole_range(zone: str, tmp_path: Path) -> None:
-    """Whichever days were kept before: alone, together, or none."""
+    """Whichever days were stored before: alone, together, or none."""
     site = site_of(tmp_path, zone)
     put(site, crowd(ZONES.index(zone), zone))
     at_once = rows(site, uses_days=False)
@@ -177,7 +177,7 @@ def test_a_torn_day_file_is_made_anew(project: Site, n_bytes: int) -> None:
     assert rows(project) == was
 
 
-def test_a_day_file_of_garbage_says_how_to_mend_it(project: Site) -> None:
+def test_a_day_file_of_garbage_says_how_to_fix_it(project: Site) -> None:
     path = sorted((project.root / FOLDER / "camera_hours").rglob("*.parquet"))[0]
     path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
     with pytest.raises(StoreError, match="facts") as caught:
@@ -185,7 +185,7 @@ def test_a_day_file_of_garbage_says_how_to_mend_it(project: Site) -> None:
     assert (caught.value.code, "delete the folder facts" in str(caught.value.fix)) == ("E302", True)
 
 
-def test_a_damaged_day_file_is_told_to_an_analyst_as_well(project: Site) -> None:
+def test_a_damaged_day_file_is_reported_to_an_analyst_as_well(project: Site) -> None:
     path = sorted((project.root / FOLDER / "episodes").rglob("*.parquet"))[-1]
     path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
     with Warehouse(project, FIRST, LAST) as warehouse, pytest.raises(StoreError) as caught:
@@ -193,7 +193,7 @@ def test_a_damaged_day_file_is_told_to_an_analyst_as_well(project: Site) -> None
     assert caught.value.code == "E302"
 
 
-def test_a_relation_that_could_not_be_kept_is_there_for_the_next_question(project: Site) -> None:
+def test_a_relation_that_could_not_be_stored_is_there_for_the_next_question(project: Site) -> None:
     with Warehouse(project, FIRST, LAST) as warehouse:
         path = sorted((project.root / FOLDER / "episodes").rglob("*.parquet"))[-1]
         whole = path.read_bytes()
@@ -228,7 +228,7 @@ def test_verify_tells_of_a_flipped_bit_and_of_a_file_under_another_name(project:
     assert [f.path for f in verify(project).damages] == [other]
 
 
-def test_what_days_kept_of_purged_records_goes_with_them(project: Site) -> None:
+def test_what_day_files_hold_of_purged_records_goes_with_them(project: Site) -> None:
     def told() -> set[str]:
         with Warehouse(project, FIRST, LAST) as warehouse:
             return {r["camera_id"] for r in warehouse.rows("select distinct camera_id from episodes")}

@@ -7,7 +7,7 @@ from datetime import date
 from pathlib import Path
 
 import pytest
-from warehouse_projects import T0, Person, make_site, open_days, put
+from warehouse.small_projects import T0, Person, make_site, open_days, put
 
 from vsd_analytics.site.model import Area, Calibration, Camera
 from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from warehouse_projects import HOUR, T0, Frame, Pair, Person, at, beats, make_site, open_days, put
+from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, at, beats, make_site, open_days, put
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Calibration, Camera
@@ -195,7 +195,7 @@ def test_records_of_a_camera_that_left_vsd_toml_are_left_out(tmp_path: Path) -> 
 
 
 def test_body_scaled_pairs_without_persons_in_range_keep_their_rows(tmp_path: Path) -> None:
-    """Several pairs of one frame without ids: each pair is a record, people are told apart by their number."""
+    """Several pairs of one frame without ids: each pair is a record, people are distinguished by their number."""
     site = make_site(tmp_path)
     put(site, [Pair(T0, None, None, 1000, persons=(0, 1)), Pair(T0, None, None, 1500, persons=(0, 2))])
     with open_days(site) as warehouse:

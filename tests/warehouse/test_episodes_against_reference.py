@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from warehouse_projects import HOUR, T0, Pair, Person, at, beats, make_site, open_days, put
+from warehouse.small_projects import HOUR, T0, Pair, Person, at, beats, make_site, open_days, put
 
 from vsd_analytics.site.model import Camera
 

@@ -6,7 +6,7 @@ from datetime import date
 from pathlib import Path
 
 import pytest
-from warehouse_projects import HOUR, Person, at, beats, make_site, put
+from warehouse.small_projects import HOUR, Person, at, beats, make_site, put
 
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import segment_paths

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from warehouse_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Calibration, Camera
@@ -190,7 +190,8 @@ def test_bytes_do_not_depend_on_range_or_batch(
         build(hourly, first_hour=number, last_hour=number)
     assert fact_files(hourly) == expected
     small = make_site(tmp_path / "small", cameras=cameras)
-    monkeypatch.setattr(build_module, "BATCH_ROWS", 1000)
+    for limit in ("BATCH_ROWS", "QUIET_ROWS"):
+        monkeypatch.setattr(build_module, limit, 1000)
     build(small)
     assert fact_files(small) == expected
 
@@ -269,7 +270,7 @@ def test_fact_file_that_breaks_off_is_computed_again(project: Path, relation: st
 
 
 @pytest.mark.parametrize("relation", ["exposure", "camera_days"])
-def test_fact_file_of_garbage_between_right_ends_says_how_to_mend_it(project: Path, relation: str) -> None:
+def test_fact_file_of_garbage_between_right_ends_says_how_to_fix_it(project: Path, relation: str) -> None:
     path = next((project / "facts" / relation).rglob("*.parquet"))
     path.write_bytes(b"PAR1" + b"\xff" * 50 + (20).to_bytes(4, "little") + b"PAR1")
     with pytest.raises(StoreError, match="facts") as caught, open_days(make_site(project)) as warehouse:

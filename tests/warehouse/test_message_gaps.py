@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from warehouse_projects import DAY, HOUR, T0, Frame, make_site, open_days, put, table
+from warehouse.small_projects import DAY, HOUR, T0, Frame, make_site, open_days, put, table
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from warehouse_projects import HOUR, T0, Person, make_site, open_days, put
+from warehouse.small_projects import HOUR, T0, Person, make_site, open_days, put
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Camera

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from warehouse_projects import DAY, HOUR, T0, Person, at, beats, make_site, open_days, put
+from warehouse.small_projects import DAY, HOUR, T0, Person, at, beats, make_site, open_days, put
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Camera
@@ -64,7 +64,7 @@ WEEKS = [
 def test_hours_of_a_week_have_the_right_labels_and_sums(
     tmp_path: Path, zone: str, first: str, last: str, n_hours: int, length_h: float
 ) -> None:
-    """A pair stands close every five minutes, day and night; python's zoneinfo is the oracle."""
+    """A pair is close every five minutes, day and night; python's zoneinfo is the oracle."""
     site = make_site(tmp_path, timezone=zone, cameras=[Camera("cam", "Cam", "ground", hz=1 / 300)])
     instants = range(at(first) - DAY, at(last) + 2 * DAY, 300_000)
     put(site, [Person(ts, t, x, 0) for ts in instants for t, x in (("a", 0), ("b", 1000))])

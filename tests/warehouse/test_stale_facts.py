@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from warehouse_projects import DAY, HOUR, T0, Frame, Person, fact_files, make_site, open_days, put
+from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, fact_files, make_site, open_days, put
 
 from vsd_analytics.resources import shipped
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site

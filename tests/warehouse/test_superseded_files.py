@@ -12,7 +12,7 @@ from datetime import date
 from pathlib import Path
 
 import pytest
-from warehouse_projects import Person, Site, at, beats, make_site, put
+from warehouse.small_projects import Person, Site, at, beats, make_site, put
 
 from vsd_analytics.store import durable
 from vsd_analytics.store.page_folders import sweep_pages
@@ -28,7 +28,7 @@ import os, signal, sys
 sys.path[:0] = sys.argv[2:]
 from datetime import date
 from pathlib import Path
-from test_superseded_files import DAY, shop
+from warehouse.test_superseded_files import DAY, shop
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 warehouse = Warehouse(shop(Path(sys.argv[1])), DAY, DAY)
@@ -59,7 +59,7 @@ def read(site: Site, *names: str) -> None:
 
 def killed(site: Site) -> None:
     """Let a process write the facts and day files anew and be killed before it removes the old ones."""
-    folder = Path(__file__).parent
+    folder = Path(__file__).parents[1]  # of all tests
     done = subprocess.run([sys.executable, "-c", KILLED, site.root, folder], env=os.environ, check=False)
     assert done.returncode == -signal.SIGKILL
     assert doubled(site.root / FOLDER)

@@ -1,8 +1,9 @@
 """Watershed segmentation of a map: each basin holds the neighbouring cells that belong to one peak.
 
 Cells are taken from the highest down. A cell without a labelled neighbour (8-neighbourhood) starts a basin. Any other
-cell joins the basin of its highest labelled neighbour. A cell that touches two basins is the saddle between them: they
-merge when the saddle is higher than a share of the lower peak, and stay two otherwise.
+cell joins the basin of its highest labelled neighbour. Where it touches other basins, it is the saddle between its own
+and each of them, from the highest peak down: two basins merge when their saddle is higher than a share of the lower
+peak, and stay two otherwise. So the cells of a basin are always connected.
 """
 
 from __future__ import annotations
@@ -46,10 +47,11 @@ def watershed(height: npt.ArrayLike, inside: npt.ArrayLike, *, saddle_share: flo
         own = near[0][1] if near else len(peak) + 1
         label[row, column] = own
         peak.setdefault(own, float(heights[row, column]))
-        by_peak = sorted({k for _, k in near}, key=lambda k: (-peak[k], k))
-        for lower in by_peak[1:]:
+        for other in sorted({k for _, k in near} - {own}, key=lambda k: (-peak[k], k)):
+            # the cell links its own basin with each of the others, and no two of these
+            higher, lower = sorted((own, other), key=lambda k: (-peak[k], k))
             if heights[row, column] > saddle_share * peak[lower]:
-                joined[lower] = by_peak[0]
+                joined[lower] = own = higher
     merged = np.array([basin(int(k)) for k in label[cells]], dtype=np.int64)
     _, first, inverse = np.unique(merged, return_index=True, return_inverse=True)
     label[cells] = np.argsort(np.argsort(first))[inverse] + 1

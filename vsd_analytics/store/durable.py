@@ -44,12 +44,14 @@ def fsync_dir(folder: Path) -> None:
         os.close(fd)
 
 
-def make_dirs(folder: Path) -> None:
-    """Make `folder` and its parents, durably and privately (mode 0700)."""
+def make_dirs(folder: Path, *, is_synced: bool = True) -> None:
+    """Make `folder` and its parents privately (mode 0700), and durably unless `is_synced` is False."""
     if not folder.is_dir():
-        make_dirs(folder.parent)
+        make_dirs(folder.parent, is_synced=is_synced)
         with contextlib.suppress(FileExistsError):
             folder.mkdir(mode=0o700)
+        if not is_synced:
+            return
         try:
             fsync_dir(folder.parent)
         except OSError:
@@ -66,7 +68,7 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
     Args:
         path: Path of the file; its folder is made.
         data: Its bytes.
-        is_synced: Wait for the disk; False for what can be made again.
+        is_synced: Wait for the disk; False for what can be made again, in a folder of nothing else.
         is_private: Only the owner may read it (mode 0600).
 
     Raises:
@@ -75,7 +77,7 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
     """
     is_new = False
     try:
-        make_dirs(path.parent)
+        make_dirs(path.parent, is_synced=is_synced)
         with temporary(path, mode=0o600 if is_private else 0o666) as (name, f):
             f.write(data)
             f.flush()

@@ -35,10 +35,10 @@ from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit, merged_parts
 
-BATCH_HOURS = 24
-BATCH_ROWS = 2_000_000
-"""Stored rows per batch. Whole days of a quiet site share one query; hours of a busy site are computed one by one, so
-that memory stays bounded."""
+BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
+"""Hours and stored rows per batch. Hours of a busy site are computed one by one, so that memory stays bounded."""
+QUIET_HOURS, QUIET_ROWS = 168, 100_000
+"""A batch of a quiet site goes on for a week: with so few rows, planning the queries costs more than running them."""
 
 
 def build(
@@ -400,12 +400,14 @@ def _write(path: Path, rows: pa.Table, inputs: InputHashes) -> None:
 
 
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
-    """Yield runs of units of about BATCH_ROWS rows, and of at most BATCH_HOURS hours (or as many days)."""
+    """Yield runs of units within the limits of hours (or as many days) and rows; each holds at least one unit."""
     batch: list[Unit] = []
     n_rows = 0
     for unit in units:
         own = sum(pq.read_metadata(p.path).num_rows for t in TABLES for p in unit.own_parts(t))
-        if batch and (n_rows + own > BATCH_ROWS or unit.number >= batch[0].number + BATCH_HOURS):
+        span = unit.number - batch[0].number if batch else 0
+        is_within = span < BATCH_HOURS and n_rows + own <= BATCH_ROWS
+        if batch and not is_within and not (span < QUIET_HOURS and n_rows + own <= QUIET_ROWS):
             yield batch
             batch, n_rows = [], 0
         batch.append(unit)

@@ -1,0 +1,200 @@
+"""`vsd compare` from engine output to what is on the screen: a planted redesign, and a recalibration inside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config import load_site
+from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.stats.decomposition import concentration
+
+FIRST = datetime(2026, 11, 2, 9, tzinfo=UTC)  # a Monday
+AREAS = ("queue", "door", "aisle", "fruit", "bakery", "back")
+WEEKS = 2
+STEP_MS = 10_000
+
+
+def toml() -> str:
+    blocks = [
+        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\nopening = { mon-sun = "09:00-10:00" }',
+        "[report]\nmin_exposure_h = 1.0",
+        "[analysis]\nwashout_days = 0",
+        '[[floor]]\nid = "ground"\nname = "Ground floor"',
+        '[[camera]]\nid = "cam-1"\nname = "Hall"\nfloor = "ground"',
+    ]
+    for k, name in enumerate(AREAS):
+        x = 20 * k
+        ring = [[x, 0], [x + 8, 0], [x + 8, 8], [x, 8]]
+        blocks.append(f'[[area]]\nid = "{name}"\nname = "{name.title()}"\nfloor = "ground"\npolygon = {ring}')
+    return "\n\n".join(blocks) + "\n"
+
+
+def frames() -> Iterator[dict[str, Any]]:
+    """Yield two weeks of an open hour a day: in each area one person alone, and pairs; half of the queue's go."""
+    rng = np.random.default_rng(5)
+    for d in range(7 * WEEKS):
+        slots = {name: rng.permutation(90)[: round(40 * (0.5 if name == "queue" and d >= 7 else 1))] for name in AREAS}
+        start = FIRST + timedelta(days=d)
+        for ms in range(0, 3_600_000, STEP_MS):
+            slot, into = divmod(ms, 40_000)
+            people = []
+            for k, name in enumerate(AREAS):
+                people.append((f"alone-{k}", 20 * k + 6.5, 6.5))
+                if into <= STEP_MS and slot in slots[name]:
+                    people += [(f"{d}-{k}-{slot}-{s}", 20 * k + 2 + 1.5 * s, 2.0) for s in (0, 1)]
+            yield {
+                "v": 1,
+                "camera": "cam-1",
+                "ts": (start + timedelta(milliseconds=ms)).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+                "engine": "acme 1.0",
+                "quality": "metric",
+                "persons": [{"id": i, "u_px": round(100 * x, 1), "v_px": round(100 * y, 1)} for i, x, y in people],
+            }
+
+
+def calibrate(root: Path, *since: tuple[float, str]) -> None:
+    folder = root / "calibration"
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = []
+    for k, (scale, start) in enumerate(since):
+        np.savetxt(folder / f"cam-1-{k}.txt", np.diag([scale / 100, scale / 100, 1.0]))
+        entries.append(f'[[calibration]]\nhomography = "calibration/cam-1-{k}.txt"\nfrom = {start}\n')
+    (folder / "cam-1.toml").write_text("".join(entries), encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("redesign")
+    (root / "vsd.toml").write_text(toml(), encoding="utf-8")
+    calibrate(root, (1.0, "2026-10-01T00:00:00+00:00"))
+    entries = (
+        {"at": "2026-11-09T07:00:00+00:00", "text": "moved the queue", "area": "queue"},
+        {"at": "2026-11-10T07:00:00+00:00", "text": "new staff", "area": None},
+    )
+    (root / "log.jsonl").write_text("".join(json.dumps(e) + "\n" for e in entries), encoding="utf-8")
+    (root / "engine.jsonl").write_text("".join(json.dumps(m) + "\n" for m in frames()), encoding="utf-8")
+    result = ingest(
+        load_site(root),
+        [root / "engine.jsonl"],
+        IngestOptions(format="frames"),
+        now=datetime(2027, 1, 1, tzinfo=UTC),
+    )
+    assert result.n_rejected == 0
+    return root
+
+
+def hand_map(n_queue: int) -> np.ndarray:
+    """Return person-seconds of a day by cell, with so many pairs in the queue."""
+    made = np.zeros((32, 4 * 20 * len(AREAS)))
+    for k, name in enumerate(AREAS):
+        made[26, 80 * k + 26] += 3600
+        for s in (0, 1):
+            made[8, 80 * k + 8 + 6 * s] += 20 * (n_queue if name == "queue" else 40)
+    return made
+
+
+def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    capsys.readouterr()
+    code = run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", *arguments])
+    return code, capsys.readouterr().out
+
+
+def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out = vsd(project, capsys, "compare", "--change", "1", "--json")
+    found = json.loads(out)
+    assert (code, found["state"], found["design"]) == (0, "ok", "comparison areas")
+    assert found["comparison_areas"] == list(AREAS[1:])
+    assert found["often"]["theta"] == pytest.approx(0.5, rel=0.02)
+    assert found["often"]["verdict"] == "clear fall"
+    assert found["effect"]["theta"] == pytest.approx(0.5 * (3600 + 40 * 40) / (3600 + 20 * 40), rel=0.01)
+    assert found["effect"]["verdict"] == "clear fall"
+    assert len(found["effect"]["placebo"]) == 5
+    assert found["windows"]["before"] == ["2026-11-02", "2026-11-08"]
+    code, out = vsd(project, capsys, "compare", "--change", "1")
+    assert code == 0
+    assert 'change 1 of the log, 2026-11-09 07:00: "moved the queue"' in out
+    assert "violations per open hour: -50%" in out
+    assert "clear fall" in out
+    assert "1 of the 4 weeks asked for are stored on both sides" in out
+
+
+def test_an_area_left_alone_has_no_effect(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out = vsd(project, capsys, "compare", "--change", "2", "--area", "back", "--json")
+    found = json.loads(out)
+    assert code == 1
+    assert found["reason"].startswith("needs a whole week after the change, and 6 days are stored")
+    assert vsd(project, capsys, "compare", "--change", "2", "--json")[0] == 2, "the whole site has no comparison"
+
+
+def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out = vsd(project, capsys, "compare", "last-1", "last", "--json")
+    found = json.loads(out)
+    assert code == 0
+    areas = {p["area_id"] or p["kind"]: p["split"]["often"] for p in found["places"]}
+    assert areas["queue"]["verdict"] == "clear fall"
+    assert areas["door"]["verdict"] == "no clear change"
+    n_before, n_now = 6 * 40, 5 * 40 + 20
+    assert areas["floor"]["theta"] == pytest.approx(n_now / n_before)
+    made = found["mixing"]
+    assert made["state"] == "ok"
+    assert made["close"] == pytest.approx(n_now / n_before)
+    product = made["crowding"] * made["layout"] * made["behaviour"]["theta"]
+    assert product == pytest.approx(made["close"], rel=1e-4)
+    for period, n in (("a", 40), ("b", 20)):
+        told = made[period]
+        assert told["layout"] == pytest.approx(concentration(hand_map(n), cell_m=0.25, distance_m=2.0), rel=1e-5)
+        assert told["close_h"] == pytest.approx(7 * (5 * 40 + n) * 20 / 3600, rel=1e-5)
+    assert made["a"]["layout"] != made["b"]["layout"]
+    code, out = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-W46", "--area", "queue")
+    assert code == 0
+    assert "compared: 7 pairs of days, 7.0 camera-hours recorded in both" in out
+    assert "Queue" in out
+    assert "Door" not in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["last"], 2),
+        (["last", "last"], 2),
+        (["2026-W45", "soon"], 2),
+        (["--change", "9"], 2),
+        (["--change", "0"], 2),
+        (["--change", "1", "last"], 2),
+        (["--change", "1", "--area", "cellar"], 2),
+        (["2026-W45", "2026-W46", "--area", "cellar"], 2),
+        (["2026-W45", "2026-W46", "--floor", "roof"], 2),
+        (["2026-W45", "2026-W47"], 1),
+    ],
+)
+def test_what_cannot_be_compared_says_so(
+    project: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int
+) -> None:
+    found, out = vsd(project, capsys, "compare", *arguments, "--json")
+    assert found == code
+    told = json.loads(out)
+    assert (told["code"] == "E101") if code == 2 else told["reason"]
+
+
+def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    calibrate(project, (1.0, "2026-10-01T00:00:00+00:00"), (1.05, "2026-11-12T08:00:00+00:00"))
+    try:
+        code, out = vsd(project, capsys, "compare", "--change", "1", "--json")
+        told = json.loads(out)
+        assert (code, told["state"], told["effect"]) == (1, "not_measurable", None)
+        assert "calibrated anew between" in told["reason"]
+        code, out = vsd(project, capsys, "compare", "last-1", "last")
+        assert code == 1
+        assert "not measurable: calibrated anew between the periods: cam-1" in out
+    finally:
+        calibrate(project, (1.0, "2026-10-01T00:00:00+00:00"))

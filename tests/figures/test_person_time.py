@@ -1,0 +1,89 @@
+"""How many people are in view and how much of their time is too close, against a plain recount of planted frames."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from datetime import date, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
+
+from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.person_time import PersonTime, person_time
+from vsd_analytics.site.model import Site
+
+FIRST = date(2026, 11, 9)
+COUPLE = ("a", "b")
+
+
+def scene(start: int) -> list[Person]:
+    """Return a couple that walks 1 m apart past somebody who stands, and two strangers far off."""
+    rows = []
+    for s in range(60):
+        ts = start + s * 1000
+        rows += [Person(ts, track, 500 * s, 1000 * k) for k, track in enumerate(COUPLE)]
+        rows += [Person(ts, "c", 10_000, 2_500), Person(ts, "d", 40_000, 0), Person(ts, "e", 40_000, 1_500)]
+    return rows
+
+
+def recount(rows: list[Person]) -> tuple[int, int]:
+    """Return person-seconds with anybody, and with anybody but one's companion, closer than 2 m."""
+    frames = defaultdict(list)
+    for row in rows:
+        frames[row.ts].append(row)
+    everybody = others = 0
+    for seen in frames.values():
+        for one in seen:
+            near = {o.track for o in seen if o is not one and np.hypot(one.x - o.x, one.y - o.y) < 2000}
+            everybody += bool(near)
+            others += bool(near - (set(COUPLE) if one.track in COUPLE else set()))
+    return everybody, others
+
+
+def told(site: Site, n_days: int = 1) -> PersonTime:
+    last = FIRST + timedelta(days=n_days - 1)
+    with open_days(site, FIRST.isoformat(), last.isoformat()) as warehouse:
+        return person_time(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
+
+
+def test_time_too_close_in_both_readings_equals_a_recount(tmp_path: Path) -> None:
+    site = make_site(tmp_path)
+    rows = scene(T0)
+    put(site, [*rows, *beats(T0, T0 + HOUR)])
+    everybody, others = recount(rows)
+    assert 0 < others < everybody < len(rows)
+    found = told(site)
+    assert found.exposure_h == pytest.approx(len(rows) / 3600)
+    assert found.close.rate == pytest.approx(everybody / len(rows))
+    assert found.close_between.rate == pytest.approx(others / len(rows))
+    assert found.close.lo is found.people.lo is None  # one day
+
+
+def test_the_fullest_quarter_hour_is_found(tmp_path: Path) -> None:
+    site = make_site(tmp_path)
+    put(site, [*scene(T0), *scene(T0 + HOUR // 2), *scene(T0 + HOUR // 2 + 120_000), *beats(T0, T0 + HOUR)])
+    peak = told(site).peak
+    assert peak is not None
+    assert peak.start.minute == 30
+    assert peak.people == pytest.approx(2 * 300 / 900)
+
+
+def test_days_make_the_intervals(tmp_path: Path) -> None:
+    """Seven days of other lengths: wider than nothing, around the value, and a share stays below 1."""
+    site = make_site(tmp_path, min_exposure_h=0.0)
+    rows = []
+    for d in range(7):
+        for k in range(2 + d % 3):
+            rows += scene(T0 + d * DAY + k * 100_000)
+        rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
+    put(site, rows)
+    found = told(site, 7)
+    for level in (found.people, found.close, found.close_between):
+        assert level.rate is not None
+        assert level.lo is not None
+        assert level.hi is not None
+        assert level.lo <= level.rate <= level.hi <= 1
+    assert found.people.hi - found.people.lo > 0.1 * found.people.rate
+    assert found.close.hi - found.close.lo < 0.01  # every scene has the same share

@@ -1,0 +1,364 @@
+"""A reader who collects every number of two weeks and solves for the counts that were held back.
+
+The unknowns are violations by week, point of the floor, day and hour. Every number of the JSON file, the CSV tables and
+the planner's page becomes a row `low <= sum of some unknowns <= high`: counts as they are, rates times recorded hours,
+numbers of six digits as the interval they were rounded from, "<5" as 1 to 4. The least and the greatest value of a sum
+of unknowns under all rows is what the reader can know of it (`scipy.optimize.milp`).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date, timedelta
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from planner import planted_shop as planted
+from report import ingested_worlds as worlds
+from scipy import sparse
+from scipy.optimize import Bounds, LinearConstraint, milp
+
+from vsd_analytics.figures import hotspots as analysis
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.site.model import Site
+from vsd_analytics.warehouse.warehouse import open_warehouse
+
+BELOW = 5
+FIRST, N_DAYS, HOURS = worlds.MONDAY - timedelta(weeks=26), 3, (9, 11)
+POINTS: Mapping[worlds.Place, tuple[str | None, int]] = {
+    (1.5, 1.5): ("queue", 0),
+    (2.5, 4.5): ("queue", 1),
+    (8.0, 3.0): ("door", 1),
+    (3.0, 9.0): (None, 0),
+    (20.0, 6.0): (None, 1),
+}
+"""Where violations happen: the area (None: the rest of the floor) and the camera that sees it."""
+PLACES = ("queue", "door", None)
+SETTINGS = "[analysis]\nhotspot_days = 14\nhotspot_min_days = 4\nhotspot_min_violations = 20\n"
+Key = tuple[int, int, int, int]
+"""Week, point, day, hour."""
+Weights = Mapping[Key, float]
+
+
+@dataclass
+class World:
+    """A site of which everything is known.
+
+    Attributes:
+        site: The project.
+        n: Violations by key.
+        lost: Week, camera and day of which nothing was recorded.
+    """
+
+    site: Site
+    n: dict[Key, int]
+    lost: set[tuple[int, int, int]]
+
+    @property
+    def n_weeks(self) -> int:
+        return 1 + max(key[0] for key in self.n)
+
+    def sum(self, keys: Iterable[Key]) -> int:
+        return sum(self.n[key] for key in keys)
+
+    def x_h(self, week: int, camera: int, days: Iterable[int] = range(N_DAYS)) -> int:
+        """Return the recorded open hours of a camera."""
+        return sum(HOURS[1] - HOURS[0] for d in days if (week, camera, d) not in self.lost)
+
+    def both(self, week: int, camera: int) -> list[int]:
+        """Return the days on which a camera recorded both this week and the one before."""
+        return [d for d in range(N_DAYS) if not {(week, camera, d), (week - 1, camera, d)} & self.lost]
+
+
+@dataclass
+class Known:
+    """What a reader knows: rows of weights with their limits, and where each came from."""
+
+    rows: list[tuple[Weights, float, float, str]] = field(default_factory=list)
+
+    def exact(self, keys: Iterable[Key], n: float, source: str) -> None:
+        self.rows.append((dict.fromkeys(keys, 1.0), n, n, source))
+
+    def between(self, weights: Weights, low: float, high: float, source: str) -> None:
+        self.rows.append((weights, low, high, source))
+
+    def rounded(self, weights: Weights, value: float | None, source: str, *, digits: int = 6) -> None:
+        """Add a number that was rounded to so many significant digits."""
+        if value is not None:
+            slack = abs(value) * 10.0 ** (1 - digits) + 1e-9
+            self.rows.append((weights, value - slack, value + slack, source))
+
+
+def keys_of(
+    week: int,
+    *,
+    place: str | bool | None = True,
+    camera: int | None = None,
+    day: int | None = None,
+    hour: int | None = None,
+) -> list[Key]:
+    """Return the unknowns of a week: of a place (True: all), a camera, a day, an hour."""
+    points = [
+        p for p, (area, of) in enumerate(POINTS.values()) if (place is True or area == place) and camera in (None, of)
+    ]
+    days, hours = range(N_DAYS) if day is None else [day], range(*HOURS) if hour is None else [hour]
+    return [(week, p, d, h) for p, d, h in product(points, days, hours)]
+
+
+def monday(week: int) -> date:
+    """Return the first day of a week."""
+    return FIRST + timedelta(weeks=week)
+
+
+def build(folder: Path, seed: int, *, n_weeks: int, busy: Mapping[tuple[int, int], float] | None = None) -> World:
+    """Return a world of few violations; some places, cameras and weeks have hardly any, some days are not recorded.
+
+    Args:
+        folder: Where it is written.
+        seed: Of chance.
+        n_weeks: Its weeks.
+        busy: Violations an hour by week and point, instead of those by chance.
+    """
+    rng = np.random.default_rng(seed)
+    mean = rng.choice([0.0, 0.3, 1.0, 6.0, 20.0], size=(n_weeks, len(POINTS)), p=[0.15, 0.3, 0.2, 0.2, 0.15])
+    mean[:, 0] = np.where(rng.random(n_weeks) < 0.8, 25.0, mean[:, 0])
+    for at, n_per_hour in (busy or {}).items():
+        mean[at] = n_per_hour
+    lost = {(w, c, d) for w, c, d in product(range(n_weeks), range(2), range(N_DAYS)) if d > 0 and rng.random() < 0.1}
+    cameras = [camera for _, camera in POINTS.values()]
+    n = {}
+    for w, p, d, h in product(range(n_weeks), range(len(POINTS)), range(N_DAYS), range(*HOURS)):
+        n[w, p, d, h] = 0 if (w, cameras[p], d) in lost else min(int(rng.poisson(mean[w, p])), 60)
+    return write(folder, n, lost)
+
+
+def write(folder: Path, n: dict[Key, int], lost: set[tuple[int, int, int]]) -> World:
+    """Write and ingest a world."""
+    config = worlds.toml(cameras=("cam-1", "cam-2"), opening='{ mon-wed = "09:00-11:00" }', more=SETTINGS)
+
+    def counts(week: int, camera: int) -> worlds.Counts:
+        return lambda day, hour: {
+            at: n[week, p, day, hour] for p, (at, (_, of)) in enumerate(POINTS.items()) if of == camera
+        }
+
+    streams = [
+        worlds.messages(
+            counts(w, c),
+            monday=monday(w),
+            hours=HOURS,
+            camera=f"cam-{c + 1}",
+            days=[d for d in range(N_DAYS) if (w, c, d) not in lost],
+            is_alone=c == 0,
+        )
+        for w in range(1 + max(key[0] for key in n))
+        for c in range(2)
+    ]
+    return World(worlds.world(folder, config, *streams), n, lost)
+
+
+def published(world: World, weeks: Sequence[int], *, with_planner: bool = True) -> Known:
+    """Return everything that leaves the operator's hands about some weeks."""
+    known = Known()
+    for week in weeks:
+        report = week_report(world.site, monday(week))
+        told = json.loads(to_json(report))
+        read_json(known, world, week, told)
+        read_csv(known, world, week, to_csv(report))
+        if with_planner:
+            [page] = planner_pages(world.site, monday(week))
+            read_planner(known, week, page, render_planner(page))
+    return known
+
+
+def _rate(known: Known, world: World, week: int, place: str | bool | None, e: Mapping[str, Any], source: str) -> None:
+    """Add how often (M0), the week before and the change: sums over cameras of violations per recorded hour."""
+
+    def per_hour(of: int, days: Callable[[int], Iterable[int]]) -> dict[Key, float]:
+        weights = {}
+        for c in range(2):
+            hours = world.x_h(of, c, days(c))
+            weights |= {k: 1 / hours for k in keys_of(of, place=place, camera=c) if k[2] in list(days(c)) and hours}
+        return weights
+
+    known.rounded(per_hour(week, lambda c: range(N_DAYS)), e["value"], f"{source}.value")
+    if e.get("previous") is not None:
+        then = per_hour(week - 1, lambda c: world.both(week, c))
+        known.rounded(then, e["previous"], f"{source}.previous")
+        if e.get("change") is not None:
+            now = per_hour(week, lambda c: world.both(week, c))
+            known.rounded(now, (1 + e["change"]) * e["previous"], f"{source}.change", digits=5)
+
+
+def _label(known: Known, keys: list[Key], n: float | None, row: Mapping[str, Any], source: str) -> None:
+    """Add a count, or what its label says of it."""
+    if n is not None:
+        known.exact(keys, n, source)
+    elif row["is_masked"]:
+        known.between(dict.fromkeys(keys, 1.0), 1, BELOW - 1, f"{source} <{BELOW}")
+    elif row["is_held_back"]:
+        known.between(dict.fromkeys(keys, 1.0), BELOW, np.inf, f"{source} held back")
+
+
+def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) -> None:
+    """Add the numbers of a report's JSON."""
+    source = f"{told['week']['iso']} json"
+    every = keys_of(week)
+    level = told["level"]
+    _rate(known, world, week, True, level["often"], f"{source} level.often")
+    if level["violations"] is not None:
+        known.exact(every, level["violations"], f"{source} level.violations")
+    _per_person_hour(known, every, level["risky"], level["exposure_h"], f"{source} level.risky")
+    for row in told["areas"]:
+        place, name = row["area_id"], f"{source} areas.{row['area_id']}"
+        keys = keys_of(week, place=place)
+        _label(known, keys, row["counted"], row, name)
+        _rate(known, world, week, place, row["often"], f"{name}.often")
+        _per_person_hour(known, keys, row["risky"], row["exposure_h"], f"{name}.risky")
+    for cell in told["when"]["cells"]:
+        day = (date.fromisoformat(cell["day"]) - monday(week)).days
+        if day < N_DAYS:
+            keys = keys_of(week, day=day, hour=cell["hour"])
+            _label(known, keys, cell["violations"], cell, f"{source} when {day} {cell['hour']}")
+    for row in told["trend"]["weeks"] if told["trend"] else []:
+        of = (date.fromisoformat(row["monday"]) - FIRST).days // 7
+        if row["often"] is not None:
+            _rate(known, world, of, True, {"value": row["often"]["value"]}, f"{source} trend {of}")
+    figures = told["figures"]
+    for row in figures["M28"]["rows"] or []:
+        of = (date.fromisocalendar(int(row["week"][:4]), int(row["week"][-2:]), 1) - FIRST).days // 7
+        _rate(known, world, of, True, {"value": row["often"]}, f"{source} M28 {of}")
+    for name in ("M8", "M0", "M10"):
+        n = figures[name]["value"] if name == "M8" else figures[name]["denominator"] if name == "M10" else None
+        if n is not None:
+            known.exact(every, n, f"{source} {name}")
+    for row in figures["M15"]["rows"] or []:
+        _rate(known, world, week, row["area"], {"value": row["often"]}, f"{source} M15")
+    for row in figures["M9"]["rows"] or []:
+        if row["reading"] == "all" and row["n"] is not None:
+            known.exact(every, row["n"], f"{source} M9")
+    shapes = spot_points(world, week)
+    for row in figures["M20"]["rows"] or []:
+        if row["spot_id"] not in shapes:
+            continue
+        keys = [k for of in (week - 1, week) for k in keys_of(of) if k[1] in shapes[row["spot_id"]]]
+        if row["n"] is not None:
+            known.exact(keys, row["n"], f"{source} M20.n")
+        if row["ratio"] is not None and row["expected"] is not None:
+            known.rounded(dict.fromkeys(keys, 1.0), row["ratio"] * row["expected"], f"{source} M20.ratio", digits=5)
+
+
+def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
+    if e is not None and e["value"] is not None and hours is not None:
+        known.rounded(dict.fromkeys(keys, 1.0), e["value"] * hours, s, digits=5)
+
+
+def spot_points(world: World, week: int) -> dict[str, list[int]]:
+    """Return which points lie in each hotspot, of the week and gone, as their outlines on maps show."""
+    until = monday(week) + timedelta(days=6)
+    first, _ = analysis.days_needed(world.site, until)
+    with open_warehouse(world.site, first, until) as warehouse:
+        found = analysis.hotspots(warehouse, until=until)
+    inside = {}
+    for spot in (*found.spots, *found.resolved):
+        shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in spot.place.polygons])
+        inside[spot.spot_id] = [p for p, (x, y) in enumerate(POINTS) if shapely.contains_xy(shape, x + 0.76, y + 0.01)]
+    return inside
+
+
+def read_csv(known: Known, world: World, week: int, files: Mapping[str, str]) -> None:
+    """Add the numbers of the CSV tables."""
+    for row in csv.DictReader(io.StringIO(files["hours.csv"])):
+        start = row["start"]
+        day = (date.fromisoformat(start[:10]) - monday(week)).days
+        if day < N_DAYS and row["violations"]:
+            known.exact(keys_of(week, day=day, hour=int(start[11:13])), int(row["violations"]), "hours.csv")
+    for row in csv.DictReader(io.StringIO(files["areas.csv"])):
+        place = row["area"] or None
+        if row["counted"]:
+            known.exact(keys_of(week, place=place), int(row["counted"]), "areas.csv counted")
+        if row["per_open_hour"]:
+            _rate(known, world, week, place, {"value": float(row["per_open_hour"])}, "areas.csv per_open_hour")
+
+
+def read_planner(known: Known, week: int, page: PlannerData, text: str) -> None:
+    """Add the numbers of the planner's page: sums of places over the week, the weeks before, and of cells."""
+    [meta] = [json.loads(part.split("</script>")[0]) for part in text.split('id="meta">')[1:]]
+    for back, told in enumerate(planted.unpacked(text, page)):
+        n = np.array(told["n"]).reshape(len(page.places), 2, -1)
+        for k, place in enumerate(meta["places"]):
+            if not place["hidden"][back]:
+                known.exact(
+                    keys_of(week - back, place=_place(place["id"])), n[k].sum(), f"planner {week} {place['id']}"
+                )
+        of = page.week if back == 0 else page.before
+        if of is not None and of.cells is not None and not meta["places"][0]["hidden"][back]:
+            known.exact(keys_of(week - back), int(of.cells.violations.values.sum()), f"planner {week} cells")
+            known.exact(keys_of(week - back), int(of.cells.fine[2].sum()), f"planner {week} fine cells")
+    past = range(max(0, week - 5), week)
+    for k, place in enumerate(meta["places"]):
+        if page.history.n.size and place.get("past", 1):
+            keys = [key for w in past for key in keys_of(w, place=_place(place["id"]))]
+            known.exact(keys, page.history.n[k].sum(), f"planner {week} history {place['id']}")
+
+
+def _place(place_id: str) -> str | bool | None:
+    return True if place_id == "floor" else None if place_id == "rest" else place_id.removeprefix("area:")
+
+
+def small_counts(world: World) -> dict[str, list[Key]]:
+    """Return what must stay hidden: small counts of the floor or a place in a week, and of the floor in an hour."""
+    sums = {f"week {w}, {place}": keys_of(w, place=place) for w in range(world.n_weeks) for place in (True, *PLACES)}
+    sums |= {
+        f"week {w}, day {d}, hour {h}": keys_of(w, day=d, hour=h)
+        for w, d, h in product(range(world.n_weeks), range(N_DAYS), range(*HOURS))
+    }
+    return {name: keys for name, keys in sums.items() if 0 < world.sum(keys) < BELOW}
+
+
+def broken(known: Known, world: World) -> list[str]:
+    """Return the rows that the world itself does not fulfil: mistakes of the reader."""
+    found = []
+    for weights, low, high, source in known.rows:
+        total = sum(w * world.n[k] for k, w in weights.items())
+        if not low - 1e-6 <= total <= high + 1e-6:
+            found.append(f"{source}: {total} is not in {low} to {high}")
+    return found
+
+
+def worked_out(known: Known, world: World) -> dict[str, int]:
+    """Return the hidden counts of which a reader finds the only possible value."""
+    index = {key: i for i, key in enumerate(world.n)}
+    rows = sparse.dok_array((len(known.rows), len(index)))
+    for i, (weights, _, _, _) in enumerate(known.rows):
+        for key, w in weights.items():
+            rows[i, index[key]] = w
+    low, high = (np.array([row[i] for row in known.rows]) for i in (1, 2))
+    constraints = LinearConstraint(rows.tocsr(), low - 1e-7, high + 1e-7)
+    found = {}
+    for name, keys in small_counts(world).items():
+        c = np.zeros(len(index))
+        c[[index[k] for k in keys]] = 1
+        limits = []
+        for sign in (1, -1):
+            best = milp(sign * c, constraints=constraints, integrality=np.ones(len(index)), bounds=Bounds(0, 400))
+            limits.append(None if best.x is None else round(sign * best.fun))
+        if None in limits or limits[0] == limits[1]:
+            found[name] = world.sum(keys)
+    return found
+
+
+def kind(name: str) -> str:
+    """Return what sort of count one of `small_counts` is."""
+    if "hour" in name:
+        return "the floor in an hour"
+    return "the floor in a week" if name.endswith("True") else "an area, or the rest, in a week"

@@ -1,0 +1,128 @@
+"""No count that is held back can be worked out from all that leaves the operator's hands (`hidden_counts`).
+
+`prove_hidden_counts.py` does the same for a hundred weeks and more.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import Any
+
+import pytest
+import shapely
+from planner import planted_shop as planted
+from privacy import hidden_counts as hidden
+
+from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.planner.cell_counts import CELL_M, grid_of
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.week import render_html
+
+DOOR = 2
+BUSY = {
+    **{(w, p): n for w in range(4) for p, n in ((0, 20.0), (1, 0.0), (3, 4.0), (4, 3.0))},
+    **{(0, DOOR): 25.0, (1, DOOR): 25.0, (2, DOOR): 25.0, (3, DOOR): 0.5},
+    **{(3, 1): 8.0, (3, 4): 0.0},
+}
+"""Three weeks with a hotspot at the door, and one with hardly anybody there, whose camera sees the queue then."""
+TWO_WEEKS = (2, 3)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> hidden.World:
+    made = hidden.build(tmp_path_factory.mktemp("hidden") / "site", 1, n_weeks=4, busy=BUSY)
+    assert 0 < made.sum(hidden.keys_of(3, place="door")) < hidden.BELOW
+    return made
+
+
+@pytest.fixture(scope="module")
+def reports(world: hidden.World) -> dict[int, WeekReport]:
+    return {w: week_report(world.site, hidden.monday(w)) for w in TWO_WEEKS}
+
+
+@pytest.fixture(scope="module")
+def pages(world: hidden.World) -> dict[int, PlannerData]:
+    return {w: planner_pages(world.site, hidden.monday(w))[0] for w in TWO_WEEKS}
+
+
+def spots(report: WeekReport) -> list[dict[str, Any]]:
+    return json.loads(to_json(report))["figures"]["M20"]["rows"] or []
+
+
+def test_hotspots_of_two_weeks_do_not_tell_the_small_count_of_the_later(
+    reports: dict[int, WeekReport], pages: dict[int, PlannerData]
+) -> None:
+    before, now = ({s["spot_id"]: s for s in spots(reports[w])} for w in TWO_WEEKS)
+    assert next(iter(before.values()))["n"] > hidden.BELOW
+    at_door = [s for s in now.values() if s["area"] == "door"]
+    assert at_door
+    for spot in at_door:
+        for name in ("n", "ratio", "lo", "hi"):
+            assert spot[name] is None, f"{name} of {spot['spot_id']}"
+    assert "door" not in {spot.place.area_id for spot in pages[3].hotspots.spots}
+
+
+def test_a_hotspot_with_a_small_week_is_shown_without_figures(world: hidden.World) -> None:
+    report = week_report(planted.with_settings(world.site, hotspot_days=21), hidden.monday(3))
+    assert report.spots is not None
+    [card] = [c for c in report.spots.cards if c.area_id == "door"]
+    assert report.spots.kind == "tested"
+    assert (card.ratio.value if card.ratio else 0, card.excess_per_week) == (None, None)
+    [row] = [r for r in csv.DictReader(io.StringIO(to_csv(report)["hotspots.csv"])) if r["area"] == "door"]
+    assert (row["ratio"], row["ratio_lo"], row["excess_per_week"]) == ("", "", "")
+    assert GIVES_AWAY in render_html(report)
+
+
+def test_the_planner_s_cells_sum_to_their_area_and_never_to_more(
+    world: hidden.World, pages: dict[int, PlannerData]
+) -> None:
+    for week, page in pages.items():
+        assert page.shown is not None
+        assert page.week.cells is not None
+        grid = grid_of(page.shown.extent)
+        assert grid is not None
+        rows = page.week.cells.violations
+        across = grid.n_x * 2
+        x, y = (grid.x0 + (rows.cell % across + 0.5) * CELL_M, grid.y0 + (rows.cell // across + 0.5) * CELL_M)
+        for k, place in enumerate(page.places):
+            if place.area is None or k in page.week.hidden:
+                continue
+            inside = shapely.contains_xy(shapely.Polygon(place.area.polygon), x, y)
+            counted = world.sum(hidden.keys_of(week, place=place.area.area_id))
+            assert int(rows.values[0][inside].sum()) == counted == int(page.week.panel.n[k].sum())
+
+
+def test_a_place_held_back_in_an_earlier_week_has_no_history_in_the_planner(world: hidden.World) -> None:
+    [page] = planner_pages(world.site, hidden.monday(4))
+    [door] = [k for k, place in enumerate(page.places) if place.place_id == "area:door"]
+    assert not page.places[door].has_history
+    assert not page.history.n[door].any()
+    assert page.places[0].has_history
+
+
+def test_no_count_held_back_can_be_worked_out_from_all_numbers_of_two_weeks(
+    world: hidden.World, reports: dict[int, WeekReport], pages: dict[int, PlannerData]
+) -> None:
+    known = hidden.Known()
+    for week in TWO_WEEKS:
+        hidden.read_json(known, world, week, json.loads(to_json(reports[week])))
+        hidden.read_csv(known, world, week, to_csv(reports[week]))
+        hidden.read_planner(known, week, pages[week], render_planner(pages[week]))
+    assert hidden.broken(known, world) == []
+    assert hidden.small_counts(world)
+    assert hidden.worked_out(known, world) == {}
+
+
+def test_the_reader_finds_what_is_given_away(world: hidden.World) -> None:
+    known = hidden.Known()
+    known.exact(hidden.keys_of(3), world.sum(hidden.keys_of(3)), "floor")
+    for place in ("queue", None):
+        known.exact(hidden.keys_of(3, place=place), world.sum(hidden.keys_of(3, place=place)), str(place))
+    found = hidden.worked_out(known, world)
+    assert found["week 3, door"] == world.sum(hidden.keys_of(3, place="door"))

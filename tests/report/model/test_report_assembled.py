@@ -1,0 +1,351 @@
+"""The report of small worlds: states of a week, what an engine leaves out, and what a site does not have."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from report import ingested_worlds as w
+
+from vsd_analytics.config import load_site
+from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Site
+
+
+def busy(day: int, hour: int) -> dict[w.Place, int]:
+    """Counts that differ from day to day as real ones do."""
+    return {w.QUEUE: 30 + 3 * (day % 3) + hour % 2, w.DOOR: 12 + day % 4, w.AISLE: 9 + (day * 5) % 4}
+
+
+def quieter(day: int, hour: int) -> dict[w.Place, int]:
+    """The same with half as many at the door."""
+    return {**busy(day, hour), w.DOOR: 6 + (day * 3) % 4}
+
+
+@pytest.fixture(scope="module")
+def busy_week(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """Return a site of which one busy week is stored. Tests leave it as it is."""
+    return w.world(tmp_path_factory.mktemp("busy"), w.toml(), w.messages(busy))
+
+
+def text_of(page: str) -> str:
+    """Return what a reader sees of a page."""
+    body = re.sub(r"<style>.*?</style>|<svg.*?</svg>", " ", page, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body))
+
+
+# states ---------------------------------------------------------------------------------------------------------------
+
+
+def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
+    log = [{"at": "2026-11-09T08:00:00+01:00", "text": "Stand moved away", "area": "door"}]
+    site = w.world(
+        tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), w.messages(quieter, engine="acme 1.0"), log=log
+    )
+    report = w.report(site)
+    assert report.state == "normal"
+    verdicts = {a.area_id: a.often.verdict for a in report.areas}
+    assert verdicts == {"door": "clear_fall", "queue": "no_clear_change", None: "no_clear_change"}
+    assert report.busiest_spot is not None
+    assert report.busiest_spot.area_id == "queue"
+    (line,) = report.log
+    assert line.since is not None
+    assert line.since.verdict == "clear_fall"
+    assert line.moved_after == 1.0
+    assert "Stand moved away. Door." in text_of(render_html(report))
+
+
+def test_first_week_has_a_level_and_no_change(busy_week: Site) -> None:
+    report = w.report(busy_week)
+    assert report.state == "first_week"
+    assert report.previous is None
+    assert report.level.often.value is not None
+    assert report.level.often.change is None
+    assert {a.often.verdict for a in report.areas} == {None}
+    assert "Comparisons start next week" in render_html(report)
+
+
+def test_below_sixty_percent_nothing_is_compared_or_ranked(tmp_path: Path) -> None:
+    site = w.world(tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(4)))
+    report = w.report(site)
+    assert report.coverage.share == pytest.approx(4 / 7)
+    assert report.state == "too_incomplete"
+    assert report.busiest_spot is None
+    assert report.busiest_hour is None
+    assert all(not m.spots for m in report.maps)
+    assert report.level.often.change is None
+    assert {c.state for c in report.when.cells if c.day.weekday() > 3} == {"no_data"}
+    assert {c.violations for c in report.when.cells if c.day.weekday() > 3} == {None}
+
+
+def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:
+    streams = [w.messages(busy, monday=w.BEFORE, camera=c) for c in ("cam-1", "cam-2")]
+    site = w.world(tmp_path, w.toml(cameras=("cam-1", "cam-2")), *streams)
+    report = w.report(site)
+    assert report.state == "no_data"
+    last = w.rome(6, 11, 59, monday=w.BEFORE).replace(second=50)
+    assert [c.last_record for c in report.coverage.cameras] == [last, last]
+    assert report.maps == ()
+    assert report.areas == ()
+    assert report.level.often.value is None
+    assert {c.violations for c in report.when.cells} == {None}
+    page = text_of(render_html(report))
+    assert "All cameras stopped at the same minute" in page
+    assert "Sun 8 Nov, 11:59" in page
+
+
+def test_no_data_week_tells_when_cameras_stopped_apart(tmp_path: Path) -> None:
+    site = w.world(
+        tmp_path,
+        w.toml(cameras=("cam-1", "cam-2")),
+        w.messages(busy, monday=w.BEFORE, camera="cam-1"),
+        w.messages(busy, monday=w.BEFORE, camera="cam-2", days=range(3)),
+    )
+    assert "stopped at different times" in render_html(w.report(site))
+
+
+def test_empty_week_has_people_and_an_upper_bound(tmp_path: Path) -> None:
+    site = w.world(tmp_path, w.toml(), w.messages(w.steady({})))
+    report = w.report(site)
+    assert report.state == "empty"
+    assert report.level.often.value == 0
+    assert report.level.often.hi == pytest.approx(3 / 21, rel=0.01)
+    assert report.coverage.seen_h == 21
+    assert report.level.violations == 0
+    assert report.busiest_spot is None
+    assert "1 in 7 open hours" in render_html(report)
+
+
+def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -> None:
+    def pixels(track: str, x: float, y: float) -> dict[str, Any]:
+        return {"id": track, "u_px": 100 * x, "v_px": 100 * y}
+
+    (tmp_path / "calibration").mkdir(parents=True)
+    for name, scale in (("old", 0.01), ("new", 0.011)):
+        np.savetxt(tmp_path / "calibration" / f"{name}.txt", np.diag([scale, 0.01, 1.0]))
+    (tmp_path / "calibration" / "cam-1.toml").write_text(
+        '[[calibration]]\nhomography = "calibration/old.txt"\nfrom = 2026-10-01T00:00:00+01:00\n'
+        '[[calibration]]\nhomography = "calibration/new.txt"\nfrom = 2026-11-12T08:00:00+01:00\n',
+        encoding="utf-8",
+    )
+    streams = w.messages(busy, monday=w.BEFORE, say=pixels), w.messages(busy, say=pixels)
+    site = w.world(tmp_path, w.toml(), *streams)
+    assert [len(c.calibrations) for c in site.cameras] == [2]
+    report = w.report(site)
+    assert report.state == "settings_changed"
+    change = report.settings_change
+    assert change is not None
+    assert change.name == "calibration"
+    assert change.at == w.rome(3, 8)
+    assert change.often_before is not None
+    assert change.often_after is not None
+    assert report.level.often.change is None
+    assert {a.often.verdict for a in report.areas} == {None}
+    page = text_of(render_html(report))
+    assert "A camera was calibrated anew on Thursday" in page
+    assert "No clear change" not in page
+
+
+def test_another_engine_blocks_the_comparison(tmp_path: Path) -> None:
+    old, new = w.messages(busy, monday=w.BEFORE), w.messages(busy, engine="acme 2.0")
+    report = w.report(w.world(tmp_path, w.toml(), old, new))
+    assert report.state == "settings_changed"
+    assert report.settings_change is not None
+    assert (report.settings_change.before, report.settings_change.after) == ("acme 1.0", "acme 2.0")
+    assert report.level.often.verdict is None
+    assert "The engine changed" in render_html(report)
+
+
+def test_an_engine_that_changes_on_the_last_day_is_seen_in_that_week(tmp_path: Path) -> None:
+    streams = [w.messages(busy, days=range(6)), w.messages(busy, days=[6], engine="acme 2.0")]
+    report = w.report(w.world(tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), *streams))
+    assert report.provenance.engines == ("acme 1.0", "acme 2.0")
+    assert report.state == "settings_changed"
+
+
+def test_closed_day_is_neither_missing_nor_zero(tmp_path: Path) -> None:
+    site = w.world(
+        tmp_path,
+        w.toml(site='closed = ["2026-11-11"]'),
+        w.messages(busy, monday=w.BEFORE),
+        w.messages(busy, days=[0, 1, 3, 4, 5, 6]),
+    )
+    report = w.report(site)
+    assert report.state == "normal"
+    assert report.coverage.share == 1
+    assert report.coverage.scheduled_h == 18
+    assert {(c.state, c.violations) for c in report.when.cells if c.day.day == 11} == {("closed", None)}
+    assert report.when.day_means[2].value is None
+    assert report.coverage.cameras[0].days[2].share is None
+    assert report.level.often.verdict == "no_clear_change"
+
+
+# what an engine leaves out --------------------------------------------------------------------------------------------
+
+
+def pairs_only(counts: w.Counts, **options: Any) -> list[dict[str, Any]]:
+    """Return frames of an engine that sends pairs without positions."""
+    frames = []
+    for frame in w.messages(counts, is_alone=False, **options):
+        ids = [p["id"] for p in frame.pop("persons")]
+        frame["pairs"] = [{"a": a, "b": b, "distance_m": 1.5} for a, b in zip(ids[::2], ids[1::2], strict=True)]
+        frames.append(frame)
+    return frames
+
+
+def test_pairs_only_makes_how_risky_not_measurable_and_never_zero(tmp_path: Path) -> None:
+    report = w.report(w.world(tmp_path, w.toml(), pairs_only(busy, monday=w.BEFORE), pairs_only(busy)))
+    assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 21)
+    for estimate in (report.level.risky, report.level.people):
+        assert (estimate.value, estimate.state) == (None, "not_measurable")
+        assert reason_text(estimate.reason) == "the engine sends no positions"
+    assert report.level.exposure_h is None
+    assert report.coverage.seen_h is None
+    for key in ("M3", "M6", "M7", "M15"):
+        assert report.figures[key].state == "not_measurable", key
+        assert report.figures[key].value is None
+    assert report.areas == ()
+    assert report.maps == ()
+    page = text_of(render_html(report))
+    assert "How risky Not measurable The engine sends no positions." in page
+
+
+def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def nameless(track: str, x: float, y: float) -> dict[str, Any]:
+        return {"x_m": x, "y_m": y}
+
+    site = w.world(tmp_path, w.toml(), w.messages(busy, say=nameless))
+    report = w.report(site)
+    assert report.level.often.value is None
+    assert report.level.often.state == "not_measurable"
+    assert "no track ids" in reason_text(report.level.often.reason)
+    assert report.level.people.value is not None
+    assert report.level.violations is None
+    assert {c.violations for c in report.when.cells} == {None}
+    assert report.figures["M8"].state == "not_measurable"
+    page = text_of(render_html(report))
+    assert "Violations cannot be counted on this floor" in page
+    assert "How often Not measurable" in page
+    from vsd_analytics.cli import cli
+    from vsd_analytics.cli.exit_codes import run
+
+    assert run(cli, ["-C", str(tmp_path), "hours", "--week", "2026-W46", "--json"]) == 0
+    hours = json.loads(capsys.readouterr().out)["hours"]
+    n_pairs = sum(sum(busy(d, h).values()) for d, h in HOURS)
+    assert sum(h["violation_records"] for h in hours if h["violation_records"]) == 2 * n_pairs
+
+
+def test_pixels_without_calibration_are_not_measurable(tmp_path: Path) -> None:
+    def pixels(track: str, x: float, y: float) -> dict[str, Any]:
+        return {"id": track, "u_px": 100 * x, "v_px": 100 * y}
+
+    site = w.world(tmp_path, w.toml(), w.messages(busy, say=pixels))
+    report = w.report(site)
+    assert report.level.often.state == "not_measurable"
+    assert "calibration" in reason_text(report.level.often.reason)
+    assert report.state != "empty"
+    assert "vsd calibrate" in render_html(report)
+
+
+def test_one_camera_without_calibration_is_left_out_and_named(tmp_path: Path) -> None:
+    def pixels(track: str, x: float, y: float) -> dict[str, Any]:
+        return {"id": track, "u_px": 100 * x, "v_px": 100 * y}
+
+    config = w.toml(cameras=("cam-1", "cam-2"))
+    site = w.world(tmp_path, config, w.messages(busy), w.messages(busy, camera="cam-2", say=pixels))
+    report = w.report(site)
+    assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 21)
+    assert [c.not_counted is None for c in report.coverage.cameras] == [True, False]
+    assert report.level.risky.value == pytest.approx(
+        report.level.often.value * 21 / (report.level.exposure_h or 0), rel=1e-9
+    )
+    assert "Camera 2 is not counted" in render_html(report)
+
+
+HOURS = [(d, h) for d in range(7) for h in (9, 10, 11)]
+
+
+# what a site does not have --------------------------------------------------------------------------------------------
+
+
+def test_site_without_areas_has_a_map_and_says_how_to_name_them(tmp_path: Path) -> None:
+    streams = w.messages(busy, monday=w.BEFORE), w.messages(quieter)
+    report = w.report(w.world(tmp_path, w.toml(areas={}), *streams))
+    assert report.state == "normal"
+    assert report.areas == ()
+    assert report.busiest_spot is None
+    assert report.maps[0].bands
+    page = text_of(render_html(report))
+    assert "Name some in vsd.toml" in page
+    assert "Whole floor: clear fall" in page
+
+
+def test_floor_without_plan_or_picture_is_drawn_bare(busy_week: Site) -> None:
+    report = w.report(busy_week)
+    (drawn,) = report.maps
+    assert (drawn.kind, drawn.image) == ("floor", None)
+    assert drawn.extent[0] < w.QUEUE[0] < w.ALONE[0] < drawn.extent[2]
+    assert drawn.spots[0].name == "Queue"
+
+
+def test_without_a_plan_the_heat_lies_over_the_cameras_picture(tmp_path: Path) -> None:
+    (tmp_path / "calibration").mkdir(parents=True)
+    (tmp_path / "pictures").mkdir()
+    matrix = np.array([[0.025, 0.0, -2.0], [0.0, -0.025, 14.0], [0.0, 0.0, 1.0]])
+    np.savetxt(tmp_path / "calibration" / "cam-1.txt", matrix)
+    cv2.imwrite(str(tmp_path / "pictures" / "cam-1.png"), np.full((640, 960), 120, np.uint8))
+    config = w.toml(camera='homography = "calibration/cam-1.txt"\npicture = "pictures/cam-1.png"')
+    report = w.report(w.world(tmp_path, config, w.messages(busy)))
+    (drawn,) = report.maps
+    assert drawn.kind == "picture"
+    assert drawn.extent == (0, 0, 960, 640)
+    ring = np.array(drawn.bands[-1].polygons[0][0])
+    u, v = np.linalg.inv(matrix)[:2] @ (w.QUEUE[0] + 0.75, w.QUEUE[1], 1)
+    assert np.hypot(*(ring.mean(axis=0) - (u, v))) < 40
+    assert drawn.image is not None
+    assert drawn.image.data_uri.startswith("data:image/webp")
+
+
+def test_two_floors_have_two_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    upper = '[[floor]]\nid = "upper"\nname = "Upper floor"\n\n[[camera]]\nid = "cam-2"\nname = "Up"\nfloor = "upper"\n'
+    streams = w.messages(busy), w.messages(w.steady({w.QUEUE: 7}), camera="cam-2")
+    site = w.world(tmp_path, w.toml(more=upper), *streams)
+    ground, above = (w.report(site, floor_id=f) for f in ("ground", "upper"))
+    assert ground.site.floors == above.site.floors == ("ground", "upper")
+    assert ground.level.violations == sum(sum(busy(d, h).values()) for d, h in HOURS)
+    assert above.level.violations == 7 * 21
+    assert above.areas == ()
+    assert [c.camera_id for c in above.coverage.cameras] == ["cam-2"]
+    from vsd_analytics.cli import cli
+    from vsd_analytics.cli.exit_codes import run
+
+    assert run(cli, ["-C", str(tmp_path), "report", "--week", "2026-W46"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 2
+    names = sorted(p.name for p in (tmp_path / "reports").iterdir())
+    assert names == ["2026-W46-ground.html", "2026-W46-upper.html"]
+    assert run(cli, ["-C", str(tmp_path), "report", "--week", "2026-W46", "--floor", "cellar"]) == 2
+    assert "no floor has the id 'cellar'" in capsys.readouterr().err
+
+
+def test_a_six_foot_site_never_says_two_metres(tmp_path: Path) -> None:
+    config = w.toml(site="distance_m = 1.83")
+    report = w.report(w.world(tmp_path, config, w.messages(busy)))
+    assert report.level.often.value is not None
+    page = re.sub(r"<style>.*?</style>", "", render_html(report), flags=re.DOTALL)
+    for text in (page, to_json(report).decode(), *to_csv(report).values()):
+        assert not re.search(r"(?<![\d.])2(\.0)?[\s\u00a0]?m\b", text)
+    assert "1.83\u00a0m" in page
+
+
+def test_a_report_is_the_same_after_reading_it_from_disk(busy_week: Site) -> None:
+    first, again = to_json(w.report(busy_week)), to_json(w.report(load_site(busy_week.root)))
+    assert first == again

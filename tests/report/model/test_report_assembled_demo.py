@@ -1,0 +1,230 @@
+"""What is planted in the demo comes out of its report: hotspot, outage, missing and low-data hour, redesign."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from datetime import UTC, date, datetime, timedelta
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from report.pages.test_report_numbers import strangers
+
+from vsd_analytics.config import load_site
+from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.simulate import DemoTruth, write_demo_project
+from vsd_analytics.site.model import Site
+
+MONDAY = date(2026, 11, 9)
+
+
+@pytest.fixture(scope="module")
+def truth(demo_project: Path) -> DemoTruth:
+    return DemoTruth.read(demo_project / "truth.json")
+
+
+@pytest.fixture(scope="module")
+def site(demo_project: Path) -> Site:
+    return load_site(demo_project)
+
+
+@pytest.fixture(scope="module")
+def report(site: Site) -> WeekReport:
+    return week_report(site, MONDAY)
+
+
+def test_planted_hotspot_is_the_busiest_spot(report: WeekReport, truth: DemoTruth) -> None:
+    assert report.busiest_spot is not None
+    assert report.busiest_spot.area_id == truth.hotspot.area_id
+    first = report.maps[0].spots[0]
+    assert first.number == 1
+    assert math.dist(first.at, (truth.hotspot.x_m, truth.hotspot.y_m)) < 1.0
+    assert report.areas[0].area_id == truth.hotspot.area_id
+
+
+def test_planted_gaps_are_hatched_dashed_and_dotted(report: WeekReport, truth: DemoTruth) -> None:
+    cells = {c.start: c for c in report.when.cells}
+    missing = cells[truth.missing.start]
+    assert (missing.state, missing.violations) == ("no_data", None)
+    low = cells[truth.low_data.end.replace(minute=0)]
+    assert low.state == "low_data"
+    assert low.share == pytest.approx(25 / 60, abs=0.01)
+    down = [c for c in report.when.cells if truth.outage.start <= c.start < truth.outage.end and c.state != "closed"]
+    assert len(down) == 10
+    assert {(c.state, c.cameras_down) for c in down} == {("partial", 1)}
+    rest = set(cells.values()) - {missing, low, *down}
+    assert {c.state for c in rest} == {"full", "closed"}
+    page = render_html(report)
+    assert page.count('<td class="hatch">') == 1
+    (outage,) = [o for o in report.coverage.outages if o.camera_ids == truth.outage.cameras]
+    assert (outage.start, outage.end) == (truth.outage.start, truth.outage.end)
+    assert outage.open_h == 10
+
+
+def test_missing_hours_are_in_no_rate(report: WeekReport) -> None:
+    full = {c.camera_id: c.recorded_h for c in report.coverage.cameras}
+    # 86 open hours: one missing, one low-data hour of 25 minutes, and ten of camera 3
+    assert full["cam-1"] == pytest.approx(85 - 35 / 60, abs=0.01)
+    assert report.figures["M0"].denominator == pytest.approx(4 * 84 - 10, abs=0.01)
+    assert report.figures["M8"].value == report.level.violations
+
+
+def test_page_of_the_demo_is_small_and_marked_as_made_up(report: WeekReport) -> None:
+    page = render_html(report)
+    assert "Made-up data" in page
+    assert len(page.encode()) < 250_000
+
+
+def test_every_number_of_the_demos_page_is_in_its_json_file(report: WeekReport) -> None:
+    assert strangers(report, render_html(report)) == set()
+
+
+def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site) -> None:
+    """Saturday from 12:00 to 13:00, from the engine's own files, with plain Python: all cameras, each pair once.
+
+    By hand cameras are compared at their frames; the facts compare them at every second, which once in a while tells
+    two pairs apart, or joins them, where frames do not.
+    """
+    from vsd_analytics.geometry import ownership
+    from vsd_analytics.warehouse.warehouse import open_warehouse
+
+    owners = {(c.cx, c.cy): c.camera_id for c in ownership.owner_cells(site.cameras, cell_m=0.5, floor=site.floors[0])}
+    start = datetime(2026, 11, 14, 11, tzinfo=UTC)
+    seen = {c.camera_id: frames(demo_project / "engine" / f"{c.camera_id}_2026-11-14.jsonl.zst") for c in site.cameras}
+    ms = round(start.timestamp() * 1000)
+    by_hand = Counter(camera for camera, at in violations(seen, owners) if ms <= at < ms + 3_600_000)
+    with open_warehouse(site, MONDAY, MONDAY + timedelta(days=6)) as warehouse:
+        rows = warehouse.rows("select camera_id, n_violations from camera_hours where hour_start_ms = $ms", {"ms": ms})
+    counted = {r["camera_id"]: r["n_violations"] for r in rows}
+    print(counted, dict(by_hand))
+    assert counted.keys() == by_hand.keys()
+    assert all(abs(counted[c] - by_hand[c]) <= 2 for c in counted)
+    assert sum(by_hand.values()) > 100
+
+
+Frames = dict[int, dict[str, tuple[int, int]]]
+Run = tuple[str, str, str, tuple[int, ...]]
+
+
+def frames(path: Path) -> Frames:
+    """Return where everybody is at each instant in a file of frame messages, in millimetres."""
+    import json
+
+    with pa.CompressedInputStream(pa.OSFile(str(path)), "zstd") as stream:
+        told = [json.loads(line) for line in stream.read().splitlines()]
+    return {
+        round(datetime.fromisoformat(f["ts"]).timestamp() * 1000): {
+            p["id"]: (round(1000 * p["x_m"]), round(1000 * p["y_m"])) for p in f["persons"]
+        }
+        for f in told
+    }
+
+
+def violations(seen: dict[str, Frames], owners: dict[tuple[int, int], str]) -> list[tuple[str, int]]:
+    """Return camera and first instant of every violation: runs of one camera, joined over cameras, counted once."""
+    import networkx as nx
+
+    runs = [r for camera, told in seen.items() for r in runs_of(camera, told)]
+    at: dict[int, dict[str, list[Run]]] = {}
+    for run in runs:
+        for ms in run[3]:
+            at.setdefault(ms, {}).setdefault(run[0], []).append(run)
+
+    def place(run: Run, ms: int) -> tuple[float, float]:
+        (xa, ya), (xb, yb) = (seen[run[0]][ms][track] for track in run[1:3])
+        return (xa + xb) / 2, (ya + yb) / 2
+
+    def owner(run: Run, ms: int) -> str | None:
+        x, y = place(run, ms)
+        return owners.get((math.floor(x / 500), math.floor(y / 500)))
+
+    def apart(one: Run, other: Run, ms: int) -> float:
+        (a, b), (c, d) = ([seen[r[0]][ms][track] for track in r[1:3]] for r in (one, other))
+        return min(max(math.dist(a, c), math.dist(b, d)), max(math.dist(a, d), math.dist(b, c)))
+
+    same, both = Counter[tuple[Run, Run]](), Counter[tuple[Run, Run]]()
+    for ms, cameras in at.items():
+        for one, other in combinations(sorted(cameras), 2):
+            mine, theirs = ([r for r in cameras[c] if owner(r, ms) is not None] for c in (one, other))
+            off = {(r, q): apart(r, q, ms) for r in mine for q in theirs}
+            both.update(off.keys())
+            for (r, q), mm in off.items():
+                if mm <= 500 and mm == min(off[r, t] for t in theirs) == min(off[t, q] for t in mine):
+                    same[r, q] += 1
+    graph = nx.Graph([pair for pair, n in same.items() if 2 * n >= both[pair]])
+    graph.add_nodes_from(runs)
+    found = []
+    for component in nx.connected_components(graph):
+        records = [(ms, r) for r in sorted(component) for ms in r[3] if owner(r, ms) in (None, r[0])]
+        if records:
+            begins = min(ms - lead(seen[r[0]], r, ms, -1) for ms, r in records)
+            ends = max(ms + lead(seen[r[0]], r, ms, 1) for ms, r in records)
+            if ends - begins >= 3000:
+                most = Counter(r[0] for _, r in records)
+                found.append((max(sorted(most), key=lambda c: most[c]), min(ms for ms, _ in records)))
+    return found
+
+
+def runs_of(camera: str, told: Frames) -> list[Run]:
+    """Return the runs of pairs nearer than 2 m with no gap over 5 s, of a frame every 2 s."""
+    close: dict[tuple[str, str], list[int]] = {}
+    for ms in sorted(told):
+        for (a, p), (b, q) in combinations(sorted(told[ms].items()), 2):
+            if math.dist(p, q) < 2000:
+                close.setdefault((a, b), []).append(ms)
+    found: list[Run] = []
+    for (a, b), instants in close.items():
+        cuts = [i for i in range(1, len(instants)) if instants[i] - instants[i - 1] > 5000]
+        for low, high in pairwise([0, *cuts, len(instants)]):
+            found.append((camera, a, b, tuple(instants[low:high])))
+    return found
+
+
+def lead(told: Frames, run: Run, ms: int, step: int) -> float:
+    """Return for how long they were close before a record (-1) or after it (1), by way of the middle of a cubic."""
+    around = (told.get(ms + n * 2000 * step, {}) for n in (-1, 0, 1, 2))
+    seen = [np.subtract(f[run[1]], f[run[2]]) if {run[1], run[2]} <= f.keys() else None for f in around]
+    behind, r0, r1, beyond = seen
+    if ms != run[3][0 if step < 0 else -1] or r0 is None or r1 is None or math.hypot(*r1) < 2000:
+        return 1000.0
+    v0 = r1 - r0 if behind is None else (r1 - behind) / 2
+    v1 = r1 - r0 if beyond is None else (beyond - r0) / 2
+    middle = (r0 + r1) / 2 + (v0 - v1) / 8
+    way = np.concatenate([np.linspace(r0, middle, 1001), np.linspace(middle, r1, 1001)[1:]])
+    return float(np.argmax(np.hypot(*way.T) >= 2000))
+
+
+def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:
+    """Two weeks of the entrance's camera alone, which sees the display that was moved."""
+    truth = write_demo_project(tmp_path, seed=4, weeks=2)
+    text = (tmp_path / "vsd.toml").read_text(encoding="utf-8")
+    blocks = [b for b in text.split("\n\n") if not b.startswith("[[camera]]") or 'id = "cam-1"' in b]
+    (tmp_path / "vsd.toml").write_text("\n\n".join(blocks), encoding="utf-8")
+    site = load_site(tmp_path)
+    files = sorted((tmp_path / "engine").glob("cam-1_*"))
+    ingest(site, files, IngestOptions(format="frames"), now=datetime(2026, 11, 20, tzinfo=UTC))
+    report = week_report(site, MONDAY)
+    row = next(a for a in report.areas if a.area_id == truth.redesign.area_id)
+    assert row.often.verdict == "clear_fall"
+    assert (row.often.change_hi or 0) < -0.5
+    line = next(line for line in report.log if line.area_id == truth.redesign.area_id)
+    assert line.at == truth.redesign.at
+    assert line.since is not None
+    assert line.since.verdict == "clear_fall"
+    # few people are left there: without a level per person-hour there is no change of it either
+    assert row.risky is not None
+    assert (row.risky.value, row.risky.previous, row.risky.change, row.risky.verdict) == (
+        None,
+        None,
+        None,
+        "too_little_data",
+    )
+    assert report.story is not None
+    assert "seems to have worked" in report.story.things[0].title

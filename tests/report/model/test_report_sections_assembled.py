@@ -1,0 +1,92 @@
+"""Sections of reports of small worlds: figures agree, spots have evidence, other cameras are noticed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from report import ingested_worlds as w
+
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.result import Reason
+
+MORE = {w.QUEUE: 20, w.DOOR: 6, w.AISLE: 5}
+SHORT = '{ mon-sun = "09:00-10:00" }'
+LESS = {w.QUEUE: 20, w.DOOR: 12, w.AISLE: 5}
+
+
+@pytest.fixture(scope="module")
+def week(tmp_path_factory: pytest.TempPathFactory) -> WeekReport:
+    """Two weeks of one camera: the queue as before, half as many at the door."""
+    asked = w.toml().replace('name = "Queue"', 'name = "Queue"\nask = "Could the rope go?"')
+    streams = (w.messages(w.steady(LESS), monday=w.BEFORE), w.messages(w.steady(MORE)))
+    return w.report(w.world(tmp_path_factory.mktemp("sections") / "shop", asked, *streams))
+
+
+def test_the_trend_ends_with_the_headline_and_begins_with_the_first_week(week: WeekReport) -> None:
+    assert week.trend is not None
+    assert [t.iso for t in week.trend.weeks] == ["2026-W45", "2026-W46"]
+    last = week.trend.weeks[-1]
+    assert (last.often, last.risky) == (week.level.often, week.level.risky)
+
+
+def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_question(week: WeekReport) -> None:
+    assert week.spots is not None
+    first, second, third = week.spots.cards
+    assert week.spots.kind == "tested"
+    assert [c.name for c in week.spots.cards] == ["Queue", "Door", "On the rest of the floor"]
+    assert "spot 3" in third.ask
+    assert second.ask.endswith("people stop?")
+    assert second.question.endswith("people stop, above all from 09:00 to 11:00?")
+    assert [s.at for m in week.maps for s in m.spots] == [c.at for c in week.spots.cards]
+    assert first.often == week.areas[0].often
+    assert first.evidence is not None
+    assert (first.evidence.days_present, first.evidence.camera_id, first.evidence.lost_h) == (7, "cam-1", 0.0)
+    assert first.evidence.recorded_share == pytest.approx(week.areas[0].recorded_share)
+    assert first.evidence.sureness == "medium"  # the engine sends metres, so no error of positions is known
+    assert first.usual is not None
+    assert first.usual.share >= 0.5
+    assert first.usual.weekday is None
+    assert first.ask == first.question == week.story.question == "Could the rope go?"  # type: ignore[union-attr]
+
+
+def test_both_readings_agree_with_the_headline_and_areas_add_up_to_no_more(week: WeekReport) -> None:
+    found = week.readings
+    assert found is not None
+    if found.between is None:
+        assert found.reason
+        assert found.areas == ()
+        return
+    assert found.all is not None
+    assert found.all.often == week.level.often
+    assert (found.between.often.value or 0) <= (week.level.often.value or 0)
+    areas = {a.area_id: a.often.value or 0 for a in week.areas}
+    assert all((a.often.value or 0) <= areas[a.area_id] + 1e-9 for a in found.areas)
+
+
+def test_other_cameras_than_the_week_before_forbid_a_comparison_and_are_named(tmp_path: Path) -> None:
+    config = w.toml(cameras=("cam-1", "cam-2"), opening=SHORT)
+    before = w.messages(w.steady(MORE), monday=w.BEFORE, camera="cam-1", hours=(9, 10))
+    report = w.report(
+        w.world(tmp_path / "shop", config, before, w.messages(w.steady(MORE), camera="cam-2", hours=(9, 10)))
+    )
+    assert report.settings_change is None or report.settings_change.name == "cameras"
+    if report.state == "settings_changed":
+        assert report.settings_change is not None
+        assert (report.settings_change.before, report.settings_change.after) == ("Camera 1", "Camera 2")
+        assert "none recorded both weeks" in render_html(report)
+    else:
+        assert report.state == "too_incomplete"  # half of the cameras are silent
+
+
+def test_a_new_camera_is_left_out_of_the_comparison_and_named(tmp_path: Path) -> None:
+    config = w.toml(cameras=("cam-1", "cam-2"), opening=SHORT)
+    streams = (
+        w.messages(w.steady(MORE), monday=w.BEFORE, camera="cam-1", hours=(9, 10)),
+        w.messages(w.steady(MORE), camera="cam-1", hours=(9, 10)),
+        w.messages(w.steady(MORE), camera="cam-2", hours=(9, 10)),
+    )
+    report = w.report(w.world(tmp_path / "shop", config, *streams))
+    assert [c.not_compared for c in report.coverage.cameras] == [None, Reason("compare.new_camera")]
+    assert "Camera 2 is not compared" in render_html(report)

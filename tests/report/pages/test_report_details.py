@@ -1,0 +1,120 @@
+"""Small rules of the page: what a plan hides, rows that say nothing, labels that stay on the map, names in order."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from report import sample_weeks as weeks
+
+from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.geometry.embedded_pictures import has_paper
+from vsd_analytics.geometry.scale_bar import nice_metres
+from vsd_analytics.report.draw.floor_plan import floor_map
+from vsd_analytics.report.pages.week import make_page, render_html
+from vsd_analytics.report.words import figure_titles
+from vsd_analytics.report.words import format as fmt
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 640" width="96" height="64">{}</svg>'
+
+
+@pytest.mark.parametrize(
+    ("content", "is_paper"),
+    [
+        ('<rect width="960" height="640" fill="#fff"/><path d="M0 0"/>', True),
+        ('<title>Plan</title><g><rect width="100%" height="100%"/></g>', True),
+        ('<image width="960" height="640" href="data:image/png;base64,"/>', True),
+        ('<rect width="960" height="640" fill="none" stroke="#000"/>', False),
+        ('<rect width="300" height="640" fill="#fff"/>', False),
+        ('<path d="M0 0H960V640H0z"/>', False),
+        ("", False),
+    ],
+)
+def test_only_a_plan_on_paper_is_multiplied_with_the_heat(tmp_path: Path, content: str, is_paper: bool) -> None:
+    path = tmp_path / "plan.svg"
+    path.write_text(SVG.format(content), encoding="utf-8")
+    assert has_paper(path) is is_paper
+
+
+def test_other_plans_are_made_transparent_and_have_no_paper(tmp_path: Path) -> None:
+    assert not has_paper(tmp_path / "plan.png")
+
+
+@pytest.mark.parametrize("width_m", [3, 8, 14, 24, 60, 140, 900])
+def test_the_scale_bar_is_never_two_of_anything(width_m: float) -> None:
+    length = nice_metres(width_m)
+    assert f"{length:g}".strip("0.") in ("1", "5")
+    assert width_m / 25 <= length <= width_m / 4
+
+
+def test_hours_without_data_on_any_day_are_one_row() -> None:
+    report = weeks.normal()
+    cells = tuple(
+        replace(c, state="no_data", violations=None, is_masked=False, scaled=None, share=0.0)
+        if c.state != "closed" and 12 <= c.hour <= 15
+        else c
+        for c in report.when.cells
+    )
+    rows = make_page(replace(report, when=replace(report.when, cells=cells), story=None)).table.rows
+    (blank,) = [r for r in rows if r.until]
+    assert (blank.label, blank.until) == ("12", "15")
+    assert {c.note for c in blank.cells} == {"no data"}
+    assert [r.label for r in rows] == ["08", "09", "10", "11", "12", "16", "17", "18", "19", "20"]
+
+
+def test_names_of_areas_outside_the_map_stay_off_it() -> None:
+    areas = tuple(
+        m.MapArea(area_id=name, name=name, ring=((x, 1.0), (x + 4, 1.0), (x + 4, 5.0), (x, 5.0)))
+        for name, x in (("inside", 2.0), ("edge", -2.0), ("beyond", 30.0))
+    )
+    shown = m.FloorMap(kind="floor", title="Floor", extent=(0.0, 0.0, 12.0, 8.0), areas=areas, scale_bar_m=1.0)
+    drawing = floor_map(shown, index=0, rules=m.Rules(distance_m=2.0), label="map")
+    said = {name: float(x) for x, name in re.findall(r'<text[^>]* x="(-?\d+)"[^>]*>(\w+)</text>', drawing)}
+    assert said.keys() <= {"inside", "edge"}
+    assert min(said.values()) >= 0
+
+
+def test_the_table_of_changes_names_the_greatest_change_first() -> None:
+    report = weeks.normal()
+    areas = tuple(
+        replace(a, often=weeks.estimate(10.0, change)) for a, change in zip(report.areas, (-0.2, -0.6), strict=False)
+    )
+    rest = m.AreaRow(area_id=None, name="Rest of the floor", often=weeks.estimate(50.0, -0.9))
+    named = figure_titles.changed(replace(report, areas=(*areas, rest)))
+    first, second = report.areas[1].name, report.areas[0].name
+    assert named == f"The rest of the floor, {first} and {second} clearly changed"
+
+
+def test_a_row_that_is_held_back_says_so() -> None:
+    report = weeks.masked()
+    held = Estimate(value=None, state="not_enough_data", verdict="too_little_data", reason=GIVES_AWAY)
+    areas = (replace(report.areas[0], is_held_back=True, counted=None, share=None, often=held), *report.areas[1:])
+    page = render_html(replace(report, areas=areas, story=None))
+    row = page.split('<table class="cmp"')[1].split("</tr>")[1]
+    assert "Held back" in row
+    assert re.findall(r'<td role="cell" class="n"[^>]*>([^<]*)<', row) == ["–", "–"]
+    assert "…: held back" in page
+
+
+@pytest.mark.parametrize(
+    ("lo", "hi", "said"),
+    [
+        (-0.12, -0.004, "likely between 12% fewer and no change"),
+        (-0.12, 0.3, "likely between 12% fewer and 30% more"),
+        (-0.181, -0.179, "likely 18% fewer"),
+        (-0.001, 0.001, "likely no change"),
+    ],
+)
+def test_intervals_of_changes_in_words(lo: float, hi: float, said: str) -> None:
+    assert fmt.likely_change(Estimate(value=1.0, change=(lo + hi) / 2, change_lo=lo, change_hi=hi)) == said
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("Moved", "Moved."), ("Moved!", "Moved!"), (" Moved. ", "Moved."), ("", "")]
+)
+def test_log_entries_end_with_a_stop(text: str, said: str) -> None:
+    assert fmt.ended(text) == said

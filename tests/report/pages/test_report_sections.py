@@ -1,0 +1,434 @@
+"""Sections beyond the week and its map: weeks, spots, readings, redesigns, causes, outlook, unusual hours."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from datetime import UTC, date, datetime, timedelta
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from report import sample_sections as sections
+from report import sample_weeks as weeks
+from shapely import Polygon
+
+from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
+from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
+from vsd_analytics.figures.unusual import Unusual, UnusualWeek
+from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
+from vsd_analytics.figures.week import results as m
+from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
+from vsd_analytics.report.pages import sections as page_sections
+from vsd_analytics.report.pages.spot_cards import cards
+from vsd_analytics.report.pages.week import make_page, render_html
+from vsd_analytics.report.words import questions
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.model import Area, Fixture
+from vsd_analytics.stats.decomposition import Mixing, MixingChange
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.forecast import ForecastScore
+
+NIGHT = datetime(2026, 11, 13, 2, tzinfo=sections.ROME)
+
+
+def seen(page: str) -> str:
+    """Return the text of a page."""
+    bare = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", bare))
+
+
+# ---- weeks ----
+
+
+@pytest.mark.parametrize("width", [WIDE, NARROW])
+def test_weeks_are_never_joined_over_a_gap_and_start_at_zero(width: int) -> None:
+    trend = sections.trend(weeks.normal())
+    drawing = chart(trend, "often", width=width, label="weeks")
+    assert drawing.count('class="tl"') == 10 - 1 - 2  # nine steps, less the two beside the gap
+    assert drawing.count('class="tg"') == 1
+    assert drawing.count("<circle") == 9
+    assert drawing.count('class="tw"') == 9
+    assert len(re.findall(r'class="axt"[^>]*>0<', drawing)) == 1
+    assert drawing.count('class="tm"') == 2
+
+
+def test_a_higher_week_is_drawn_higher_and_by_the_same_scale() -> None:
+    trend = sections.trend(weeks.normal())
+    drawing = chart(trend, "often", width=WIDE, label="weeks")
+    y = [float(v) for v in re.findall(r'<circle[^>]*cy="([\d.]+)"', drawing)]
+    values = [w.often.value for w in trend.weeks if w.often is not None]
+    zero = float(re.findall(r'class="zero"[^>]*y1="(\d+)"', drawing)[0])
+    ratios = [(zero - at) / (value or 1.0) for at, value in zip(y, values, strict=True)]
+    assert max(ratios) == pytest.approx(min(ratios), rel=0.01)
+
+
+def test_a_change_is_marked_where_it_lies_in_its_week() -> None:
+    trend = sections.trend(weeks.normal())
+    monday = replace(trend.marks[1], at=datetime(2026, 11, 9, 0, 0, tzinfo=weeks.ROME))
+    sunday = replace(trend.marks[1], at=datetime(2026, 11, 15, 23, 0, tzinfo=weeks.ROME))
+
+    def x(mark: m.TrendMark) -> int:
+        drawing = chart(replace(trend, marks=(mark,)), "often", width=WIDE, label="weeks")
+        return int(re.findall(r'class="tm"[^>]*x1="(\d+)"', drawing)[0])
+
+    dots = [int(v) for v in re.findall(r'<circle[^>]*cx="(\d+)"', chart(trend, "often", width=WIDE, label="weeks"))]
+    assert dots[-2] < x(monday) < dots[-1] < x(sunday)
+
+
+def test_a_whisker_that_would_flatten_all_others_is_cut_with_an_arrow() -> None:
+    trend = sections.trend(weeks.normal())
+    wild = replace(trend.weeks[0], often=m.Estimate(value=139.0, lo=20.0, hi=9000.0))
+    drawing = chart(replace(trend, weeks=(wild, *trend.weeks[1:])), "often", width=WIDE, label="weeks")
+    assert drawing.count('class="tn" fill="#1b2430"') == 1
+    assert "9,000" not in drawing
+
+
+def test_the_small_line_is_broken_at_the_gap_and_absent_with_two_weeks() -> None:
+    trend = sections.trend(weeks.normal())
+    assert len(re.findall(r'd="([^"]*)"', spark(trend, "often"))[0].split("M")) == 3
+    assert spark(sections.trend(weeks.normal(), n=2), "often") == ""
+    assert spark(None, "risky") == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "said"),
+    [
+        (100.0, 10.0, "the lowest of these 9 weeks"),
+        (131.0, 10.0, "week 46 is not clearly below the weeks before"),
+        (140.0, 10.0, "week 46 lies within the weeks before"),
+        (156.0, 10.0, "week 46 is not clearly above the weeks before"),
+        (200.0, 10.0, "the highest of these 9 weeks"),
+    ],
+)
+def test_a_week_is_notable_by_its_range_not_by_its_figure(value: float, half: float, said: str) -> None:
+    report = weeks.normal()
+    level = replace(report.level, often=m.Estimate(value=value, lo=value - half, hi=value + half))
+    report = replace(report, level=level)
+    assert page_sections.trend_title(replace(report, trend=sections.trend(report)), "often") == said
+
+
+def test_the_first_week_has_no_chart_but_a_table() -> None:
+    report = replace(weeks.first_week(), trend=sections.trend(weeks.first_week(), n=1))
+    page = render_html(report)
+    assert 'class="tr ' not in page
+    assert "The first week has nothing to be set beside" in page
+    assert "Weeks so far" in page
+
+
+def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_back() -> None:
+    report = weeks.normal()
+    monday = weeks.MONDAY - timedelta(weeks=1)
+
+    def rate(n: float) -> RateEstimate:
+        return RateEstimate(n / 40, n / 50, n / 30, n, 40.0, 7, 6.0, 0.1, "ok", None, False)
+
+    found = trend_weeks.analysis.FloorTrend(
+        floor_id="ground",
+        weeks=tuple(
+            trend_weeks.analysis.WeekRates(f"2026-W{n}", day, rate(count), rate(count), 1.0, "ok", None)
+            for n, day, count in ((45, monday, 3.0), (46, weeks.MONDAY, 900.0))
+        ),
+        marks=(),
+        state="ok",
+        reason=None,
+        risky_reason=None,
+    )
+    made = trend_weeks.trend(_Data(), found, level=report.level)  # type: ignore[arg-type]
+    assert made.weeks[1].often == report.level.often
+    assert made.weeks[0].often is not None
+    assert (made.weeks[0].often.value, made.weeks[0].often.lo) == (None, None)
+    assert "fewer than 5" in reason_text(made.weeks[0].often.reason)
+
+
+class _Settings:
+    mask_below = 5
+
+
+class _Site:
+    settings = _Settings()
+    zone = weeks.ROME
+
+
+class _Data:
+    """As much of a week's data as the sections ask for."""
+
+    site = _Site()
+    monday = weeks.MONDAY
+    sunday = weeks.MONDAY + timedelta(days=6)
+    areas = (Area("a1", "Main entrance", "ground", ((0, 0), (1, 0), (1, 1))),)
+
+    def hidden_in(self, monday: date) -> SimpleNamespace:
+        """Return a week that holds nothing back."""
+        return SimpleNamespace(why_floor=None)
+
+
+# ---- spots ----
+
+
+def rectangle(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
+    return ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+
+
+TILL = Fixture("till", "Till 1", "ground", rectangle(2, -1.5, 3, -0.5), "till")
+PILLAR = Fixture("pillar", "Pillar", "ground", rectangle(-2, 0, -1, 1), "wall")
+STAND = Fixture("stand", "Stand", "ground", rectangle(-1.5, 0, -0.5, 1), "shelf", is_movable=True)
+SHELVES = tuple(Fixture(f"s{k}", f"Shelf {k}", "ground", rectangle(x, 1, x + 0.8, 9)) for k, x in enumerate((0, 3)))
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "fixtures", "said"),
+    [
+        ("Hall", rectangle(0, 0, 9, 2), (TILL,), "second line"),
+        ("Hall", rectangle(0, 0, 3, 2), (TILL,), "spread out"),
+        ("Checkout", rectangle(0, 0, 3, 2), (), "second line"),
+        ("Hall", rectangle(0, 0, 3, 2), (PILLAR, STAND), "“Stand” be moved"),
+        ("Hall", rectangle(0, -3, 4, 0.5), SHELVES, "one direction"),
+        ("Hall", rectangle(0, 0, 4, 9), SHELVES, "spread out"),
+        ("Front door", rectangle(0, 0, 3, 2), (PILLAR,), "kept free"),
+        ("Aisle 4", rectangle(0, 0, 3, 2), (), "one direction"),
+    ],
+)
+def test_what_is_asked_follows_shape_fixtures_and_name(
+    name: str, shape: Any, fixtures: tuple[Fixture, ...], said: str
+) -> None:
+    asked = questions.ask(name, Polygon(shape), area=None, fixtures=fixtures)
+    assert said in asked
+    assert asked.endswith("?")
+
+
+def test_a_site_may_ask_its_own_question() -> None:
+    area = Area("hall", "Hall", "ground", rectangle(0, 0, 3, 2), ask="Could the bench go?")
+    assert questions.ask("Hall", Polygon(area.polygon), area=area, fixtures=(STAND,)) == "Could the bench go?"
+
+
+def test_a_card_says_how_sure_with_dots_a_word_and_the_reason() -> None:
+    made = cards(sections.complete())
+    assert made is not None
+    assert [sum(c.dots) for c in made.cards] == [3, 2, 1]
+    assert [c.sure for c in made.cards] == ["High.", "Medium.", "Low."]
+    assert made.cards[0].reason == "Seen on 7 of 7 days, 96% of hours recorded, positions to 0.31 m."
+    assert made.cards[1].reason == "Seen on 1 day of this week, 96% of hours recorded, position error not known."
+    assert made.cards[2].reason == "Camera “Aisles” missed 10 hours of its usual hours."
+    assert made.cards[0].when == "Half of them from 11:00 to 18:00, most on Saturday"
+    assert (made.cards[1].change, made.cards[1].direction) == ("43% fewer than in week 45", "good")
+
+
+def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
+    tested, busiest = cards(sections.with_tested_spots()), cards(sections.complete())
+    assert tested is not None
+    assert busiest is not None
+    assert tested.title == "The two spots that are riskier than the floor"
+    assert [c.change for c in tested.cards] == [
+        "Stands out since Sun 25 Oct or longer",
+        "New this week",
+    ]
+    assert busiest.title == "The three busiest spots"
+    assert "fewer than 300 violations" in busiest.sub
+    assert "riskier than elsewhere" in render_html(sections.with_tested_spots())
+
+
+# ---- what happened at the site ----
+
+
+def test_the_site_log_is_there_once_and_names_the_letters_of_the_charts() -> None:
+    report = sections.complete()
+    report = replace(report, log=(*report.log, m.LogLine(at=NIGHT, kind="detected", text="Camera off")))
+    page = make_page(report)
+    assert page.log_section == "trend"
+    assert [r.label for r in page.log if r.label] == ["A", "B"]
+    assert [r.about for r in page.log if r.text == "Camera off."] == ["Detected, not logged."]
+    texts = [r.text for r in page.log]
+    assert len(texts) == len(set(texts)), "what is marked and logged stands once"
+    assert render_html(report).count(">Logged at the site<") == 1
+
+
+def test_without_charts_the_log_is_part_of_what_changed() -> None:
+    report = weeks.normal()
+    page = make_page(report)
+    assert page.log_section == "changed"
+    assert [(r.label, r.text) for r in page.log] == [("", line.text) for line in report.log]
+    section = render_html(report).split('id="changed"')[1].split("</section>")[0]
+    assert "Logged at the site" in section
+
+
+# ---- readings ----
+
+
+def test_both_readings_are_side_by_side_with_their_accuracy() -> None:
+    page = make_page(sections.complete())
+    assert [t.also for t in page.tiles[:2]] == ["Between groups: 98", "Between groups: 0.34"]
+    assert "81% (likely between 78% and 84%) remain" in page.readings_note
+    assert page.between == {"a0": pytest.approx(37.6), None: pytest.approx(16.2)}
+    assert "Of these between groups" in seen(render_html(sections.complete()))
+
+
+def test_a_camera_that_takes_no_part_is_named_beside_the_figure_it_is_missing_from() -> None:
+    assert (
+        make_page(sections.with_tested_spots()).tiles[0].also == "Between groups: 98 of 101 (without Camera “Aisles”)"
+    )
+
+
+def test_where_there_is_no_second_reading_the_page_says_why() -> None:
+    page = make_page(sections.refused())
+    assert page.tiles[0].also == ""
+    assert page.readings_note == (
+        "Violations between groups cannot be told apart: track ids are cut: 38% end where another begins."
+    )
+    assert "Of these between groups" not in seen(render_html(sections.refused()))
+
+
+# ---- what changed ----
+
+
+def mixing(**more: Any) -> MixingChange:
+    period = Mixing(1.0, 1.0, 0.1, 0.1, 1.0, 0.9, 1.1, 7, "ok", None)
+    behaviour = ChangeEstimate(
+        1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "no_clear_change", "ok", None, False
+    )
+    said: dict[str, Any] = {"close": 0.8, "crowding": 0.7, "layout": 1.04, "behaviour": behaviour}
+    said |= {"crowding_share": None, "layout_share": None, "behaviour_share": None, "state": "ok", "reason": None}
+    return MixingChange(period, period, **(said | more))
+
+
+def test_causes_are_factors_of_the_whole_change() -> None:
+    found = redesigns.causes(mixing(close=0.7 * 1.04 * 1.1))
+    parts = (found.people or 0) + 1, (found.layout or 0) + 1, (found.behaviour or 0) + 1
+    assert parts[0] * parts[1] * parts[2] == pytest.approx((found.close or 0) + 1)
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ((-0.3, 0.01, 0.0), "People spent 31% less time closer than 2 m. Mostly, that is fewer people."),
+        (
+            (0.02, 0.3, 0.0),
+            "People spent 31% more time closer than 2 m. Mostly, that is people gathering in fewer places.",
+        ),
+        (
+            (0.0, 0.0, -0.2),
+            "People spent 31% less time closer than 2 m. Mostly, that is how people kept apart where they were.",
+        ),
+    ],
+)
+def test_the_largest_part_that_moved_the_same_way_is_named(parts: tuple[float, float, float], said: str) -> None:
+    close = 0.31 if "more time" in said else -0.31
+    people, layout, behaviour = parts
+    causes = m.Causes(close=close, people=people, layout=layout, behaviour=behaviour)
+    table = page_sections.causes(replace(weeks.normal(), causes=causes))
+    assert table is not None
+    assert table.sentence == said
+
+
+def test_what_hardly_moved_is_not_explained() -> None:
+    causes = m.Causes(close=-0.01, people=-0.02, layout=0.01, behaviour=0.0)
+    table = page_sections.causes(replace(weeks.normal(), causes=causes))
+    assert table is not None
+    assert table.sentence.endswith("No part of it moved much.")
+
+
+def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -> None:
+    table = page_sections.redesigns(sections.complete())
+    assert table is not None
+    head, often, row = table.rows
+    assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
+    assert (often.name, often.words, often.detail) == (
+        "Violations per open hour",
+        "Clear fall, −27%",
+        "likely −39% to −12%",
+    )
+    assert (row.name, row.words, row.detail) == (
+        "Violations per person-hour",
+        "Clear fall, −31%",
+        "likely −42% to −18%",
+    )
+    assert head.note.startswith(
+        "Checkout queue, Wed 7 Oct. Beside End of aisle 2 and Pharmacy counter, 4 weeks before and after. "
+        "People there: 4% more."
+    )
+    assert "What speaks against it: another entry" in head.note
+    assumed, refused = table.notes
+    assert "only if its area and those beside it would otherwise have moved alike" in assumed
+    assert refused == "Main entrance: not yet told. Needs a whole week after the change, and 1 day is stored."
+
+
+# ---- outlook and unusual hours ----
+
+
+def test_the_three_highest_hours_are_forecast_and_scored_beside_the_naive_forecast() -> None:
+    monday = date(2026, 11, 16)
+    rows = tuple(
+        HourForecast(monday + timedelta(days=d), d, 10 + d, 1.0, value, 1.0, 9.0, 6)
+        for d, value in enumerate((3.0, 8.0, None, 5.0, 4.0))
+    )
+    score = ForecastScore(0.2, 0.8, 0.75, 0.8, 0.3, 1.1, 60, "ok", None)
+    series = SeriesForecast("violations", "open hour", rows, 0.8, 1.0, 6, score, "ok", None)
+    found = FoundOutlook("2026-W47", monday, "2026-W46", "ground", (), (), series, series, series)
+    made = outlook.outlook(found)
+    assert [h.value for h in made.highest] == [8.0, 5.0, 4.0]
+    assert made.mean == pytest.approx(5.0)
+    assert made.score == m.OutlookScore(error=0.2, error_naive=0.3, hit_rate=0.75, n_hours=60)
+    listed = page_sections.outlook(replace(weeks.normal(), outlook=made))
+    assert listed is not None
+    assert listed.title == "Tuesday 11:00 is likely to be the busiest hour of week 47"
+    assert "missed by 20% on average; repeating the week before would have missed by 30%" in " ".join(listed.notes)
+
+
+def test_an_hour_the_timetable_holds_back_is_held_back_among_the_unusual_ones() -> None:
+    when = weeks.normal().when
+    small = next(c for c in when.cells if c.is_masked)
+    shown = next(c for c in when.cells if c.violations)
+    rows = tuple(
+        Unusual(c.day, c.day.weekday(), c.hour, 3, 1.0, 50.0, 30.0, 70.0, 0.1, 0.01, 6) for c in (small, shown)
+    )
+    made = outlook.unusual(UnusualWeek("2026-W46", None, "violations", rows, 2, 80, "ok", None), when=when)
+    assert [r.violations for r in made.rows] == [None, 3]
+
+
+def test_what_is_refused_is_said_in_a_line_and_not_in_a_section() -> None:
+    page = render_html(sections.refused())
+    text = seen(page)
+    assert 'id="next"' not in page
+    assert "Week 47 cannot be forecast yet: a forecast needs 4 recorded weeks, has 2." in text
+    assert "Unusual hours cannot be told yet: what is usual needs 4 recorded weeks before, has 1." in text
+    assert (
+        "Whether it is people, the room or behaviour cannot be told: needs at least 20 person-hours, has 4.2." in text
+    )
+    assert "To call it a trend takes three recorded weeks." in text
+
+
+# ---- units ----
+
+
+@pytest.mark.parametrize("name", ["complete", "with_tested_spots", "empty", "first_week", "settings_changed"])
+def test_a_site_in_feet_reads_feet_everywhere(name: str) -> None:
+    report = {**weeks.ALL, **sections.MORE}[name]()
+    rules = replace(report.rules, distance_m=1.8288, distance_unit="ft")
+    change = report.settings_change and replace(report.settings_change, before="5 ft", after="6 ft")
+    maps = tuple(replace(x, scale_bar_m=3.048) for x in report.maps)
+    log = tuple(replace(line, text="Moved.") for line in report.log)
+    report = replace(report, rules=rules, settings_change=change, maps=maps, log=log, redesigns=(), story=None)
+    if report.trend is not None:
+        report = replace(report, trend=replace(report.trend, marks=()))
+    page = render_html(report)
+    assert re.search(r"6[ \u00a0]ft", page)
+    assert re.findall(r"\d[ \u00a0]m\b", seen(page)) == []
+    assert re.findall(r"(?<![\w.])2[ \u00a0]m\b", page) == []
+
+
+def test_every_instant_of_the_sections_is_local() -> None:
+    found = sections.trend(weeks.normal())
+    for mark in found.marks:
+        utc = replace(mark, at=mark.at.astimezone(UTC))
+        assert utc.at == mark.at
+
+
+def test_further_figures_are_reported_by_the_catalogue_and_refused_with_their_reason() -> None:
+    rows = {r.name: r for r in make_page(sections.complete()).more_figures}
+    assert rows["How long violations last: median"].value == "12"
+    assert rows["How long violations last: 30 s or longer"].likely == "29% and 36%"
+    assert rows["Of the time too close, nearest person at 0 m to 0.5 m"].value == "4%"
+    assert rows["Of the time in company, 8+ people close together"].value == "5%"
+    assert rows["Share of time too close, were the limit 1.8 m"].value == "46%"
+    refused = rows["Gatherings: three or more people who stay together"]
+    assert (refused.value, refused.reason) == ("", "The engine sends no track ids.")

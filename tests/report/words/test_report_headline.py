@@ -1,0 +1,253 @@
+"""The words of the page: every verdict pair, every abnormal week, and what may never be said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+from itertools import product
+
+import pytest
+from report import sample_weeks as weeks
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import has
+from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, tell
+from vsd_analytics.report.words.reasons import read_reason
+
+VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
+CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02, "too_little_data": None}
+
+GOLDEN = {
+    ("clear_fall", "clear_fall"): "Violations fell by about a seventh",
+    ("clear_fall", "clear_rise"): "Violations fell by about a seventh, with 15% more people, but rose per person-hour",
+    (
+        "clear_fall",
+        "no_clear_change",
+    ): "Violations fell by about a seventh, with 15% more people: no clear change per person-hour",
+    ("clear_fall", "too_little_data"): "Violations fell by about a seventh",
+    ("clear_fall", "not_measurable"): "Violations fell by about a seventh",
+    ("clear_rise", "clear_fall"): "Violations rose by about an eighth, with 15% more people, but fell per person-hour",
+    ("clear_rise", "clear_rise"): "Violations rose by about an eighth, and per person-hour too",
+    (
+        "clear_rise",
+        "no_clear_change",
+    ): "Violations rose by about an eighth, with 15% more people: no clear change per person-hour",
+    ("clear_rise", "too_little_data"): "Violations rose by about an eighth",
+    ("clear_rise", "not_measurable"): "Violations rose by about an eighth",
+    ("no_clear_change", "clear_fall"): "Violations about the same as last week, but fewer per person-hour",
+    ("no_clear_change", "clear_rise"): "Violations about the same as last week, but more per person-hour",
+    ("no_clear_change", "no_clear_change"): "Violations about the same as last week",
+    ("no_clear_change", "too_little_data"): "Violations about the same as last week",
+    ("no_clear_change", "not_measurable"): "Violations about the same as last week",
+    ("too_little_data", "clear_fall"): "Fewer violations per person-hour; too little data on how often",
+    ("too_little_data", "clear_rise"): "More violations per person-hour; too little data on how often",
+    ("too_little_data", "no_clear_change"): "Too little data to say whether violations changed",
+    ("too_little_data", "too_little_data"): "Too little data to say whether violations changed",
+    ("too_little_data", "not_measurable"): "Too little data to say whether violations changed",
+}
+
+
+def with_verdicts(often: str, risky: str) -> WeekReport:
+    report = weeks.normal()
+
+    def made(verdict: str, value: float) -> Estimate:
+        if verdict == "not_measurable":
+            return Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no positions"))
+        change = CHANGE[verdict]
+        if change is None:
+            return Estimate(value=value, verdict="too_little_data", reason=read_reason("3 days"))
+        return Estimate(
+            value=value,
+            previous=value / (1 + change),
+            change=change,
+            change_lo=change - 0.03,
+            change_hi=change + 0.03,
+            verdict=verdict,
+        )  # type: ignore[arg-type]
+
+    people = Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
+    level = replace(report.level, often=made(often, 121.0), risky=made(risky, 0.41), people=people)
+    return replace(report, level=level, log=())
+
+
+def all_words(story: Story) -> str:
+    lead = "".join(s.text for s in story.lead)
+    return " ".join(
+        [story.headline, lead, *(f"{t.title}. {t.text}" for t in story.things), story.question, *story.notes]
+    )
+
+
+@pytest.mark.parametrize("keys", list(product(VERDICTS, (*VERDICTS, "not_measurable"))), ids="/".join)
+def test_each_pair_of_verdicts_has_its_sentence(keys: tuple[str, str]) -> None:
+    story = tell(with_verdicts(*keys))
+    assert story.headline == GOLDEN[keys]
+    assert terms.n_words(story.headline) <= MAX_WORDS
+    assert story.rule == "/".join(k.removeprefix("clear_") for k in keys)
+
+
+def test_the_table_is_complete() -> None:
+    assert set(product(OFTEN, RISKY)) == set(product(VERDICTS, (*VERDICTS, "not_measurable"))) == set(GOLDEN)
+    for keys in GOLDEN:
+        assert has(f"headline.pair.{keys[0]}.{keys[1]}")
+
+
+@pytest.mark.parametrize("keys", list(GOLDEN), ids="/".join)
+def test_a_change_that_is_not_clear_is_never_called_one(keys: tuple[str, str]) -> None:
+    lead = "".join(s.text for s in tell(with_verdicts(*keys)).lead)
+    first = lead.split(". ")[0]
+    assert ("fewer than in" in first or "more than in" in first) == keys[0].startswith("clear")
+
+
+@pytest.mark.parametrize(
+    ("week", "headline"),
+    [
+        (weeks.no_data, "We have no data for week 46"),
+        (weeks.too_incomplete, "Week 46 is too incomplete to compare"),
+        (weeks.empty, "No violations were recorded in week 46"),
+        (weeks.first_week, "121 violations per open hour in the first week"),
+        (weeks.settings_changed, "A new distance limit was set on Wednesday"),
+    ],
+)
+def test_abnormal_weeks_say_first_what_is_known(week, headline: str) -> None:  # type: ignore[no-untyped-def]
+    assert tell(week()).headline == headline
+
+
+@pytest.mark.parametrize(
+    "week", [weeks.no_data, weeks.too_incomplete, weeks.empty, weeks.first_week, weeks.settings_changed]
+)
+def test_abnormal_weeks_name_no_change(week) -> None:  # type: ignore[no-untyped-def]
+    said = all_words(tell(week()))
+    assert not any(w in said for w in ("% fewer", "% more", "clearly fell", "clearly rose", " fell by", " rose by"))
+
+
+def test_after_needs_an_entry_in_the_area_that_moved_before_most_of_it() -> None:
+    report = weeks.normal()
+    entry = report.log[1]
+    assert tell(report).headline == "Violations fell by about a seventh after the change at Main entrance"
+    for other in (
+        replace(entry, moved_after=0.5),
+        replace(entry, moved_after=None),
+        replace(entry, area_id="a0"),
+        replace(entry, area_id=None),
+        replace(entry, kind="detected"),
+    ):
+        changed = replace(report, log=(other,))
+        assert change_to_name(changed) is None
+        assert " after " not in tell(changed).headline
+
+
+def test_a_short_log_entry_is_quoted() -> None:
+    report = weeks.normal()
+    entry = replace(report.log[1], text="Display moved.")
+    assert tell(replace(report, log=(entry,))).headline == "Violations fell by about a seventh after “Display moved”"
+
+
+def test_after_is_not_said_of_the_other_direction() -> None:
+    report = with_verdicts("clear_rise", "not_measurable")
+    assert " after " not in tell(replace(report, log=weeks.normal().log)).headline
+
+
+def test_the_legal_distance_comes_from_the_setting() -> None:
+    for week in (weeks.normal, weeks.empty):
+        report = week()
+        six_feet = replace(report, rules=replace(report.rules, distance_m=1.83))
+        said = all_words(tell(six_feet))
+        assert "1.83 m" in said
+        assert "2 m" not in said
+
+
+def test_all_cameras_at_once_points_to_the_network() -> None:
+    report = weeks.no_data()
+    assert "network or the engine" in tell(report).notes[0]
+    first, *rest = report.coverage.cameras
+    apart = replace(first, last_record=datetime(2026, 11, 6, 9, tzinfo=weeks.ROME))
+    apart_report = replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
+    assert "different times" in tell(apart_report).notes[0]
+
+
+def test_a_week_closed_throughout_is_not_called_an_outage() -> None:
+    report = weeks.no_data()
+    closed = replace(report, coverage=replace(report.coverage, scheduled_h=0.0, open_h=0.0, outages=()))
+    story = tell(closed)
+    assert (story.rule, story.headline) == ("closed", "The site was closed in week 46")
+    said = all_words(story)
+    assert not any(w in said for w in ("network", "stopped", "No camera", "no data"))
+    figures = render_html(closed).partition("</style>")[2].partition("<h2")[0]
+    assert "None was due" in figures
+    assert "0%" not in figures
+
+
+def test_records_at_closed_hours_only_point_to_the_opening_hours_not_to_the_network() -> None:
+    report = weeks.no_data()
+    cameras = tuple(
+        replace(c, last_record=datetime(2026, 11, 10, 3, tzinfo=weeks.ROME)) for c in report.coverage.cameras
+    )
+    notes = tell(replace(report, coverage=replace(report.coverage, cameras=cameras))).notes
+    assert "opening hours" in notes[0]
+    assert "network" not in notes[0]
+
+
+def test_a_floor_without_a_camera_says_so() -> None:
+    report = weeks.no_data()
+    bare = replace(report, coverage=replace(report.coverage, cameras=(), scheduled_h=0.0, outages=()))
+    assert tell(bare).headline == "No camera looks at this floor"
+
+
+def test_a_normal_week_has_one_that_worked_one_to_watch_one_not_to_trust() -> None:
+    assert [t.kind for t in tell(weeks.normal()).things] == ["worked", "watch", "distrust"]
+
+
+def test_a_weak_camera_is_named_as_not_to_trust_and_its_own_spot_is_not_asked_about() -> None:
+    report = weeks.normal()
+    assert tell(report).things[2].title == "Camera “Aisles” recorded 85% of its open hours"
+    spot = replace(report.busiest_spot, area_id="a2", name="End of aisle 2")
+    assert tell(replace(report, busiest_spot=spot)).question == "What would keep Camera “Aisles” recording all week?"
+
+
+def test_an_area_of_a_weak_camera_is_not_to_be_trusted_unless_its_change_is_clear() -> None:
+    report = weeks.normal()
+    assert tell(report).things[2].text.endswith("It sees End of aisle 2: do not read a trend there.")
+    clear = tuple(
+        replace(a, often=replace(a.often, verdict="clear_fall")) if a.name == "End of aisle 2" else a
+        for a in report.areas
+    )
+    text = tell(replace(report, areas=clear)).things[2].text
+    assert text.endswith("It sees End of aisle 2: the change there stands on the hours recorded in both weeks only.")
+
+
+@pytest.mark.parametrize("name", list(weeks.ALL))
+def test_every_week_asks_one_question_and_uses_no_forbidden_word(name: str) -> None:
+    report = weeks.ALL[name]()
+    story = tell(report)
+    assert story.question.endswith("?")
+    assert story.question.count("?") == 1
+    if name != "hostile":
+        assert terms.forbidden_in(all_words(story)) == []
+    assert finish(finish(report)) == finish(report)
+
+
+def test_forbidden_words_are_found_as_whole_words_only() -> None:
+    assert terms.forbidden_in("An incident happened, and NaN.") == ["incident", "NaN"]
+    assert terms.forbidden_in("coincidental annulled proven familiar") == []
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (-0.14, "fell by about a seventh"),
+        (-0.5, "fell by about half"),
+        (0.34, "rose by about a third"),
+        (0.01, "rose slightly"),
+    ],
+)
+def test_a_change_is_named_by_the_nearest_fraction(change: float, said: str) -> None:
+    assert terms.moved(change) == said
+
+
+def test_large_rises_are_multiples_and_large_falls_end() -> None:
+    assert terms.moved(1.0) == "about doubled"
+    assert terms.moved(1.6) == "rose to about 2.6 times last week’s"
+    assert terms.moved(-0.99) == "almost stopped"

@@ -1,0 +1,91 @@
+"""The index in a real browser: accessible, silent on the network, never too wide, printable, its links followed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report import sample_weeks as weeks
+from site_index import many_reports as many
+from site_index.test_index_page import hostile
+
+from vsd_analytics.site_index.collect_reports import gather, sources_of, write_index
+from vsd_analytics.site_index.floor_weeks import catalogue
+from vsd_analytics.site_index.page import render_index
+
+pytestmark = pytest.mark.browser
+
+TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+NAMES = ("company", "hostile", "one floor")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    root = tmp_path_factory.mktemp("pages")
+    folders = many.company(root / "projects")
+    single = root / "single"
+    for back, state in enumerate((weeks.settings_changed, weeks.empty, weeks.exposure_unknown, weeks.masked)):
+        many.write(single, many.report(state, back=back))
+    for back in range(50, 60):
+        many.write(single, many.report(back=back))
+    made = {}
+    for name, sources in (("company", folders), ("one floor", [single])):
+        out = root / name
+        made[name] = write_index(out, render_index(catalogue(gather(sources_of(sources), out).entries)))
+    made["hostile"] = root / "hostile.html"
+    made["hostile"].write_text(render_index(hostile(root)), encoding="utf-8")
+    return made
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, axe: str, pages: dict[str, Path], name: str) -> None:
+    for scheme in ("light", "dark"):
+        context = browser.new_context(color_scheme=scheme, bypass_csp=True, reduced_motion="reduce")
+        page = context.new_page()
+        requests: list[str] = []
+        errors: list[str] = []
+        page.on("request", lambda r, seen=requests: seen.append(r.url))
+        page.on("console", lambda m, seen=errors: seen.append(m.text))
+        page.on("pageerror", lambda e, seen=errors: seen.append(str(e)))
+        page.goto(pages[name].as_uri())
+        page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+        page.evaluate(axe)
+        for width in (1280, 941, 720, 390, 360, 320):
+            page.set_viewport_size({"width": width, "height": 900})
+            overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            assert overflow == 0, (scheme, width)
+            if width in (1280, 390):
+                found = page.evaluate("tags => axe.run(document, {runOnly: tags})", TAGS)
+                nodes = [(v["id"], n["target"], n["failureSummary"]) for v in found["violations"] for n in v["nodes"]]
+                assert nodes == [], (scheme, width)
+                assert found["passes"]
+        context.close()
+        assert [u for u in requests if not u.startswith("data:")] == [pages[name].as_uri()]
+        assert errors == []
+
+
+def test_the_style_is_let_through_by_the_policy_and_a_link_leads_to_its_page(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(pages["company"].as_uri())
+    assert page.locator(".brand").evaluate("e => getComputedStyle(e).display") == "flex"
+    page.get_by_role("link", name="Riverside Store, First floor").first.click()
+    assert page.url.endswith("/riverside/2026-W46-first.html")
+    assert page.title() == "a week"
+    context.close()
+
+
+def test_print_is_one_page_of_figures_without_links(browser: Any, pages: dict[str, Path]) -> None:
+    page = browser.new_page(color_scheme="dark")
+    page.goto(pages["company"].as_uri())
+    pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
+    page.emulate_media(media="print", color_scheme="light")
+    assert page.locator(".idx .ix-files").first.is_hidden()
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    page.close()
+    assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 1
+    assert b"/MarkInfo" in pdf
