@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from datetime import date
 
     from vsd_analytics.figures.forecast import FloorForecast, HourForecast, SeriesForecast
-    from vsd_analytics.figures.unusual import Unusual, UnusualWeek
+    from vsd_analytics.figures.unusual import UnusualWeek
+    from vsd_analytics.stats.unusual import Unusual
 
 _DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 _CELL = 15

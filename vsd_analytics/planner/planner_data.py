@@ -33,11 +33,12 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.terms import REST
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
+from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
-HISTORY: Final = 5 * WEEK
-"""How far back the usual rates of weekdays are taken from (`analysis.panels.HISTORY_WEEKS`)."""
+HISTORY: Final = HISTORY_WEEKS * WEEK
+"""How far back the usual rates of weekdays are taken from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -6,11 +6,12 @@ from typing import Final
 
 from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, joined, missing, row
 from vsd_analytics.figures.forecast import SeriesForecast
-from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS, PeakHours
+from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.estimates import without_figures
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
+from vsd_analytics.stats.hour_of_week import PeakHours
 
 PROFILE: Final = "violations per person-hour and per recorded open hour, and people in view, by hour of the week"
 PEAKS: Final = "highest hours of the week"
@@ -63,14 +64,15 @@ def _peaks(asked: Asked) -> Figure:
         rows += _ranked(asked, by, peaks)
     if not rows:
         return missing(PEAKS, found.by_burden.state, found.by_burden.reason)
-    reasons = joined([(p.unit, p.reason) for p in (found.by_burden, found.by_risk) if p.state != "ok"])
+    by_unit = ("violations per recorded open hour", found.by_burden), ("violations per person-hour", found.by_risk)
+    reasons = joined([(unit, peaks.reason) for unit, peaks in by_unit if peaks.state != "ok"])
     return Figure(unit=PEAKS, rows=tuple(rows), reason=reasons)
 
 
 def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
     rows: list[Row] = []
     hidden = _hidden_slots(asked)
-    top = [p for p in peaks.top if not asked.small(p.violations) and (p.weekday, p.hour) not in hidden]
+    top = [p for p in peaks.top if not asked.small(p.n) and (p.weekday, p.hour) not in hidden]
     for rank, hour in enumerate(top, 1):
         at: Row = {"by": by, "rank": rank, "weekday": DAYS[hour.weekday], "hour": hour.hour, "is_tied": False}
         rows.append({**at, **row(hour, "value", "lo", "hi", "n_weeks")})
@@ -130,6 +132,7 @@ def _trend(asked: Asked) -> Figure:
     if not found.weeks or found.state != "ok":
         return missing(TREND, found.state, found.reason)
     rows: list[Row] = []
+    zone = asked.data.site.zone
     for week in found.weeks:
         is_this = week.monday == asked.data.monday
         often, risky = asked.rate(week.often), asked.rate(week.risky)
@@ -148,7 +151,7 @@ def _trend(asked: Asked) -> Figure:
                 "risky_lo": risky.lo,
                 "risky_hi": risky.hi,
                 "coverage": week.coverage,
-                "n_changes": sum(m.week == week.week for m in found.marks),
+                "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in found.marks),
                 "state": week.state if often.value is not None or week.state != "ok" else "not_enough_data",
                 "reason": reason,
             }
