@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, held_back, missing, row
+from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.week.redesigns import is_held_back
 from vsd_analytics.figures.week.results import Figure
@@ -18,22 +18,14 @@ CAUSES: Final = "crowding, layout and behaviour behind the time that pairs spend
 REDESIGNS: Final = "violations per person-hour after a change over before, beside areas that were left alone"
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M21, M22, M23 and M27."""
-    return {
-        "M21": _sizes(asked),
-        "M22": _gatherings(asked),
-        "M23": _causes(asked),
-        "M27": _redesigns(asked),
-    }
-
-
 def _own(asked: Asked) -> FloorGatherings | None:
     floor_id = asked.data.floor.floor_id
     return next((f for f in asked.found.gatherings.floors if f.floor_id == floor_id), None)
 
 
-def _sizes(asked: Asked) -> Figure:
+@figure("M21")
+def sizes(asked: Asked) -> Figure:
+    """Return how the time people spent in clusters is shared out by the size of the cluster."""
     found = _own(asked)
     if found is None or found.sizes.state != "ok":
         state = "not_enough_data" if found is None else found.sizes.state
@@ -42,7 +34,9 @@ def _sizes(asked: Asked) -> Figure:
     return Figure(unit=SIZES, rows=rows, denominator=found.sizes.person_s / 3600)
 
 
-def _gatherings(asked: Asked) -> Figure:
+@figure("M22")
+def gatherings(asked: Asked) -> Figure:
+    """Return gatherings per 100 recorded open hours, the longest of them as rows."""
     found = _own(asked)
     if found is None or found.n is None or found.per_100_h.rate is None:
         state = "not_enough_data" if found is None else found.per_100_h.state
@@ -64,7 +58,8 @@ def _gatherings(asked: Asked) -> Figure:
     )
 
 
-def _causes(asked: Asked) -> Figure:
+@figure("M23")
+def causes(asked: Asked) -> Figure:
     """Return the three factors of the week, and how each moved since the week before."""
     found = asked.found.mixing_now
     if found.layout is None or found.behaviour is None:
@@ -114,7 +109,9 @@ def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
     return rows
 
 
-def _redesigns(asked: Asked) -> Figure:
+@figure("M27")
+def redesigns(asked: Asked) -> Figure:
+    """Return what each logged change of the floor did to its area."""
     found = asked.found.redesigns
     if not found:
         return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
+from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, of_estimate, row
 from vsd_analytics.figures.sensitivity import ThresholdSensitivity
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -16,21 +16,21 @@ DISTANCE: Final = "share of person-time in violation, by distance to the nearest
 CONTACTS: Final = "pairs of people too close for 15 minutes within 24 hours"
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M0, M7 to M12 and M26."""
-    return {
-        "M0": figure("violations per open hour", asked.level.often, asked.recorded_h),
-        "M7": figure("violations per person-hour", asked.level.risky, asked.level.exposure_h),
-        "M8": _count(asked),
-        "M9": _between(asked),
-        "M10": _durations(asked),
-        "M11": _distances(asked),
-        "M12": _contacts(asked),
-        "M26": _sensitivity(asked),
-    }
+@figure("M0")
+def often(asked: Asked) -> Figure:
+    """Return violations per open hour."""
+    return of_estimate("violations per open hour", asked.level.often, asked.recorded_h)
 
 
-def _count(asked: Asked) -> Figure:
+@figure("M7")
+def risky(asked: Asked) -> Figure:
+    """Return violations per person-hour."""
+    return of_estimate("violations per person-hour", asked.level.risky, asked.level.exposure_h)
+
+
+@figure("M8")
+def count(asked: Asked) -> Figure:
+    """Return the violations counted in the hours that enter rates."""
     n = asked.level.violations
     if n is None:
         return asked.not_told(COUNT)
@@ -48,7 +48,9 @@ def _count(asked: Asked) -> Figure:
     return Figure(unit=COUNT, value=n, denominator=asked.recorded_h, rows=tuple(rows), note=note)
 
 
-def _between(asked: Asked) -> Figure:
+@figure("M9")
+def between(asked: Asked) -> Figure:
+    """Return the share of violations that are between groups, and both readings as rows."""
     found, data = asked.found.groups, asked.data
     if not asked.is_counted:
         return asked.not_told(BETWEEN)
@@ -97,7 +99,9 @@ def _between(asked: Asked) -> Figure:
     )
 
 
-def _durations(asked: Asked) -> Figure:
+@figure("M10")
+def durations(asked: Asked) -> Figure:
+    """Return how long violations last: median, 90th percentile, share of 30 s and longer."""
     found = asked.found.episodes.durations
     if not asked.is_counted:
         return asked.not_told(DURATION)
@@ -124,7 +128,9 @@ def _durations(asked: Asked) -> Figure:
     return Figure(unit=DURATION, rows=tuple(rows), denominator=found.n, reason=found.reason, note=note)
 
 
-def _distances(asked: Asked) -> Figure:
+@figure("M11")
+def distances(asked: Asked) -> Figure:
+    """Return the shares of person-time in violation by distance to the nearest person."""
     found = asked.found.episodes.distances
     if found.state != "ok":
         return missing(DISTANCE, found.state, found.reason)
@@ -132,7 +138,9 @@ def _distances(asked: Asked) -> Figure:
     return Figure(unit=DISTANCE, rows=rows, denominator=found.person_s / 3600)
 
 
-def _contacts(asked: Asked) -> Figure:
+@figure("M12")
+def contacts(asked: Asked) -> Figure:
+    """Return the pairs of people too close for 15 minutes within 24 hours."""
     found = asked.found.episodes.contacts
     if found.n is None or found.state != "ok":
         return missing(CONTACTS, found.state, found.reason)
@@ -142,7 +150,9 @@ def _contacts(asked: Asked) -> Figure:
     return Figure(unit=CONTACTS, value=found.n, denominator=found.n_pairs, note=note)
 
 
-def _sensitivity(asked: Asked) -> Figure:
+@figure("M26")
+def sensitivity(asked: Asked) -> Figure:
+    """Return the share of person-time too close under each of several distances."""
     unit = "share of person-time closer to somebody than each distance"
     found: ThresholdSensitivity = asked.found.sensitivity
     legal = next((p for p in found.points if abs(p.distance_m - found.distance_m) < 1e-6), None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Any, Final
@@ -83,6 +83,30 @@ class Asked:
         return page_estimates.level(rate, below=self.below) or none
 
 
+Maker = Callable[[Asked], Figure]
+MAKERS: Final[dict[str, Maker]] = {}
+"""The functions that make the figures, by catalogue id: what `figure` was put before."""
+
+
+def figure(metric: str) -> Callable[[Maker], Maker]:
+    """Return a decorator that puts a function into the catalogue as the one that makes a figure.
+
+    Args:
+        metric: Id of the figure, that of its SQL header.
+
+    Raises:
+        ValueError: Another function makes this figure already.
+    """
+
+    def added(maker: Maker) -> Maker:
+        if metric in MAKERS:
+            raise ValueError(f"{metric} is made by {MAKERS[metric].__module__} already")
+        MAKERS[metric] = maker
+        return maker
+
+    return added
+
+
 def row(found: object, *names: str, **more: Plain) -> Row:
     """Return some attributes of a dataclass as a row; dates and instants as ISO text."""
     assert dataclasses.is_dataclass(found)
@@ -105,7 +129,7 @@ def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:
     return Reason("joined", reasons=found) if found else None
 
 
-def figure(
+def of_estimate(
     unit: str, estimate: Estimate, denominator: float | None, *, rows: Sequence[Row] | None = None, **more: Any
 ) -> Figure:
     """Return an estimate as a figure."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, joined, missing, row
+from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, figure, joined, missing, row
 from vsd_analytics.figures.forecast import SeriesForecast
 from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
@@ -21,18 +21,9 @@ TREND: Final = "violations per open hour and per person-hour, by week"
 _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_hi")
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M13, M14, M24, M25 and M28."""
-    return {
-        "M13": _profile(asked),
-        "M14": _peaks(asked),
-        "M24": _unusual(asked),
-        "M25": _outlook(asked),
-        "M28": _trend(asked),
-    }
-
-
-def _profile(asked: Asked) -> Figure:
+@figure("M13")
+def profile(asked: Asked) -> Figure:
+    """Return rates and people in view by hour of the week."""
     found = asked.found.profile
     is_told = any(h.state == "ok" for h in found.rows)
     if not is_told:
@@ -55,7 +46,9 @@ def _hidden_slots(asked: Asked) -> set[tuple[int, int]]:
     return {(int(hours.weekday[i]), int(hours.hour[i])) for week in held for i in (*week.small, *week.others)}
 
 
-def _peaks(asked: Asked) -> Figure:
+@figure("M14")
+def peaks(asked: Asked) -> Figure:
+    """Return the highest hours of the week, and those that cannot be distinguished from the first."""
     if not asked.is_ranked:
         return asked.not_ranked(PEAKS)
     found = asked.found.profile
@@ -83,7 +76,9 @@ def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
     return rows
 
 
-def _unusual(asked: Asked) -> Figure:
+@figure("M24")
+def unusual(asked: Asked) -> Figure:
+    """Return the hours with far more or fewer violations than usual."""
     found = asked.found.unusual
     if not asked.is_ranked:
         return asked.not_ranked(UNUSUAL)
@@ -99,7 +94,9 @@ def _unusual(asked: Asked) -> Figure:
     return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
 
 
-def _outlook(asked: Asked) -> Figure:
+@figure("M25")
+def outlook(asked: Asked) -> Figure:
+    """Return the forecast of next week by hour."""
     found = asked.found.outlook
     series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
     if not found.is_told:
@@ -127,7 +124,9 @@ def _score(one: SeriesForecast) -> Reason | None:
     return Reason("note.score_naive", **known, naive=score.wape_naive)
 
 
-def _trend(asked: Asked) -> Figure:
+@figure("M28")
+def trend(asked: Asked) -> Figure:
+    """Return both rates of each of the last weeks."""
     found = asked.found.trend
     if not found.weeks or found.state != "ok":
         return missing(TREND, found.state, found.reason)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.catalogue.form import Asked, Plain, Row, missing
+from vsd_analytics.figures.catalogue.form import Asked, Plain, Row, figure, missing
 from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
 from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
 from vsd_analytics.figures.week.results import AreaRow, Figure
@@ -28,14 +28,9 @@ _NO_CELL: Final = {
 }
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M15 to M20."""
-    maps = asked.found.maps
-    drawn = {m.metric: _map(asked, m) for m in (maps.exposure, maps.burden, maps.risk, maps.excess)}
-    return {"M15": _areas(asked), **drawn, "M20": _hotspots(asked)}
-
-
-def _areas(asked: Asked) -> Figure:
+@figure("M15")
+def area_rates(asked: Asked) -> Figure:
+    """Return both rates of each area, most violations first."""
     data = asked.data
     if not asked.areas:
         if (reason := data.why_no_violations or data.why_no_places) is not None:
@@ -96,7 +91,31 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
     }
 
 
-def _map(asked: Asked, found: CellMap) -> Figure:
+@figure("M16")
+def exposure(asked: Asked) -> Figure:
+    """Return where people are."""
+    return _map(asked.found.maps.exposure)
+
+
+@figure("M17")
+def burden(asked: Asked) -> Figure:
+    """Return where people are too close."""
+    return _map(asked.found.maps.burden)
+
+
+@figure("M18")
+def risk(asked: Asked) -> Figure:
+    """Return the share of person-time in violation, place by place."""
+    return _map(asked.found.maps.risk)
+
+
+@figure("M19")
+def excess(asked: Asked) -> Figure:
+    """Return where people are closer than chance makes them."""
+    return _map(asked.found.maps.excess)
+
+
+def _map(found: CellMap) -> Figure:
     """Return a map as a row for each square metre on which people spent a minute or more."""
     if found.grid is None or found.values is None or found.exposure_h is None:
         return missing(found.unit, found.state, found.reason)
@@ -119,7 +138,9 @@ def _map(asked: Asked, found: CellMap) -> Figure:
     return Figure(unit=found.unit, rows=tuple(rows), denominator=found.denominator, note=note)
 
 
-def _hotspots(asked: Asked) -> Figure:
+@figure("M20")
+def spots(asked: Asked) -> Figure:
+    """Return the hotspots of the floor, and those that are gone."""
     if not asked.is_ranked:
         return asked.not_ranked(SPOTS)
     found = asked.found.hotspots

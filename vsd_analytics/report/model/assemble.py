@@ -9,6 +9,7 @@ from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.figures.catalogue import figures
+from vsd_analytics.figures.catalogue.form import Asked
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
 from vsd_analytics.figures.week import areas as report_areas
@@ -138,17 +139,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         maps=floor_maps(data, areas=areas.rows, is_ranked=is_ranked) if state != "no_data" else (),
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
         settings_change=change if state == "settings_changed" else None,
-        figures=_with_row_texts(
-            figures(
-                data,
-                found,
-                coverage=coverage,
-                level=level,
-                areas=areas.rows,
-                when=hours.when,
-                is_ranked=is_ranked,
-            )
-        ),
+        figures=_with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
 
 
