@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.before_after import DESIGNS, BeforeAfterFigure
 from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.week.redesigns import is_held_back
@@ -130,7 +130,7 @@ def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
         "at": found.at.isoformat(),
         "area": found.area_id,
         "name": found.area_name,
-        "design": found.design,
+        "design": DESIGNS[found.design],
     }
     ratio = effect if effect is not None else found.alone
     state, reason = found.state, found.reason
