@@ -16,10 +16,10 @@ import pytest
 from index import many
 from jinja2 import Environment, meta
 from report import fixtures as weeks
+from report import model_classes as m
 from report.test_report_numbers import NUMBER, Text, allowed
 from report.test_report_page import Tree
 
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.pages.json_and_csv import from_json
 from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped

@@ -13,10 +13,10 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from report import fixtures as weeks
+from report import model_classes as m
 from report import sections
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.headline import OFTEN, RISKY, tell
 from vsd_analytics.report.words.reasons import read_reason

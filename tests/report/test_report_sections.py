@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from report import fixtures as weeks
+from report import model_classes as m
 from report import sections
 from shapely import Polygon
 
@@ -17,7 +18,6 @@ from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
 from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
 from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards

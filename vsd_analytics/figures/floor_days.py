@@ -17,6 +17,7 @@ import pyarrow.compute as pc
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Camera, Floor
@@ -35,7 +36,6 @@ OWNER_SHARE: Final = 0.1
 """A cell needs the cameras that count at least this share of its person-hours."""
 
 NO_IDS: Final = Reason("engine.no_ids")
-NO_POSITIONS: Final = Reason("engine.no_positions")
 NO_FLOOR: Final = Reason("engine.no_floor")
 
 

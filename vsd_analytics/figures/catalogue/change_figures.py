@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from vsd_analytics.figures.before_after import DESIGNS, BeforeAfterFigure
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, missing, row
 from vsd_analytics.figures.gatherings import FloorGatherings
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.redesigns import is_held_back
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -29,7 +30,7 @@ def sizes(asked: Asked) -> Figure:
     found = _own(asked)
     if found is None or found.sizes.state != "ok":
         state = "not_enough_data" if found is None else found.sizes.state
-        return missing(SIZES, state, NOTHING if found is None else found.sizes.reason)
+        return missing(SIZES, state, NOTHING_OPEN if found is None else found.sizes.reason)
     rows = tuple(row(s, "least", "most", "share") for s in found.sizes.sizes)
     return Figure(unit=SIZES, rows=rows, denominator=found.sizes.person_s / 3600)
 
@@ -40,7 +41,7 @@ def gatherings(asked: Asked) -> Figure:
     found = _own(asked)
     if found is None or found.n is None or found.per_100_h.rate is None:
         state = "not_enough_data" if found is None else found.per_100_h.state
-        return missing(GATHERINGS, state, NOTHING if found is None else found.per_100_h.reason)
+        return missing(GATHERINGS, state, NOTHING_OPEN if found is None else found.per_100_h.reason)
     if asked.small(found.n):
         return missing(GATHERINGS, "not_enough_data", Reason("hidden.gatherings", least=asked.below))
     rate = found.per_100_h

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, of_estimate, row
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, missing, of_estimate, row
 from vsd_analytics.figures.sensitivity import ThresholdSensitivity
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 
@@ -157,7 +158,7 @@ def sensitivity(asked: Asked) -> Figure:
     found: ThresholdSensitivity = asked.found.sensitivity
     legal = next((p for p in found.points if abs(p.distance_m - found.distance_m) < 1e-6), None)
     if legal is None or legal.share is None:
-        return missing(unit, found.state, found.reason or NOTHING)
+        return missing(unit, found.state, found.reason or NOTHING_OPEN)
     note = None if found.engine is None else found.engine.note
     if found.engine is not None and asked.small(found.engine.violation_records):
         note = None

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Any, Final
 
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
@@ -20,7 +21,6 @@ from vsd_analytics.stats.estimates import RateEstimate
 
 Plain = str | float | int | bool | Reason | None
 Row = Mapping[str, Plain]
-NOTHING: Final = Reason("recorded.nothing_open")
 DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
 
 
@@ -79,7 +79,7 @@ class Asked:
 
     def rate(self, rate: RateEstimate | None) -> Estimate:
         """Return a rate as an estimate without what is too small to be told."""
-        none = Estimate(value=None, state="not_enough_data", reason=NOTHING)
+        none = Estimate(value=None, state="not_enough_data", reason=NOTHING_OPEN)
         return page_estimates.level(rate, below=self.below) or none
 
 
@@ -120,7 +120,7 @@ def plain(value: Any) -> Plain:
 
 def missing(unit: str, state: State, reason: Reason | None) -> Figure:
     """Return a figure that cannot be given, and why."""
-    return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING)
+    return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING_OPEN)
 
 
 def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:

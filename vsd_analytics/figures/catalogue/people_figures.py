@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, missing, of_estimate
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing, of_estimate
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 
 EXPOSURE = "person-hours"
@@ -73,7 +74,7 @@ def close(asked: Asked) -> Figure:
     found = asked.found.person_time
     level = asked.rate(found.close)
     if level.value is None:
-        return missing(unit, level.state, level.reason or NOTHING)
+        return missing(unit, level.state, level.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for name, reading in (("all", found.close), ("between groups", found.close_between)):
         told = asked.rate(reading)
