@@ -309,15 +309,7 @@ def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown
             below=below,
             hidden=None if 0 in hidden else [p.area for k, p in enumerate(places) if k in hidden],
         )
-    year, number, _ = period.first.isocalendar()
-    ref = WeekRef(
-        iso=f"{year}-W{number:02d}",
-        year=year,
-        number=number,
-        monday=period.first,
-        sunday=period.last,
-        zone=data.site.timezone,
-    )
+    ref = WeekRef.of(period.first, zone=data.site.timezone)
     return PlannerWeek(ref=ref, panel=panel, cells=lying, is_ranked=is_ranked, hidden=hidden)
 
 

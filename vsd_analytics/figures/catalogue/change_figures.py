@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from vsd_analytics.figures.before_after import DESIGNS, BeforeAfterFigure
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, missing, row
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing, row
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.slots import NOTHING_OPEN
+from vsd_analytics.figures.suppression import too_few
 from vsd_analytics.figures.week.redesigns import is_held_back
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -125,34 +126,31 @@ def redesigns(asked: Asked) -> Figure:
 
 
 def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
-    effect = found.effect
-    head: Row = {
+    ratio = found.effect or found.alone
+    state, reason = found.state, found.reason
+    if state == "ok" and is_held_back(asked.data, found):
+        state, reason = "not_enough_data", too_few(asked.below)
+    elif state == "ok" and (ratio is None or ratio.theta is None):
+        state, reason = "not_enough_data", None if ratio is None else ratio.reason
+    is_told = state == "ok"
+    ratio = ratio if is_told else None
+    effect, often = (e if is_told else None for e in (found.effect, found.often))
+    shrunken = None if effect is None else effect.shrunken
+    return {
         "entry": found.number,
         "at": found.at.isoformat(),
         "area": found.area_id,
         "name": found.area_name,
         "design": DESIGNS[found.design],
-    }
-    ratio = effect if effect is not None else found.alone
-    state, reason = found.state, found.reason
-    if state == "ok" and is_held_back(asked.data, found):
-        state, reason, ratio = "not_enough_data", held_back("", asked.below).reason, None
-    if state == "ok" and (ratio is None or ratio.theta is None):
-        state, reason = "not_enough_data", None if ratio is None else ratio.reason
-    is_told = state == "ok" and ratio is not None
-    often = found.often if is_told else None
-    shrunken = effect.shrunken if effect is not None and is_told else None
-    return {
-        **head,
-        "ratio": ratio.theta if is_told and ratio is not None else None,
-        "lo": ratio.lo if is_told and ratio is not None else None,
-        "hi": ratio.hi if is_told and ratio is not None else None,
-        "verdict": ratio.verdict if is_told and ratio is not None else None,
-        "often_ratio": often.theta if often is not None else None,
-        "often_lo": often.lo if often is not None else None,
-        "often_hi": often.hi if often is not None else None,
-        "placebo_lo": effect.placebo_lo if effect is not None and is_told else None,
-        "placebo_hi": effect.placebo_hi if effect is not None and is_told else None,
+        "ratio": None if ratio is None else ratio.theta,
+        "lo": None if ratio is None else ratio.lo,
+        "hi": None if ratio is None else ratio.hi,
+        "verdict": None if ratio is None else ratio.verdict,
+        "often_ratio": None if often is None else often.theta,
+        "often_lo": None if often is None else often.lo,
+        "often_hi": None if often is None else often.hi,
+        "placebo_lo": None if effect is None else effect.placebo_lo,
+        "placebo_hi": None if effect is None else effect.placebo_hi,
         "shrunken": None if shrunken is None else shrunken.theta,
         "comparison_areas": len(found.comparison_areas),
         "is_credible": found.is_credible if is_told else None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, missing, of_estimate, row
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, limits, missing, of_estimate, row
 from vsd_analytics.figures.sensitivity import ThresholdSensitivity
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
@@ -69,18 +69,8 @@ def between(asked: Asked) -> Figure:
         ("all", own.often, own.risky),
         ("between groups", own.often_between, own.risky_between),
     ):
-        told = asked.rate(often), asked.rate(risky)
-        rows.append(
-            {
-                "reading": reading,
-                **{
-                    f"{name}{end}": getattr(e, field)
-                    for name, e in zip(("often", "risky"), told, strict=True)
-                    for end, field in (("", "value"), ("_lo", "lo"), ("_hi", "hi"))
-                },
-                "n": often.n_events,
-            }
-        )
+        rates = {**limits("often", asked.rate(often)), **limits("risky", asked.rate(risky))}
+        rows.append({"reading": reading, **rates, "n": often.n_events})
     if not n:
         return missing(BETWEEN, "not_enough_data", Reason("violations.none"))
     known = found.accuracy

@@ -113,6 +113,12 @@ def row(found: object, *names: str, **more: Plain) -> Row:
     return {name: plain(getattr(found, name)) for name in names} | more
 
 
+def limits(name: str, estimate: Estimate | None) -> Row:
+    """Return an estimate as three columns of a row: its value under a name, and both ends of its interval."""
+    e = estimate or Estimate(value=None)
+    return {name: e.value, f"{name}_lo": e.lo, f"{name}_hi": e.hi}
+
+
 def plain(value: Any) -> Plain:
     """Return a value as JSON can hold it."""
     return value.isoformat() if isinstance(value, date | datetime) else value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, figure, joined, missing, row
+from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, figure, joined, limits, missing, row
 from vsd_analytics.figures.forecast import SeriesForecast
 from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
@@ -143,12 +143,8 @@ def trend(asked: Asked) -> Figure:
         rows.append(
             {
                 "week": week.week,
-                "often": often.value,
-                "often_lo": often.lo,
-                "often_hi": often.hi,
-                "risky": risky.value,
-                "risky_lo": risky.lo,
-                "risky_hi": risky.hi,
+                **limits("often", often),
+                **limits("risky", risky),
                 "coverage": week.coverage,
                 "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in found.marks),
                 "state": week.state if often.value is not None or week.state != "ok" else "not_enough_data",

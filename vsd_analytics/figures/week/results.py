@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import date, datetime
-from typing import Any, Literal
+from datetime import date, datetime, timedelta
+from typing import Any, Literal, Self
 
 from vsd_analytics.figures.week.fields import described as _f
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -55,6 +55,13 @@ class WeekRef:
     monday: date = _f("First local day.")
     sunday: date = _f("Last local day.")
     zone: str = _f("IANA time zone of all local times.")
+
+    @classmethod
+    def of(cls, monday: date, *, zone: str) -> Self:
+        """Return the week from a Monday on."""
+        year, number, _ = monday.isocalendar()
+        iso, sunday = f"{monday:%G-W%V}", monday + timedelta(days=6)
+        return cls(iso=iso, year=year, number=number, monday=monday, sunday=sunday, zone=zone)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

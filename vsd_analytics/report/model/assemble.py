@@ -116,8 +116,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             floor_name=floor.name,
             floors=tuple(f.floor_id for f in site.floors),
         ),
-        week=_week(site, data.monday),
-        previous=_week(site, data.monday - WEEK) if has_before else None,
+        week=WeekRef.of(data.monday, zone=site.timezone),
+        previous=WeekRef.of(data.monday - WEEK, zone=site.timezone) if has_before else None,
         generated_at=_made_at(data, now),
         provenance=Provenance(
             version=VERSION,
@@ -193,18 +193,6 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
         violations=measured.n if is_told and is_known and data.why_no_violations is None else None,
-    )
-
-
-def _week(site: Site, monday: date) -> WeekRef:
-    year, number, _ = monday.isocalendar()
-    return WeekRef(
-        iso=f"{year}-W{number:02d}",
-        year=year,
-        number=number,
-        monday=monday,
-        sunday=monday + timedelta(days=6),
-        zone=site.timezone,
     )
 
 
