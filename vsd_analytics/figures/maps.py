@@ -14,9 +14,8 @@ from typing import Final, NotRequired, TypedDict, Unpack
 import numpy as np
 import pyarrow as pa
 
-from vsd_analytics.figures.floor_days import CELLS_MAX, NO_FLOOR, Flags, Floats, Grid, Ints
+from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
 from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
-from vsd_analytics.geometry import camera_views
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
@@ -353,21 +352,15 @@ def _load(
         if chosen["exposure_s"].to_numpy().sum() > 0:
             return without("not_measurable", NO_FLOOR)
         return without("not_enough_data", NOBODY)
-    low, high = [int(cx.min()), int(cy.min())], [int(cx.max()), int(cy.max())]
-    bounds = camera_views.plan_bounds(floor)
-    if bounds is not None:
-        low = [max(a, int(np.floor(b / cell_m))) for a, b in zip(low, bounds[:2], strict=True)]
-        high = [min(a, int(np.ceil(b / cell_m)) - 1) for a, b in zip(high, bounds[2:], strict=True)]
-    shape = (max(0, high[1] - low[1] + 1), max(0, high[0] - low[0] + 1))
-    if shape[0] * shape[1] > CELLS_MAX:
-        too_large = Reason("map.large", width_m=shape[1] * cell_m, depth_m=shape[0] * cell_m)
-        return without("not_measurable", too_large)
-    inside = (cx >= low[0]) & (cx <= high[0]) & (cy >= low[1]) & (cy <= high[1])
+    grid = grid_over(cx, cy, floor=floor, cell_m=cell_m)
+    if isinstance(grid, Reason):
+        return without("not_measurable", grid)
+    at = cy - grid.cy, cx - grid.cx
+    inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
     if not inside.any():
         return without("not_enough_data", Reason("nobody.on_plan"))
-    hour, cx, cy, exposure_s, violation_s = (v[inside] for v in (hour, cx, cy, exposure_s, violation_s))
-    grid, at = Grid(cell_m, low[0], low[1], shape), (cy - low[1], cx - low[0])
-    return _CellHours(grid, "ok", None, is_everything, chosen, hour, at, exposure_s, violation_s)
+    hour, row, column, exposure_s, violation_s = (v[inside] for v in (hour, *at, exposure_s, violation_s))
+    return _CellHours(grid, "ok", None, is_everything, chosen, hour, (row, column), exposure_s, violation_s)
 
 
 _USED: Final = """

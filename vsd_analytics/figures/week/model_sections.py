@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Literal
 
-from vsd_analytics.figures.week.fields import described as _f
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.result import Design, Reason, State
 
 SpotKind = Literal["tested", "busiest"]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from typing import Any, Literal, Self
 
-from vsd_analytics.figures.week.fields import described as _f
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.result import Reason, State, Verdict
 
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]

@@ -29,8 +29,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
 )
 from vsd_analytics.report.model import site_changes
-from vsd_analytics.report.model.maps import with_more_maps
-from vsd_analytics.report.model.sections import with_more
+from vsd_analytics.report.model.sections import with_more, with_more_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import headline, terms
 from vsd_analytics.report.words.reasons import reason_text
