@@ -216,7 +216,7 @@ def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: da
             held=held_hours(data, past),
         ),
         places=places,
-        comparable=tuple(bool(c) for c in data.is_comparable[: len(data.ids)]),
+        comparable=tuple(bool(c) for c in data.pair.is_comparable[: len(data.ids)]),
         why_not_compared=why,
         why_no_map=None if shown else data.why_no_violations or data.why_no_places or Reason("map.no_floor"),
         why_no_violations=data.why_no_violations,

@@ -1,8 +1,8 @@
 """The catalogue of a report: its figures by id, M0 onwards, as the JSON twin gives them.
 
-Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. What each figure
-is stands in docs/figures.md, which is made from the headers of the SQL files. A figure with a sentence `more.M30_all`
-has its line in the report's table of further figures.
+Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. docs/figures.md
+defines them all; it is made from the headers of the SQL files. A figure with a sentence `more.M30_all` has its line
+in the report's table of further figures.
 
 Nothing in a figure tells of one person: no track ids, no count under `mask_below`, no ranking of a week recorded too
 little for one.
