@@ -12,7 +12,7 @@ HEAVY = ("pandas", "scipy.signal", "scipy.stats", "matplotlib")
 """Each takes a tenth to half a second to import; `numpy` and `scipy.special` have what the rooms need of them."""
 
 TABLES = ("masked_tables.py", "operator_counts.py")
-"""They give tables to people who work with pandas, and import it for types only."""
+"""They give tables to people who work with pandas, and import it when they make one."""
 
 
 def imported(path: Path) -> set[str]:
