@@ -222,7 +222,7 @@ site day of each quarter-hour, for the site days that touch the range; a site da
 
 
 def figures_markdown() -> str:
-    """Return the generated part of `docs/figures.md`: the thirty figures, from the headers of the SQL files."""
+    """Return the generated part of `docs/figures.md`: the figures, from the headers of the SQL files."""
     from vsd_analytics.warehouse.sqlfiles import figure_headers
 
     rows = [

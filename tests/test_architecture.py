@@ -7,6 +7,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parent.parent / "vsd_analytics"
 
 # From the lowest room to the highest: a module imports from its own room and those before it, inside functions too.
@@ -102,6 +104,41 @@ def test_no_two_classes_have_one_name() -> None:
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(name)
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
+def compared_texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield the strings that code compares something with: ==, in, match, and the keys it looks up by name."""
+    for node in ast.walk(tree):
+        compared: list[ast.expr] = []
+        match node:
+            case ast.Compare():
+                compared = [node.left, *node.comparators]
+            case ast.MatchValue(value=value):
+                compared = [value]
+            case ast.Subscript(value=ast.Dict(keys=keys), slice=key):
+                compared = [*(k for k in keys if k is not None), key]
+        for part in compared:
+            for inner in getattr(part, "elts", None) or getattr(part, "keys", None) or [part]:
+                if isinstance(inner, ast.Constant) and isinstance(inner.value, str):
+                    yield inner.lineno, inner.value
+
+
+def test_code_compares_codes_and_never_sentences() -> None:
+    """A text with a space is for people: a word that changes in it must not change what is computed."""
+    prose = [
+        f"{path.relative_to(PACKAGE)}:{line} compares {text!r}"
+        for _, path in modules()
+        for line, text in compared_texts(ast.parse(path.read_text(encoding="utf-8")))
+        if " " in text.strip()
+    ]
+    assert prose == []
+
+
+@pytest.mark.parametrize(
+    "source", ['x == "clear fall"', '"a b" in x', 'x in ("a", "b c")', 'x not in {"a b": 1}', '{"a b": 1}[x]']
+)
+def test_a_compared_sentence_is_found(source: str) -> None:
+    assert [text for _, text in compared_texts(ast.parse(source)) if " " in text]
 
 
 def test_file_names_say_what_is_in_them() -> None:

@@ -11,7 +11,7 @@ from test_architecture import is_for_types
 PACKAGE = Path(__file__).resolve().parents[1] / "vsd_analytics"
 HEAVY = ("pandas", "scipy.signal", "scipy.stats", "matplotlib")
 """Each takes a tenth to half a second to import; `numpy` and `scipy.special` have what the rooms need of them."""
-MAKES_FRAMES = {"masked_tables.py"}
+MAKES_FRAMES = {"masked_tables.py", "operator_counts.py"}
 """Files whose results are pandas frames; no report asks for them."""
 
 

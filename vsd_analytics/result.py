@@ -9,6 +9,8 @@ from typing import Any, Final, Literal, TypeAlias
 
 State = Literal["ok", "not_enough_data", "not_measurable"]
 Verdict = Literal["clear_fall", "clear_rise", "no_clear_change", "too_little_data"]
+Design = Literal["beside", "alone"]
+"""How a change of the log is judged: beside areas that were left alone, or the area by itself."""
 
 
 class Reason:

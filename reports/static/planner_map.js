@@ -1,4 +1,4 @@
-/* From sums by cell to bands over the floor: the report's smoothing (vsd_analytics/report/mapping.py) and outlines. */
+/* From sums by cell to bands over the floor: the report's smoothing (vsd_analytics/figures/week/density.py) and outlines. */
 
 /* scipy.ndimage.gaussian_filter, mode "constant", truncate 4, over a grid of nx times ny. */
 function gaussian(src, nx, ny, sigma) {
@@ -22,7 +22,7 @@ function gaussian(src, nx, ny, sigma) {
   return out;
 }
 
-/* Heat that flows along the floor around fixtures (vsd_analytics/report/walkable.py), else the plain Gaussian. What lies
+/* Heat that flows along the floor around fixtures (vsd_analytics/figures/week/walkable.py), else the plain Gaussian. What lies
    in a fixture is added to the nearest free floor first. */
 function smooth(src, g, sigma) {
   if (!g.home) return gaussian(src, g.nx, g.ny, sigma);

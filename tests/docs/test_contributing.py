@@ -35,6 +35,7 @@ def test_every_path_of_the_page_exists_but_those_of_the_examples() -> None:
     made_by_examples = {
         "vsd_analytics/ingest/acme.py",
         "sql/marts/long_violations.sql",
+        "vsd_analytics/figures/catalogue/long_violations.py",
         "tests/sql/long_violations.toml",
     }
     paths = set(re.findall(r"`((?:vsd_analytics|sql|tests|docs|reports)/[\w./]*)`", TEXT))
@@ -119,21 +120,18 @@ def test_the_figure_example_defines_and_computes_a_figure(tmp_path: Path) -> Non
     assert [f.metric for f in relation.figures] == ["M30"]
     assert "M30" not in {f.metric for f in sqlfiles.figure_headers()}
     assert set(relation.reads) <= set(sqlfiles.relations("marts"))
-    assert {"local_date", "duration_s"} <= set(sqlfiles.relations("marts")["violations"].columns)
+    assert {"floor_id", "local_date", "duration_s", "is_open"} <= set(sqlfiles.relations("marts")["violations"].columns)
     with duckdb.connect() as con:
         con.execute(
-            "create table violations as select * from (values ('mon', 59.9), ('mon', 60.0), ('tue', 75.0)) "
-            "as v (local_date, duration_s)"
+            "create table violations as select 'ground' as floor_id, * from (values ('mon', 59.9, true), "
+            "('mon', 60.0, true), ('tue', 75.0, true), ('tue', 90.0, false)) as v (local_date, duration_s, is_open)"
         )
         sqlfiles.check_columns(con, relation)
-        assert con.execute(relation.sql).fetchall() == [("mon", 1, 60), ("tue", 1, 75)]
+        assert con.execute(relation.sql).fetchall() == [("ground", "mon", 1, 60), ("ground", "tue", 1, 75)]
 
 
-def test_a_figure_is_registered_with_its_family() -> None:
-    """The step "Add the figure to the `figures` function of its family" has somewhere to go."""
-    from vsd_analytics.figures.catalogue import count_figures
-
-    assert callable(count_figures.figures)
+def test_the_relation_of_params_is_where_the_page_says() -> None:
+    assert "params" in (REPOSITORY / "vsd_analytics/warehouse/dimensions.py").read_text(encoding="utf-8")
 
 
 def test_every_room_has_its_line_in_the_architecture() -> None:

@@ -50,7 +50,7 @@ def changed(effect: float, *, season: float = 1.0) -> Callable[[str, int], float
 
 def test_the_planted_effect_is_found_and_the_season_is_not_taken_for_it(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=changed(0.6, season=1.5))
-    assert (figure.state, figure.design, figure.is_credible, figure.doubts) == ("ok", "comparison areas", True, ())
+    assert (figure.state, figure.design, figure.is_credible, figure.doubts) == ("ok", "beside", True, ())
     assert figure.effect is not None
     assert figure.effect.lo is not None
     assert figure.effect.hi is not None
@@ -190,7 +190,7 @@ def test_another_change_in_the_same_area_is_a_doubt(tmp_path: Path) -> None:
 
 def test_without_a_comparison_area_only_the_area_itself_is_reported_and_called_weak(tmp_path: Path) -> None:
     figure = found(tmp_path, site=site_of(tmp_path, areas=AREAS[:1]), rate=changed(0.6, season=1.5))
-    assert (figure.state, figure.design, figure.effect, figure.comparison) == ("ok", "area alone", None, None)
+    assert (figure.state, figure.design, figure.effect, figure.comparison) == ("ok", "alone", None, None)
     assert reason_text(figure.doubts[0]).startswith("weak design")
     assert figure.alone is not None
     assert figure.alone.theta == pytest.approx(0.9, rel=0.12)

@@ -14,7 +14,7 @@ from vsd_analytics.warehouse.sqlfiles import FIGURE_FIELDS, figure_headers, read
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 PAGE = REPOSITORY / "docs" / "figures.md"
-ALL = [f"M{i}" for i in range(30)]
+ALL = [f"M{i}" for i in range(len(figure_headers()))]
 
 HEADER = """\
 -- name: marts/one

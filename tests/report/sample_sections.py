@@ -6,9 +6,9 @@ from dataclasses import replace
 from datetime import date, datetime, timedelta
 from typing import Any
 
+from report import model_classes as m
 from report import sample_weeks as weeks
 
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.draw.spot_pictures import floor_picture
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason

@@ -9,8 +9,8 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
+from report import model_classes as m
 
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.figures.week.bands import heat_bands
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason

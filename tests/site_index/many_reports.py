@@ -8,9 +8,9 @@ from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from report import model_classes as m
 from report import sample_weeks as weeks
 
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.pages.json_and_csv import to_json
 

@@ -14,12 +14,12 @@ from urllib.parse import unquote
 
 import pytest
 from jinja2 import Environment, meta
+from report import model_classes as m
 from report import sample_weeks as weeks
 from report.pages.test_report_numbers import NUMBER, Text, allowed
 from report.pages.test_report_page import Tree
 from site_index import many_reports as many
 
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.pages.json_and_csv import from_json
 from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped

@@ -16,6 +16,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from datetime import date
 from functools import partial
 from typing import Any
 
@@ -184,10 +185,13 @@ def run_unusual(seed: int, *, world: World) -> list[dict[str, float]]:
             slot = int(rng.choice(busy)) if planted else -1
             if planted:  # three times as many events of the same hour: two more draws of its own mean
                 now[slot] += rng.poisson(2 * mean[slot])
-            told = unusual_hours(*counted(now), before_n=n, before_x_h=x_h, max_shown=168)
+            told = unusual_hours(*counted(now), monday=date(2026, 11, 9), before_n=n, before_x_h=x_h, max_shown=168)
             flags = z_flags(now, before)
             if planted:
-                row |= {"power": float(slot in {r.slot for r in told.rows}), "power z": float(flags[slot])}
+                row |= {
+                    "power": float(slot in {24 * r.weekday + r.hour for r in told.rows}),
+                    "power z": float(flags[slot]),
+                }
             else:
                 row |= {"flags": len(told.rows), "any": float(len(told.rows) > 0)}
                 row |= {"flags z": float(flags.sum()), "any z": float(flags.any())}

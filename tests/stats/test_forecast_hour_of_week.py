@@ -102,8 +102,8 @@ def test_the_peak_is_reported_with_the_hours_it_cannot_be_distinguished_from() -
     n = np.full((4, SLOTS), 10.0)
     n[:, 60], n[:, 61], n[:, 90] = 200, 195, 60
     found = peaks(slot_rates(n, np.ones_like(n)))
-    assert [p.slot for p in found.top] == [60, 61, 90]
-    assert found.tied == (61,)
+    assert [24 * p.weekday + p.hour for p in found.top] == [60, 61, 90]
+    assert found.tied == ((2, 13),)
     assert found.top[0].n == 800
 
 

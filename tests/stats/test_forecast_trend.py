@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from datetime import date, timedelta
+
 import numpy as np
 import pytest
 
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.rates import how_often, how_risky
-from vsd_analytics.stats.trend import weekly_trend
+from vsd_analytics.stats.trend import weekly_trend, why_no_trend
 
+MONDAYS = [date(2026, 9, 7) + timedelta(weeks=i) for i in range(10)]
 OPEN = np.tile([13.0] * 6 + [8.0], 10)
 
 
@@ -21,16 +24,16 @@ def world() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_each_week_is_what_its_own_report_says(world: tuple[np.ndarray, ...]) -> None:
     n, x_h, exposure_h = world
-    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), n_weeks=4)
-    assert (made.state, len(made.weeks)) == ("ok", 4)
+    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])
+    assert (why_no_trend(made), [w.monday for w in made]) == (None, MONDAYS[-4:])
     now, past = slice(63, 70), slice(28, 63)
     weekday = np.arange(7)
     history = {"weekday": weekday, "history_weekday": np.tile(weekday, 5)}
     often = how_often(n[:, now], x_h[:, now], history_n=n[:, past], history_x_h=x_h[:, past], **history)
     sums = [a.sum(axis=0) for a in (n, exposure_h)]
     risky = how_risky(sums[0][now], sums[1][now], history_n=sums[0][past], history_exposure_h=sums[1][past], **history)
-    assert made.weeks[-1].often == often
-    assert made.weeks[-1].risky == risky
+    assert made[-1].often == often
+    assert made[-1].risky == risky
 
 
 def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray, ...]) -> None:
@@ -38,24 +41,24 @@ def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray
     coverage = np.ones(10)
     coverage[[6, 7, 8]] = 0.4, 0.0, np.nan
     x_h[:, 49:56] = 0
-    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=coverage, n_weeks=5)
-    assert [w.state for w in made.weeks] == ["ok", *["not_enough_data"] * 3, "ok"]
-    assert [w.often is None for w in made.weeks] == [False, True, True, True, False]
-    assert [reason_text(w.reason) for w in made.weeks[1:4]] == [
+    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=coverage, mondays=MONDAYS[-5:])
+    assert [w.state for w in made] == ["ok", *["not_enough_data"] * 3, "ok"]
+    assert [w.often is None for w in made] == [False, True, True, True, False]
+    assert [reason_text(w.reason) for w in made[1:4]] == [
         "40% of the open hours were recorded, a rate needs 60%",
         "nothing was recorded",
         "closed all week",
     ]
-    assert (made.state, reason_text(made.reason)) == ("not_enough_data", "a trend needs 3 recorded weeks, has 2")
+    assert reason_text(why_no_trend(made)) == "a trend needs 3 recorded weeks, has 2"
 
 
 def test_without_positions_there_is_no_risk_but_how_often(world: tuple[np.ndarray, ...]) -> None:
     n, x_h, _ = world
-    made = weekly_trend(n, x_h, None, OPEN, coverage=np.ones(10), n_weeks=3)
-    assert all(w.risky is None and w.often is not None for w in made.weeks)
+    made = weekly_trend(n, x_h, None, OPEN, coverage=np.ones(10), mondays=MONDAYS[-3:])
+    assert all(w.risky is None and w.often is not None for w in made)
 
 
 def test_days_must_make_weeks(world: tuple[np.ndarray, ...]) -> None:
     n, x_h, _ = world
     with pytest.raises(ValueError, match="whole weeks"):
-        weekly_trend(n[:, :-1], x_h[:, :-1], None, OPEN[:-1], coverage=np.ones(10), n_weeks=3)
+        weekly_trend(n[:, :-1], x_h[:, :-1], None, OPEN[:-1], coverage=np.ones(10), mondays=MONDAYS[-3:])

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from datetime import date
+
 import numpy as np
 import prove_forecast as prove
 import pytest
 from scipy import stats
 
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.stats.unusual import unusual_hours
+from vsd_analytics.stats import negative_binomial, unusual
+from vsd_analytics.stats.unusual import Unusual, unusual_hours
 
 SLOTS = 168
 ONES = np.ones(SLOTS)
+MONDAY = date(2026, 11, 9)
+
+
+def slots(rows: Iterable[Unusual]) -> list[int]:
+    """Return the slots of hours, 0 Monday 00 to 167 Sunday 23."""
+    return [24 * row.weekday + row.hour for row in rows]
 
 
 @pytest.fixture
@@ -21,18 +31,18 @@ def before() -> np.ndarray:
 
 
 def found_in(now: np.ndarray, before: np.ndarray, **options: object) -> list[int]:
-    told = unusual_hours(now, ONES, before_n=before, before_x_h=np.ones_like(before), **options)  # type: ignore[arg-type]
-    return [row.slot for row in told.rows]
+    told = unusual_hours(now, ONES, monday=MONDAY, before_n=before, before_x_h=np.ones_like(before), **options)  # type: ignore[arg-type]
+    return slots(told.rows)
 
 
 def test_a_tripled_and_an_emptied_hour_are_found_least_likely_first(before: np.ndarray) -> None:
     now = np.median(before, axis=0)
     now[40], now[90] = 300, 20
-    told = unusual_hours(now, ONES, before_n=before, before_x_h=np.ones_like(before))
-    assert {row.slot for row in told.rows} == {40, 90}
-    assert [row.p for row in told.rows] == sorted(row.p for row in told.rows)
-    high = next(row for row in told.rows if row.slot == 40)
-    assert (high.n, high.usual, high.n_weeks) == (300, np.median(before[:, 40]), 8)
+    told = unusual_hours(now, ONES, monday=MONDAY, before_n=before, before_x_h=np.ones_like(before))
+    assert set(slots(told.rows)) == {40, 90}
+    assert [row.q for row in told.rows] == sorted(row.q for row in told.rows)
+    high = told.rows[slots(told.rows).index(40)]
+    assert (high.violations, high.usual, high.n_weeks) == (300, np.median(before[:, 40]), 8)
     assert high.lo < high.usual < high.hi < 300
     assert told.n_tested == SLOTS
 
@@ -40,7 +50,7 @@ def test_a_tripled_and_an_emptied_hour_are_found_least_likely_first(before: np.n
 def test_missing_hours_are_never_unusual(before: np.ndarray) -> None:
     now, x_h = np.median(before, axis=0), ONES.copy()
     now[40:60], x_h[40:60] = 0, 0
-    told = unusual_hours(now, x_h, before_n=before, before_x_h=np.ones_like(before))
+    told = unusual_hours(now, x_h, monday=MONDAY, before_n=before, before_x_h=np.ones_like(before))
     assert (told.rows, told.n_tested, told.state) == ((), SLOTS - 20, "ok")
 
 
@@ -48,8 +58,8 @@ def test_an_hour_half_recorded_is_judged_by_what_half_of_it_usually_has(before: 
     now, x_h = np.median(before, axis=0), ONES.copy()
     now[40], x_h[40] = 50, 0.5
     now[41], x_h[41] = 180, 0.6
-    told = unusual_hours(now, x_h, before_n=before, before_x_h=np.ones_like(before))
-    assert [row.slot for row in told.rows] == [41]
+    told = unusual_hours(now, x_h, monday=MONDAY, before_n=before, before_x_h=np.ones_like(before))
+    assert slots(told.rows) == [41]
     assert told.rows[0].usual == pytest.approx(0.6 * np.median(before[:, 41]))
 
 
@@ -67,25 +77,31 @@ def test_a_change_of_less_than_half_or_less_than_five_is_not_reported() -> None:
 def test_at_most_five_are_shown_and_all_are_counted(before: np.ndarray) -> None:
     now = np.median(before, axis=0)
     now[:9] = 900
-    told = unusual_hours(now, ONES, before_n=before, before_x_h=np.ones_like(before))
+    told = unusual_hours(now, ONES, monday=MONDAY, before_n=before, before_x_h=np.ones_like(before))
     assert (len(told.rows), told.n_unusual) == (5, 9)
 
 
 def test_fewer_than_four_weeks_before_are_refused(before: np.ndarray) -> None:
-    told = unusual_hours(before[0], ONES, before_n=before[:3], before_x_h=np.ones((3, SLOTS)))
+    told = unusual_hours(before[0], ONES, monday=MONDAY, before_n=before[:3], before_x_h=np.ones((3, SLOTS)))
     assert (told.state, told.rows) == ("not_enough_data", ())
     assert reason_text(told.reason) == "what is usual needs 4 recorded weeks before, has 3"
 
 
-def test_q_is_benjamini_and_hochbergs(before: np.ndarray) -> None:
+def test_q_is_benjamini_and_hochbergs(before: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> None:
+    tails: list[np.ndarray] = []
+
+    def both_tails(*args: np.ndarray, **asked: np.ndarray) -> np.ndarray:
+        tails.append(negative_binomial.both_tails(*args, **asked))
+        return tails[-1]
+
+    monkeypatch.setattr(unusual, "both_tails", both_tails)
     now = np.random.default_rng(12).poisson(100, SLOTS).astype(float)
     now[:20] *= 3
     options = {"max_shown": SLOTS, "q_max": 1.0, "min_change": 0.0, "min_difference": 0.0}
-    told = unusual_hours(now, ONES, before_n=before, before_x_h=np.ones_like(before), **options)
-    by_slot = sorted(told.rows, key=lambda row: row.slot)
+    told = unusual_hours(now, ONES, monday=MONDAY, before_n=before, before_x_h=np.ones_like(before), **options)
+    by_slot = sorted(told.rows, key=lambda row: (row.day, row.hour))
     assert len(by_slot) == SLOTS
-    expected = stats.false_discovery_control([row.p for row in by_slot])
-    assert [row.q for row in by_slot] == pytest.approx(expected)
+    assert [row.q for row in by_slot] == pytest.approx(stats.false_discovery_control(tails[0]))
 
 
 @pytest.mark.simulation

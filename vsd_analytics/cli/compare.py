@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import date, timedelta
 from typing import TYPE_CHECKING, Any
@@ -107,9 +107,12 @@ def _print(found: Comparison | BeforeAfterFigure, text: str, rules: Sequence[str
 
 
 def _spelled(value: Any) -> Any:
-    """Return nested dictionaries with verdicts as the command has always written them: "clear fall"."""
+    """Return nested dictionaries with codes as the command has always written them: "clear fall"."""
+    from vsd_analytics.figures.before_after import DESIGNS
+
+    spelled: dict[str, Callable[[Any], Any]] = {"verdict": verdict_text, "design": DESIGNS.get}
     if isinstance(value, dict):
-        return {k: verdict_text(v) if k == "verdict" else _spelled(v) for k, v in value.items()}
+        return {k: spelled.get(k, _spelled)(v) for k, v in value.items()}
     return [_spelled(v) for v in value] if isinstance(value, list | tuple) else value
 
 

@@ -34,11 +34,12 @@ def doctor(project: Project, show_config: bool, broker_config: Path | None, as_j
     import os
 
     from vsd_analytics.doctor import checks as doctors
+    from vsd_analytics.doctor.finding import NEEDS_YOU
 
     start = Path(project.folder)
     findings = doctors.examine(start, now=project.now, environ=os.environ, broker_config=broker_config)
     settings = doctors.settings_in_force(_site_if_valid(start)) if show_config else ()
-    needs_you = any(finding.state == "needs you" for finding in findings)
+    needs_you = any(finding.state == NEEDS_YOU for finding in findings)
     if as_json:
         printed: dict[str, Any] = {
             "ok": not needs_you,

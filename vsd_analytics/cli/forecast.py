@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from datetime import date
 
     from vsd_analytics.figures.forecast import FloorForecast, HourForecast, SeriesForecast
-    from vsd_analytics.figures.unusual import Unusual, UnusualWeek
+    from vsd_analytics.figures.unusual import UnusualWeek
+    from vsd_analytics.stats.unusual import Unusual
 
-_DAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 _CELL = 15
 
 
@@ -98,7 +98,7 @@ def _table(title: str, series: SeriesForecast, outlook: FloorForecast, *, is_cha
     level = "" if series.level is None else f", late weeks {_change(series.level)} the usual"
     days = [outlook.monday + timedelta(days=i) for i in range(7)]
     lines = [f"{title}{of_range}; {weeks}{level}"]
-    lines.append("".join(["     ", *(f"{_DAYS[d.weekday()]} {d.day}".rjust(_CELL) for d in days)]).rstrip())
+    lines.append("".join(["     ", *(f"{d:%a} {d.day}".rjust(_CELL) for d in days)]).rstrip())
     cells = {(r.hour, r.day): _cell(r, is_chance=is_chance) for r in series.rows}
     for hour in sorted({r.hour for r in series.rows}):
         row = [cells.get((hour, d), "closed" if d in outlook.closed else "") for d in days]
@@ -149,7 +149,7 @@ def _unusual_text(odd: UnusualWeek) -> str:
 
 def _unusual_row(row: Unusual) -> str:
     times = "" if row.ratio is None else f"   {row.ratio:.1f} times the usual"
-    when = f"{_DAYS[row.weekday]} {_day(row.day)} {row.hour:02d}-{row.hour + 1:02d}"
+    when = f"{row.day:%a} {_day(row.day)} {row.hour:02d}-{row.hour + 1:02d}"
     return f"  {when:<24}{row.violations:>6,}   usually {_number(row.usual)} ({row.lo:,.0f}–{row.hi:,.0f}){times}"
 
 

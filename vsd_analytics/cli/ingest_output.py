@@ -22,7 +22,7 @@ _CODE = re.compile(r"^W\d{3}: ")
 
 def print_source(project: Project, source: SourceResult) -> None:
     """Print what came of one file: records, their times, notes, quarantined records by reason, the error."""
-    from vsd_analytics.ingest.reasons import FIXES
+    from vsd_analytics.ingest.reasons import FIXES, UNKNOWN_FIELD
 
     n = source.n_records
     if not source.error or n:
@@ -37,7 +37,7 @@ def print_source(project: Project, source: SourceResult) -> None:
             first, last = (_local(project, ms) for ms in (source.first_ms, source.last_ms))
             click.echo(f"    from {first} to {last}")
     for reason, n_records in sorted(source.n_dropped.items()):
-        click.echo(f"    left out: {n_records:,} {reason}{'s' if n_records != 1 and reason == 'unknown field' else ''}")
+        click.echo(f"    left out: {n_records:,} {reason}{'s' if n_records != 1 and reason == UNKNOWN_FIELD else ''}")
     for note in source.notes:
         if note.startswith("info:"):
             click.echo(plain(f"    {note.removeprefix('info:').strip()}"))

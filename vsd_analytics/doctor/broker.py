@@ -14,7 +14,7 @@ from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.errors import LiveError
 from vsd_analytics.live.mqtt import CONNECT_S, SESSION_MIN_S, WINDOW, connect_properties, make_client, password_of
 from vsd_analytics.live.process import is_alive
-from vsd_analytics.live.status import read_status
+from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, read_status
 from vsd_analytics.site.model import Broker, Site
 
 USUAL_CONFIG = Path("/etc/mosquitto/mosquitto.conf")
@@ -24,7 +24,7 @@ AUTOSAVE_MAX_S = 10
 _ANSWER_S = 2.0
 _UNITS = {"h": 1 / 24, "d": 1.0, "w": 7.0, "m": 30.0, "y": 365.0}
 _PRINT = "vsd listen --broker-config"
-_EXPLAINED = {"clocks disagree": "E708", "cannot store": "E304"}
+_EXPLAINED = {CLOCKS_DISAGREE: "E708", CANNOT_STORE: "E304"}
 
 
 def examine_live(

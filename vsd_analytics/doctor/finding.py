@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 State = Literal["ok", "note", "needs you"]
+NEEDS_YOU: Final = "needs you"
 
 
 @dataclass(frozen=True, slots=True)

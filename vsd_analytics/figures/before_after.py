@@ -20,7 +20,7 @@ from vsd_analytics.figures import rates
 from vsd_analytics.figures.change_weeks import WEEKS, Windows, changed_areas, log_entry, other_changes, windows_of
 from vsd_analytics.figures.compare import Days, known_area, known_floor, span, why_not
 from vsd_analytics.figures.panels import FloorHours, Ints, Panel, Period, Place, TwoPeriods, positions
-from vsd_analytics.result import Reason, State
+from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.stats import before_after as test
@@ -30,7 +30,8 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 RING_M: Final = (2.0, 5.0)
 """How far around the changed area people are looked for who only moved on."""
 
-Design = Literal["comparison areas", "area alone"]
+DESIGNS: Final[Mapping[Design, str]] = {"beside": "comparison areas", "alone": "area alone"}
+"""How JSON files spell the designs."""
 Per = Literal["exposure_h", "x_h"]
 
 ASSUMPTIONS: Final = tuple(
@@ -64,7 +65,7 @@ class BeforeAfterFigure:
         area_id, area_name: The area looked at.
         state: "ok" when a change can be given, whatever its design.
         reason: Why not.
-        design: "comparison areas", or "area alone" when there are none: then only `alone` is given.
+        design: "beside" comparison areas, or "alone" when there are none: then only `alone` is given.
         is_credible: False when something speaks against the comparison: `doubts`.
         doubts: What.
         windows: The days; None when there are none.
@@ -144,7 +145,7 @@ def before_after(
             return _refused(number, entry, area, "not_enough_data", why, windows)
         return BeforeAfterFigure(
             number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
-            reason=None, design="area alone", is_credible=False,
+            reason=None, design="alone", is_credible=False,
             doubts=(Reason("redesign.weak"), *doubts),
             windows=windows, alone=alone, people=people, neighbours=_neighbours(pair, area, []),
             areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS_ALONE, notes=notes,
@@ -161,7 +162,7 @@ def before_after(
         notes = (*notes, Reason("redesign.no_trend"))
     return BeforeAfterFigure(
         number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
-        reason=None, design="comparison areas", is_credible=not doubts, doubts=tuple(doubts), windows=windows,
+        reason=None, design="beside", is_credible=not doubts, doubts=tuple(doubts), windows=windows,
         effect=effect, often=often, alone=alone, comparison=rates.change_risky(pair, _together(others)), people=people,
         neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
         areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS, notes=notes,
@@ -339,6 +340,6 @@ def _refused(
 ) -> BeforeAfterFigure:
     return BeforeAfterFigure(
         number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state=state,
-        reason=reason, design="comparison areas", is_credible=False, windows=windows,
+        reason=reason, design="beside", is_credible=False, windows=windows,
         areas_left_out=tuple((left_out or {}).items()),
     )  # fmt: skip

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from statistics import median
 
 from vsd_analytics.site.model import Camera, Floor
+from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.build import hourly_inputs
 from vsd_analytics.warehouse.dimensions import calibration_spans, owner_spans
 from vsd_analytics.warehouse.warehouse import Warehouse
 
-HOUR_MS = 3_600_000
 DAY_MS = 24 * HOUR_MS
 INTERVAL_TOLERANCE = 0.1
 """Frame intervals that differ by more than this share are told: what lasts seconds is seen better or worse."""

@@ -15,12 +15,13 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
-from vsd_analytics.figures.panels import HISTORY_WEEKS, WEEK, FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
 from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeSplit, RateEstimate
+from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -17,6 +17,7 @@ import pyarrow.compute as pc
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Camera, Floor
@@ -35,7 +36,6 @@ OWNER_SHARE: Final = 0.1
 """A cell needs the cameras that count at least this share of its person-hours."""
 
 NO_IDS: Final = Reason("engine.no_ids")
-NO_POSITIONS: Final = Reason("engine.no_positions")
 NO_FLOOR: Final = Reason("engine.no_floor")
 
 
@@ -232,16 +232,31 @@ class FloorDays:
         used = self.is_used[camera, day]
         if not used.any():
             return None
-        low, high = ([int(f(side[used])) for side in (column, row)] for f in (np.min, np.max))
-        bounds = camera_views.plan_bounds(self.floor)
-        if bounds is not None:
-            low = [max(a, int(np.floor(b / cell_m))) for a, b in zip(low, bounds[:2], strict=True)]
-            high = [min(a, int(np.ceil(b / cell_m)) - 1) for a, b in zip(high, bounds[2:], strict=True)]
-        shape = (max(0, high[1] - low[1] + 1), max(0, high[0] - low[0] + 1))
-        if shape[0] * shape[1] > CELLS_MAX:
-            self.why_no_grid = Reason("map.large", width_m=shape[1] * cell_m, depth_m=shape[0] * cell_m)
+        found = grid_over(column[used], row[used], floor=self.floor, cell_m=cell_m)
+        if isinstance(found, Reason):
+            self.why_no_grid = found
             return None
-        return Grid(cell_m, low[0], low[1], shape) if all(shape) else None
+        return found if all(found.shape) else None
+
+
+def grid_over(cx: Ints, cy: Ints, *, floor: Floor, cell_m: float) -> Grid | Reason:
+    """Return the cells from the least to the greatest, as far as the plan reaches, or that they are too many.
+
+    Args:
+        cx: Columns, floor(x / cell_m), at least one.
+        cy: Rows, floor(y / cell_m).
+        floor: The floor.
+        cell_m: Side of a cell.
+    """
+    low, high = [int(cx.min()), int(cy.min())], [int(cx.max()), int(cy.max())]
+    bounds = camera_views.plan_bounds(floor)
+    if bounds is not None:
+        low = [max(a, int(np.floor(b / cell_m))) for a, b in zip(low, bounds[:2], strict=True)]
+        high = [min(a, int(np.ceil(b / cell_m)) - 1) for a, b in zip(high, bounds[2:], strict=True)]
+    shape = (max(0, high[1] - low[1] + 1), max(0, high[0] - low[0] + 1))
+    if shape[0] * shape[1] > CELLS_MAX:
+        return Reason("map.large", width_m=shape[1] * cell_m, depth_m=shape[0] * cell_m)
+    return Grid(cell_m, low[0], low[1], shape)
 
 
 def _view(camera: Camera, *, at_ms: int, bounds: camera_views.Bounds | None) -> shapely.Polygon | None:

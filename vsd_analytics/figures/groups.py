@@ -16,10 +16,11 @@ from typing import Any, Final
 import numpy as np
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.operator_counts import local_instant
 from vsd_analytics.figures.panels import FloorHours, Period, Place
 from vsd_analytics.figures.rates import level_often, level_risky
+from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Camera
 from vsd_analytics.stats.estimates import RateEstimate

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.figures.cell_places import CellPlace, place_of
-from vsd_analytics.figures.floor_days import NO_POSITIONS, Cube, FloorDays, Grid
+from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid
 from vsd_analytics.figures.hotspot_history import Found, Identity, follow
+from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats import hotspots as test

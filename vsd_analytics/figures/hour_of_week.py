@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from typing import Final
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from vsd_analytics.figures.slots import Floats, Slots, iso_week, load_slots
 from vsd_analytics.result import Reason, State
-from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, Peaks, SlotRates, peaks, slot_rates
+from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, PeakHours, SlotRates, peaks, slot_rates
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 PROFILE_WEEKS: Final = 4
@@ -51,47 +51,6 @@ class HourProfile:
     recorded_h: float
     n_weeks: int
     state: State
-
-
-@dataclass(frozen=True, slots=True)
-class PeakHour:
-    """One of the highest hours.
-
-    Attributes:
-        weekday: 0 Monday to 6 Sunday.
-        hour: Local hour, 0 to 23.
-        value: Rate, in the unit of its list.
-        lo, hi: Its interval.
-        violations: Counted.
-        n_weeks: Weeks that recorded the hour.
-    """
-
-    weekday: int
-    hour: int
-    value: float
-    lo: float
-    hi: float
-    violations: int
-    n_weeks: int
-
-
-@dataclass(frozen=True, slots=True)
-class PeakHours:
-    """The highest hours by one measure.
-
-    Attributes:
-        unit: Of the rates.
-        top: At most three, highest first.
-        tied: Weekday and hour of all others whose interval reaches that of the first: not to be told apart from it.
-        state: "ok" when there is a first.
-        reason: Why not.
-    """
-
-    unit: str
-    top: tuple[PeakHour, ...]
-    tied: tuple[tuple[int, int], ...]
-    state: State
-    reason: Reason | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +102,8 @@ def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = N
         last_week=iso_week(monday),
         floor_id=floor_id,
         rows=_rows(slots, burden, risk),
-        by_burden=_peaks(burden, "violations per recorded open hour", why_often),
-        by_risk=_peaks(risk, "violations per person-hour", why_risky),
+        by_burden=_peaks(burden, why_often),
+        by_risk=_peaks(risk, why_risky),
         state=risk.state if why_risky is None else "not_measurable",
         reason=_reason(risk) if why_risky is None else why_risky,
     )
@@ -190,14 +149,11 @@ def _rows(slots: Slots, burden: SlotRates, risk: SlotRates) -> tuple[HourProfile
     return tuple(rows)
 
 
-def _peaks(rates: SlotRates, unit: str, why: Reason | None) -> PeakHours:
+def _peaks(rates: SlotRates, why: Reason | None) -> PeakHours:
     if why is not None:
-        return PeakHours(unit, (), (), "not_measurable", why)
-    found: Peaks = peaks(rates)
-    top = tuple(PeakHour(p.slot // 24, p.slot % 24, p.rate, p.lo, p.hi, round(p.n), p.n_weeks) for p in found.top)
-    tied = tuple((s // 24, s % 24) for s in found.tied)
-    reason = found.reason if found.state == "ok" or rates.state == "ok" else _reason(rates)
-    return PeakHours(unit, top, tied, found.state, reason)
+        return PeakHours((), (), "not_measurable", why)
+    found = peaks(rates)
+    return found if "ok" in (found.state, rates.state) else replace(found, reason=_reason(rates))
 
 
 def _number(value: float) -> float | None:

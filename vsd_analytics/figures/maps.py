@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import date
-from typing import Final
+from typing import Final, NotRequired, TypedDict, Unpack
 
 import numpy as np
 import pyarrow as pa
-from scipy import ndimage
 
-from vsd_analytics.figures.floor_days import CELLS_MAX, NO_FLOOR, NO_POSITIONS, Flags, Floats, Grid, Ints
-from vsd_analytics.geometry import camera_views
+from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
+from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.stats.decomposition import closeness, nearby
-from vsd_analytics.stats.hotspots import TRUNCATE
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 CELL_M: Final = 0.5
@@ -34,9 +32,24 @@ MIN_EXPOSURE_H: Final = 0.25
 MIN_EXPECTED_S: Final = 10.0
 """Person-seconds (smoothed) that must be expected in violation for a ratio."""
 
-NOTHING: Final = Reason("recorded.nothing_open")
 UNTOLD: Final = Reason("map.together_unknown")
 NOBODY: Final = Reason("nobody.seen_open")
+
+
+class MapRange(TypedDict):
+    """What a map is asked for.
+
+    Attributes:
+        floor: The floor.
+        cell_m: Side of the cells, a multiple of `cell_m` of vsd.toml; 0.5 m where it is left out.
+        first: First local day; the warehouse's where it is left out or None.
+        last: Last local day; likewise.
+    """
+
+    floor: Floor
+    cell_m: NotRequired[float]
+    first: NotRequired[date | None]
+    last: NotRequired[date | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,86 +104,45 @@ class CellMaps:
     excess: ExcessMap
 
 
-def cell_maps(
-    warehouse: Warehouse,
-    *,
-    floor: Floor,
-    cell_m: float = CELL_M,
-    first: date | None = None,
-    last: date | None = None,
-) -> CellMaps:
+def cell_maps(warehouse: Warehouse, **asked: Unpack[MapRange]) -> CellMaps:
     """Return the four maps, reading the marts once; formulas at each map's own function.
 
     Args:
         warehouse: Its days.
-        floor: The floor.
-        cell_m: Side of the cells, a multiple of `cell_m` of vsd.toml.
-        first: First local day; None = the warehouse's.
-        last: Last local day; None = the warehouse's.
+        **asked: Floor, cells and days: `MapRange`.
     """
-    days = first or warehouse.first, last or warehouse.last
-    data = _load(warehouse, floor, cell_m, days)
-    people = data if data.is_everything else _load(warehouse, floor, cell_m, days, needs_distances=False)
-    return CellMaps(_exposure(people), _burden(data), _risk(data), _excess(warehouse, floor, data))
+    data = _load(warehouse, **asked)
+    people = data if data.is_everything else _load(warehouse, needs_distances=False, **asked)
+    return CellMaps(_exposure(people), _burden(data), _risk(data), _excess(warehouse, asked["floor"], data))
 
 
-def exposure_map(
-    warehouse: Warehouse,
-    *,
-    floor: Floor,
-    cell_m: float = CELL_M,
-    first: date | None = None,
-    last: date | None = None,
-) -> CellMap:
+def exposure_map(warehouse: Warehouse, **asked: Unpack[MapRange]) -> CellMap:
     """Return where people are: person-seconds per m² and recorded open hour (M16); arguments as for `cell_maps`.
 
     value = sum over cameras of (person-seconds of the camera in the cell / its recorded open hours) / area of the cell,
     so that a camera that was down does not pale its part of the floor. NaN where nobody was seen.
     """
-    return _exposure(
-        _load(warehouse, floor, cell_m, (first or warehouse.first, last or warehouse.last), needs_distances=False)
-    )
+    return _exposure(_load(warehouse, needs_distances=False, **asked))
 
 
-def burden_map(
-    warehouse: Warehouse,
-    *,
-    floor: Floor,
-    cell_m: float = CELL_M,
-    first: date | None = None,
-    last: date | None = None,
-) -> CellMap:
+def burden_map(warehouse: Warehouse, **asked: Unpack[MapRange]) -> CellMap:
     """Return where people are too close: person-seconds in violation per m² and recorded open hour (M17).
 
     Arguments and formula as for `exposure_map`, of person-seconds with somebody closer than the legal distance.
     """
-    return _burden(_load(warehouse, floor, cell_m, (first or warehouse.first, last or warehouse.last)))
+    return _burden(_load(warehouse, **asked))
 
 
-def risk_map(
-    warehouse: Warehouse,
-    *,
-    floor: Floor,
-    cell_m: float = CELL_M,
-    first: date | None = None,
-    last: date | None = None,
-) -> CellMap:
+def risk_map(warehouse: Warehouse, **asked: Unpack[MapRange]) -> CellMap:
     """Return the share of person-time in violation, cell by cell (M18); arguments as for `cell_maps`.
 
     Person-seconds in violation and in view are smoothed by the same Gaussian of 1 m; the numerator is a part of the
     denominator everywhere, so the share lies between 0 and 1. NaN where fewer than 0.25 person-hours were spent.
     """
-    return _risk(_load(warehouse, floor, cell_m, (first or warehouse.first, last or warehouse.last)))
+    return _risk(_load(warehouse, **asked))
 
 
-def excess_map(
-    warehouse: Warehouse,
-    *,
-    floor: Floor,
-    cell_m: float = CELL_M,
-    first: date | None = None,
-    last: date | None = None,
-) -> ExcessMap:
+def excess_map(warehouse: Warehouse, **asked: Unpack[MapRange]) -> ExcessMap:
     """Return time in violation over the time that random mixing would make, cell by cell (M19).
 
     A person in cell c would, if everybody stood independently of each other, have Poisson many neighbours closer than
@@ -189,9 +161,7 @@ def excess_map(
     over the range: the map of a single quiet hour is little else than the ways of those few themselves. Arguments as
     for `cell_maps`.
     """
-    return _excess(
-        warehouse, floor, _load(warehouse, floor, cell_m, (first or warehouse.first, last or warehouse.last))
-    )
+    return _excess(warehouse, asked["floor"], _load(warehouse, **asked))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -259,7 +229,7 @@ def _risk(data: _CellHours) -> CellMap:
     if data.grid is None:
         return CellMap("M18", unit, None, None, None, None, data.state, data.reason)
     exposure_h, violation_h = (data.summed(v) / 3600 for v in (data.exposure_s, data.violation_s))
-    near, risky = (_smooth(v, data.grid.cell_m) for v in (exposure_h, violation_h))
+    near, risky = (test.smoothed(v, SIGMA_M / data.grid.cell_m) for v in (exposure_h, violation_h))
     is_known = (near >= MIN_EXPOSURE_H) & (exposure_h > 0)
     share = np.divide(risky, near, out=np.full(near.shape, np.nan), where=is_known)
     return CellMap("M18", unit, data.grid, np.minimum(share, 1.0), exposure_h, float(exposure_h.sum()), "ok", None)
@@ -276,7 +246,7 @@ def _excess(warehouse: Warehouse, floor: Floor, data: _CellHours) -> ExcessMap:
     if not is_told.all():  # who was in view together is unknown there: neither observed nor expected
         data, expected_s = data.where(is_told), expected_s[is_told]
     observed, expected = (data.summed(v) for v in (data.violation_s, expected_s))
-    near, mixed = (_smooth(v, cell_m) for v in (observed, expected))
+    near, mixed = (test.smoothed(v, SIGMA_M / cell_m) for v in (observed, expected))
     exposure_h = data.summed(data.exposure_s) / 3600
     is_known = (mixed >= MIN_EXPECTED_S) & (exposure_h > 0)
     values = np.divide(near, mixed, out=np.full(near.shape, np.nan), where=is_known)
@@ -337,19 +307,19 @@ def _clear(warehouse: Warehouse, data: _CellHours, expected_s: Floats, is_known:
     return np.asarray(found.cells.is_hot)
 
 
-def _smooth(values: Floats, cell_m: float) -> Floats:
-    smoothed: Floats = ndimage.gaussian_filter(values, SIGMA_M / cell_m, mode="constant", truncate=TRUNCATE)
-    return smoothed
-
-
 def _load(
-    warehouse: Warehouse, floor: Floor, cell_m: float, days: tuple[date, date], *, needs_distances: bool = True
+    warehouse: Warehouse,
+    *,
+    floor: Floor,
+    cell_m: float = CELL_M,
+    first: date | None = None,
+    last: date | None = None,
+    needs_distances: bool = True,
 ) -> _CellHours:
     """Return the camera-hours that enter rates, and who stood in which cell in them."""
     settings = warehouse.site.settings
-    used = warehouse.table(
-        _USED, {"floor": floor.floor_id, "share": settings.partial_hour_share, "first": days[0], "last": days[1]}
-    )
+    days = {"first": first or warehouse.first, "last": last or warehouse.last}
+    used = warehouse.table(_USED, {"floor": floor.floor_id, "share": settings.partial_hour_share, **days})
     knows_people, knows_distances = (used[f"knows_{what}"].to_numpy() for what in ("people", "distances"))
     chosen = used.filter(pa.array(knows_people & (knows_distances | (not needs_distances))))
     rows = warehouse.table(
@@ -375,7 +345,7 @@ def _load(
         return _CellHours(None, state, reason, is_everything, chosen, none, (none, none), nothing, nothing)
 
     if not used.num_rows:
-        return without("not_enough_data", NOTHING)
+        return without("not_enough_data", NOTHING_OPEN)
     if not knows_people.any():
         return without("not_measurable", NO_POSITIONS)
     if not chosen.num_rows:
@@ -384,21 +354,15 @@ def _load(
         if chosen["exposure_s"].to_numpy().sum() > 0:
             return without("not_measurable", NO_FLOOR)
         return without("not_enough_data", NOBODY)
-    low, high = [int(cx.min()), int(cy.min())], [int(cx.max()), int(cy.max())]
-    bounds = camera_views.plan_bounds(floor)
-    if bounds is not None:
-        low = [max(a, int(np.floor(b / cell_m))) for a, b in zip(low, bounds[:2], strict=True)]
-        high = [min(a, int(np.ceil(b / cell_m)) - 1) for a, b in zip(high, bounds[2:], strict=True)]
-    shape = (max(0, high[1] - low[1] + 1), max(0, high[0] - low[0] + 1))
-    if shape[0] * shape[1] > CELLS_MAX:
-        too_large = Reason("map.large", width_m=shape[1] * cell_m, depth_m=shape[0] * cell_m)
-        return without("not_measurable", too_large)
-    inside = (cx >= low[0]) & (cx <= high[0]) & (cy >= low[1]) & (cy <= high[1])
+    grid = grid_over(cx, cy, floor=floor, cell_m=cell_m)
+    if isinstance(grid, Reason):
+        return without("not_measurable", grid)
+    at = cy - grid.cy, cx - grid.cx
+    inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
     if not inside.any():
         return without("not_enough_data", Reason("nobody.on_plan"))
-    hour, cx, cy, exposure_s, violation_s = (v[inside] for v in (hour, cx, cy, exposure_s, violation_s))
-    grid, at = Grid(cell_m, low[0], low[1], shape), (cy - low[1], cx - low[0])
-    return _CellHours(grid, "ok", None, is_everything, chosen, hour, at, exposure_s, violation_s)
+    hour, row, column, exposure_s, violation_s = (v[inside] for v in (hour, *at, exposure_s, violation_s))
+    return _CellHours(grid, "ok", None, is_everything, chosen, hour, (row, column), exposure_s, violation_s)
 
 
 _USED: Final = """

@@ -17,17 +17,17 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, recalibrations
-from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS
+from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
+from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
+from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 WEEK: Final = timedelta(days=7)
-HISTORY_WEEKS: Final = 5
-"""Weeks before a period that tell the usual rates of its weekdays."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

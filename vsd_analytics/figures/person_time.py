@@ -15,13 +15,13 @@ from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Array, Flags, Period, Place
 from vsd_analytics.figures.rates import not_measured
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.warehouse.dimensions import QUARTER_MS
 
-NOTHING: Final = Reason("recorded.nothing_open")
 NO_GROUPS: Final = Reason("ids.no_groups")
-QUARTER_MS: Final = 900_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
         return PersonTime(none, None, None, none, none)
     panel = data.panel(data.everyone, period.days)
     if not panel.x_h.any():
-        none = replace(not_measured(NOTHING), state="not_enough_data")
+        none = replace(not_measured(NOTHING_OPEN), state="not_enough_data")
         return PersonTime(none, None, None, none, none)
     return PersonTime(
         people=_people(period),

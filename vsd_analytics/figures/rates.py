@@ -8,11 +8,11 @@ from datetime import date
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.panels import HISTORY_WEEKS, WEEK, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, Panel, Period, Place, TwoPeriods
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import HISTORY_WEEKS, how_often, how_risky
 
 
 def level_often(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 
 NO_IDS: Final = Reason("engine.no_ids_or_distances")
 NO_POSITIONS: Final = Reason("engine.no_positions")
-WEEKDAYS: Final = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
+NOTHING_OPEN: Final = Reason("recorded.nothing_open")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,13 +137,7 @@ def open_hours(site: Site, monday: date) -> Floats:
 
 def iso_week(monday: date) -> str:
     """Return the name of a week: 2026-W46."""
-    year, week, _ = monday.isocalendar()
-    return f"{year}-W{week:02d}"
-
-
-def slot_name(slot: int) -> str:
-    """Return the name of an hour of the week: Tue 12-13."""
-    return f"{WEEKDAYS[slot // 24]} {slot % 24:02d}-{slot % 24 + 1:02d}"
+    return f"{monday:%G-W%V}"
 
 
 def _check(site: Site, monday: date, floor_id: str | None) -> None:

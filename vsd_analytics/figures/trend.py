@@ -3,61 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import date, datetime, timedelta
+from datetime import date, timedelta
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.config.change_log import read_log
-from vsd_analytics.figures.slots import NO_POSITIONS, Floats, Slots, iso_week, load_slots
+from vsd_analytics.figures.slots import NO_POSITIONS, Floats, Slots, load_slots
 from vsd_analytics.result import Reason, State
-from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.trend import HISTORY_WEEKS, weekly_trend
+from vsd_analytics.site.model import LogEntry
+from vsd_analytics.stats.rates import HISTORY_WEEKS
+from vsd_analytics.stats.trend import WeekRates, weekly_trend, why_no_trend
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 TREND_WEEKS: Final = 12
 """Weeks of the trend: part of its definition, a quarter of a year."""
-
-
-@dataclass(frozen=True, slots=True)
-class WeekRates:
-    """One week.
-
-    Attributes:
-        week: ISO week.
-        monday: First day.
-        often: Violations per open hour (M0); None in a gap.
-        risky: Violations per person-hour (M7); None in a gap or where exposure is unknown.
-        coverage: Recorded share of open camera-hours; None when the site was closed all week.
-        state: "ok", or why it is a gap: a line must not be drawn across it.
-        reason: Why it is a gap.
-    """
-
-    week: str
-    monday: date
-    often: RateEstimate | None
-    risky: RateEstimate | None
-    coverage: float | None
-    state: State
-    reason: Reason | None
-
-
-@dataclass(frozen=True, slots=True)
-class ChangeMark:
-    """An entry of the change log.
-
-    Attributes:
-        at: Instant, local.
-        week: ISO week it lies in.
-        text: Free text: escape it.
-        area_id: Area it concerns; None = the whole site.
-    """
-
-    at: datetime
-    week: str
-    text: str
-    area_id: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +28,7 @@ class FloorTrend:
     Attributes:
         floor_id: Floor; None = the whole site.
         weeks: Oldest first, from the first week with records on, at most twelve; gaps included.
-        marks: Changes in these weeks.
+        marks: Entries of the change log in these weeks; their text is free: escape it.
         state: "ok" when at least three weeks are no gaps.
         reason: Why not.
         risky_reason: Why the rate per person-hour cannot be given; None where it can.
@@ -75,7 +36,7 @@ class FloorTrend:
 
     floor_id: str | None
     weeks: tuple[WeekRates, ...]
-    marks: tuple[ChangeMark, ...]
+    marks: tuple[LogEntry, ...]
     state: State
     reason: Reason | None
     risky_reason: Reason | None
@@ -106,25 +67,22 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
     why_no_risk = NO_POSITIONS if slots.why_no_people or np.isnan(slots.person_h[used]).any() else None
     seen = np.flatnonzero((slots.recorded_h > 0).any(axis=(0, 2)))
     n_weeks = min(TREND_WEEKS, TREND_WEEKS + HISTORY_WEEKS - int(seen[0])) if len(seen) else 0
-    found = weekly_trend(
+    mondays = [monday - timedelta(weeks=i) for i in reversed(range(n_weeks))]
+    weeks = weekly_trend(
         _by_day(slots.n_violations, used),
         _by_day(slots.recorded_h, used),
         None if why_no_risk else _by_day(slots.person_h, used),
         slots.open_h.reshape(-1, 24).sum(axis=1),
         coverage=_coverage(slots),
-        n_weeks=n_weeks,
+        mondays=mondays,
         min_coverage=float(settings.min_coverage),
         confidence=float(settings.confidence),
         min_days=int(settings.min_days),
         min_exposure_h=float(settings.min_exposure_h),
     )
-    mondays = [monday - timedelta(weeks=i) for i in reversed(range(n_weeks))]
-    weeks = tuple(
-        WeekRates(iso_week(m), m, w.often, w.risky, w.coverage, w.state, w.reason)
-        for m, w in zip(mondays, found.weeks, strict=True)
-    )
     marks = _marks(warehouse, mondays[0], monday, floor_id) if mondays else ()
-    return FloorTrend(floor_id, weeks, marks, found.state, found.reason, why_no_risk)
+    why = why_no_trend(weeks)
+    return FloorTrend(floor_id, weeks, marks, "ok" if why is None else "not_enough_data", why, why_no_risk)
 
 
 def _by_day(values: Floats, used: NDArray[np.bool_]) -> Floats:
@@ -141,13 +99,13 @@ def _coverage(slots: Slots) -> Floats:
     return share
 
 
-def _marks(warehouse: Warehouse, first: date, last: date, floor_id: str | None) -> tuple[ChangeMark, ...]:
+def _marks(warehouse: Warehouse, first: date, last: date, floor_id: str | None) -> tuple[LogEntry, ...]:
+    """Return the entries of the log from the week of one Monday to that of another, those of other floors left out."""
     site = warehouse.site
-    here = {a.area_id for a in site.areas if floor_id in (None, a.floor_id)}
-    marks = []
-    for entry in read_log(site):
-        day = entry.at.astimezone(site.zone).date()
-        week = day - timedelta(days=day.weekday())
-        if first <= week <= last and (entry.area_id is None or entry.area_id in here or floor_id is None):
-            marks.append(ChangeMark(entry.at, iso_week(week), entry.text, entry.area_id))
-    return tuple(marks)
+    here = {None, *(a.area_id for a in site.areas if a.floor_id == floor_id)}
+    days = ((entry, entry.at.astimezone(site.zone).date()) for entry in read_log(site))
+    return tuple(
+        entry
+        for entry, day in days
+        if first <= day < last + timedelta(weeks=1) and (floor_id is None or entry.area_id in here)
+    )

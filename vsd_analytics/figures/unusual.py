@@ -3,46 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import date
 from typing import Final
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.slots import iso_week, load_slots
 from vsd_analytics.result import Reason, State
-from vsd_analytics.stats.unusual import UnusualSlot, unusual_hours
+from vsd_analytics.stats.unusual import Unusual, unusual_hours
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 UNIT: Final = "violations"
-
-
-@dataclass(frozen=True, slots=True)
-class Unusual:
-    """One unusual hour.
-
-    Attributes:
-        day: Local date.
-        weekday: 0 Monday to 6 Sunday.
-        hour: Local hour, 0 to 23.
-        violations: Counted.
-        recorded_h: Recorded open hours, of all cameras together.
-        usual: Expected in so many hours: the median of the same hour of the weeks before.
-        lo, hi: Usual range: four of five such hours lie in it.
-        ratio: violations / usual; None where there are usually none.
-        q: Chance value, corrected for the number of hours looked at.
-        n_weeks: Weeks the usual comes from.
-    """
-
-    day: date
-    weekday: int
-    hour: int
-    violations: int
-    recorded_h: float
-    usual: float
-    lo: float
-    hi: float
-    ratio: float | None
-    q: float
-    n_weeks: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +44,7 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
     """Return the unusual hours of the week that starts on `monday`.
 
     Args:
-        warehouse: Opened from `analysis.forecast.first_day(monday)`, or from wherever records begin, to the week's end.
+        warehouse: Opened from `forecast.first_day(monday)`, or from wherever records begin, to the week's end.
         monday: First day of the week.
         floor_id: Only the cameras of this floor; None = all.
 
@@ -90,6 +60,7 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
     found = unusual_hours(
         n[-1],
         x_h[-1],
+        monday=monday,
         before_n=n[:-1],
         before_x_h=x_h[:-1],
         q_max=settings.unusual_false_share,
@@ -97,21 +68,4 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
         min_difference=settings.unusual_min_violations,
         share=settings.forecast_share,
     )
-    rows = tuple(_row(monday, hour) for hour in found.rows)
-    return UnusualWeek(week, floor_id, UNIT, rows, found.n_unusual, found.n_tested, found.state, found.reason)
-
-
-def _row(monday: date, found: UnusualSlot) -> Unusual:
-    return Unusual(
-        day=monday + timedelta(days=found.slot // 24),
-        weekday=found.slot // 24,
-        hour=found.slot % 24,
-        violations=round(found.n),
-        recorded_h=found.x_h,
-        usual=found.usual,
-        lo=found.lo,
-        hi=found.hi,
-        ratio=found.n / found.usual if found.usual > 0 else None,
-        q=found.q,
-        n_weeks=found.n_weeks,
-    )
+    return UnusualWeek(week, floor_id, UNIT, found.rows, found.n_unusual, found.n_tested, found.state, found.reason)

@@ -19,7 +19,7 @@ from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
 from vsd_analytics.ingest.raw import raw_table, rejected
-from vsd_analytics.ingest.reasons import TOO_MANY
+from vsd_analytics.ingest.reasons import TOO_MANY, UNKNOWN_FIELD
 from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.schema import TableName
 
@@ -199,7 +199,7 @@ class MessageRows:
         n_unknown = len(loose.keys() - _FIELDS)
         for name, known in (("persons", _PERSON_FIELDS), ("pairs", _PAIR_FIELDS)):
             n_unknown += sum(len(item.keys() - known) for item in loose.get(name) or ())
-        self._dropped["unknown field"] += n_unknown
+        self._dropped[UNKNOWN_FIELD] += n_unknown
         return message
 
     def batch(self, done_bytes: int) -> RawBatch:

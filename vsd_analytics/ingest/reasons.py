@@ -8,6 +8,9 @@ from typing import Final
 TOO_MANY: Final = "too-many"
 """A frame with more persons or pairs than `persons_max` or `pairs_max`."""
 
+UNKNOWN_FIELD: Final = "unknown field"
+"""What a frame message has beside the fields of its format; it is left out and counted."""
+
 FIXES: Final[Mapping[str, str]] = {
     "bad-json": "look at the line: it was cut off, or it is not JSON; export it again",
     "bad-message": "compare it with the format: vsd schema frame",

@@ -36,7 +36,7 @@ from vsd_analytics.live.decode import Prepared, Preparer
 from vsd_analytics.live.folding import Folded, Folding
 from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, BrokerLink
 from vsd_analytics.live.process import only_one
-from vsd_analytics.live.status import Status, offline, read_status, write_status
+from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, Status, offline, read_status, write_status
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Broker, Site
 from vsd_analytics.store import Store
@@ -193,7 +193,7 @@ class Listener:
         except (VsdError, OSError) as error:
             # the messages stay held and fill the window, so that the broker queues the rest on its own disk
             self._store_again_s = time.monotonic() + next(self._store_waiting_s)
-            self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state="cannot store")
+            self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state=CANNOT_STORE)
             return False
         self._store_waiting_s = self._delays_s()
         self._note_times(ready, now=now)
@@ -251,7 +251,7 @@ class Listener:
             if time.monotonic() < self._store_again_s:
                 return
             if self._disagreement is not None:
-                self._report_error(self._disagreement, state="clocks disagree")
+                self._report_error(self._disagreement, state=CLOCKS_DISAGREE)
             else:
                 status.state, status.error, self._error_reported = "listening", None, None
         elif link.error is not None:
@@ -275,7 +275,7 @@ class Listener:
                 "quarantine. Correct the wrong clock (this one: timedatectl set-ntp true), then replay the messages: "
                 "vsd explain E708"
             )
-            self._report_error(self._disagreement, state="clocks disagree")
+            self._report_error(self._disagreement, state=CLOCKS_DISAGREE)
 
     def _report_error(self, text: str, *, state: str) -> None:
         self.status.state, self.status.error = state, text

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from vsd_analytics.live.batches import Numbering
 from vsd_analytics.live.folding import Folded
@@ -18,6 +18,8 @@ from vsd_analytics.live.process import peak_mb
 from vsd_analytics.store.durable import publish
 
 FILE = Path("status") / "listen.json"
+CANNOT_STORE: Final = "cannot store"
+CLOCKS_DISAGREE: Final = "clocks disagree"
 
 
 @dataclass

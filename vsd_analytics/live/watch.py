@@ -26,7 +26,7 @@ from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.gathering import GatheringStore
 from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
 from vsd_analytics.live.process import is_alive
-from vsd_analytics.live.status import iso_utc, read_json
+from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import make_dirs, publish
 from vsd_analytics.store.seals import SEALED
@@ -306,12 +306,12 @@ class _Watch:
             words += f": {cause.where.file}"
         if self.status.error != words:
             self.report(f"{words}; files stay where they are and are tried again")
-        self.status.state, self.status.error = "cannot store", words
+        self.status.state, self.status.error = CANNOT_STORE, words
         return next(self.delays)
 
     def healthy(self) -> None:
         """Note that a round ended without an error."""
-        if self.status.state == "cannot store":
+        if self.status.state == CANNOT_STORE:
             self.report("records can be stored again")
             self.delays = delays_s(first_s=1.0, most_s=60.0)
         self.status.state = "watching"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +24,7 @@ from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame, fixtures
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_words import place_name
-from vsd_analytics.report.pages.week import environment, shipped_style
+from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.reasons import reason_text, text_or_none
@@ -118,9 +116,7 @@ def render_planner(data: PlannerData) -> str:
     Args:
         data: What it knows.
     """
-    page = _page(data)
-    variables = {name: getattr(page, name) for name in PlannerPage.__dataclass_fields__}
-    return environment().get_template("planner.html.j2").render(variables)
+    return rendered("planner.html.j2", _page(data))
 
 
 def _page(data: PlannerData) -> PlannerPage:
@@ -146,9 +142,9 @@ def _page(data: PlannerData) -> PlannerPage:
         span=fmt.date_span(week.monday, week.sunday),
         span_before=None if data.before is None else fmt.date_span(data.before.ref.monday, data.before.ref.sunday),
         style=Markup(style),
-        style_hash=_hash(style),
+        style_hash=policy_hash(style),
         script=Markup(code),
-        script_hash=_hash(code),
+        script_hash=policy_hash(code),
         meta=Markup(_json(meta)),
         packed=packed_numbers(data),
         maps=maps,
@@ -176,10 +172,6 @@ def _week_name(ref: WeekRef, *, year: int) -> str:
 
 def _spot_id(spot: FloorSpot) -> str:
     return f"spot:{spot.number}"
-
-
-def _hash(text: str) -> str:
-    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _json(value: Any) -> str:

@@ -33,11 +33,12 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.terms import REST
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
+from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
-HISTORY: Final = 5 * WEEK
-"""How far back the usual rates of weekdays are taken from (`analysis.panels.HISTORY_WEEKS`)."""
+HISTORY: Final = HISTORY_WEEKS * WEEK
+"""How far back the usual rates of weekdays are taken from."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -215,7 +216,7 @@ def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: da
             held=held_hours(data, past),
         ),
         places=places,
-        comparable=tuple(bool(c) for c in data.is_comparable[: len(data.ids)]),
+        comparable=tuple(bool(c) for c in data.pair.is_comparable[: len(data.ids)]),
         why_not_compared=why,
         why_no_map=None if shown else data.why_no_violations or data.why_no_places or Reason("map.no_floor"),
         why_no_violations=data.why_no_violations,
@@ -308,15 +309,7 @@ def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown
             below=below,
             hidden=None if 0 in hidden else [p.area for k, p in enumerate(places) if k in hidden],
         )
-    year, number, _ = period.first.isocalendar()
-    ref = WeekRef(
-        iso=f"{year}-W{number:02d}",
-        year=year,
-        number=number,
-        monday=period.first,
-        sunday=period.last,
-        zone=data.site.timezone,
-    )
+    ref = WeekRef.of(period.first, zone=data.site.timezone)
     return PlannerWeek(ref=ref, panel=panel, cells=lying, is_ranked=is_ranked, hidden=hidden)
 
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from functools import reduce
 
@@ -14,7 +12,7 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.results import LogLine
 from vsd_analytics.report.model.week import Span
-from vsd_analytics.report.pages.week import css_string, environment, shipped_style
+from vsd_analytics.report.pages.week import css_string, policy_hash, rendered, shipped_style
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
@@ -176,10 +174,7 @@ def render_index(found: Catalogue) -> str:
     Args:
         found: The floors and weeks to list.
     """
-    index = make_index(found)
-    context = {f.name: getattr(index, f.name) for f in fields(index)}
-    text = environment().get_template("index/index.html.j2").render(context)
-    return re.sub(r"\n\s*\n+", "\n", text)
+    return re.sub(r"\n\s*\n+", "\n", rendered("index/index.html.j2", make_index(found)))
 
 
 def make_index(found: Catalogue) -> Index:
@@ -196,7 +191,7 @@ def make_index(found: Catalogue) -> Index:
     n_made_up = sum(t.provenance.is_made_up for t in twins)
     return Index(
         style=Markup(style),
-        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        style_hash=policy_hash(style),
         title=say("index.title", name=footer, headline=said) if week else footer,
         week=terms.capital(week) or None,
         monday=latest,

@@ -179,7 +179,7 @@ def hotspots(
     """
     days = _checked(n, x_h, is_recorded)
     recorded = days.recorded
-    smooth_n, smooth_x = (_smooth(v, sigma_cells) for v in (days.counts, days.exposure))
+    smooth_n, smooth_x = (smoothed(v, sigma_cells) for v in (days.counts, days.exposure))
     smooth_x = np.where(recorded, smooth_x, 0.0)
     mu = days.rate[:, None, None] * smooth_x
     u = np.where(recorded, smooth_n - mu, 0.0)
@@ -264,9 +264,10 @@ def _checked(n: npt.ArrayLike, x_h: npt.ArrayLike, is_recorded: npt.ArrayLike | 
     return _CellDays(counts, exposure, recorded, _divide(counts.sum(axis=(1, 2)), by_day))
 
 
-def _smooth(values: Floats, sigma: float) -> Floats:
-    smoothed: Floats = ndimage.gaussian_filter(values, sigma=(0, sigma, sigma), mode="constant", truncate=TRUNCATE)
-    return smoothed
+def smoothed(values: Floats, sigma_cells: float) -> Floats:
+    """Return maps smoothed by a Gaussian along their last two axes, cut off at `TRUNCATE` standard deviations."""
+    sigma = (*(0,) * (values.ndim - 2), sigma_cells, sigma_cells)
+    return np.asarray(ndimage.gaussian_filter(values, sigma=sigma, mode="constant", truncate=TRUNCATE))
 
 
 def _moderated_t(u: Floats, total: Floats, expected: Floats, *, n_days: Ints, is_tested: Bools) -> Floats:

@@ -100,39 +100,40 @@ class SlotRates:
 
 
 @dataclass(frozen=True, slots=True)
-class Peak:
+class PeakHour:
     """One of the highest hours of the week.
 
     Attributes:
-        slot: 24 weekday + hour, 0 Monday 00 to 167 Sunday 23.
-        rate, lo, hi: As of `SlotRates`.
+        weekday: 0 Monday to 6 Sunday.
+        hour: Local hour, 0 to 23.
+        value: Rate, as of `SlotRates`.
+        lo, hi: Its interval.
         n: Counted.
-        x: Exposure.
         n_weeks: Weeks that recorded it.
     """
 
-    slot: int
-    rate: float
+    weekday: int
+    hour: int
+    value: float
     lo: float
     hi: float
     n: float
-    x: float
     n_weeks: int
 
 
 @dataclass(frozen=True, slots=True)
-class Peaks:
+class PeakHours:
     """The highest hours of the week, and which cannot be told apart from the highest.
 
     Attributes:
         top: At most three hours, highest first.
-        tied: Slots, `top` among them, whose interval reaches the first one's, without the first itself.
+        tied: Weekday and hour of all others, `top` among them, whose interval reaches the first one's.
         state: "ok" when there is a first.
         reason: Why not.
     """
 
-    top: tuple[Peak, ...]
-    tied: tuple[int, ...]
+    top: tuple[PeakHour, ...]
+    tied: tuple[tuple[int, int], ...]
     state: State
     reason: Reason | None
 
@@ -298,7 +299,7 @@ def slot_rates(
     return SlotRates(rate, lo, hi, raw, counted, exposure, n_weeks, "ok", None)
 
 
-def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARSE) -> Peaks:
+def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARSE) -> PeakHours:
     """Return the highest hours of the week, and the hours that cannot be told apart from the first (M14).
 
     Args:
@@ -307,21 +308,21 @@ def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARS
         min_events: Events all hours together need.
     """
     if rates.state != "ok":
-        return Peaks((), (), rates.state, rates.reason)
+        return PeakHours((), (), rates.state, rates.reason)
     told = np.flatnonzero(~np.isnan(rates.rate))
     if (total := float(rates.n[told].sum())) < min_events:
         reason = Reason("violations.few", least=min_events, has=total)
-        return Peaks((), (), "not_enough_data", reason)
+        return PeakHours((), (), "not_enough_data", reason)
     order = told[np.lexsort((told, -rates.rate[told]))]
     top = tuple(
-        Peak(
-            int(s), float(rates.rate[s]), float(rates.lo[s]), float(rates.hi[s]),
-            float(rates.n[s]), float(rates.x[s]), int(rates.n_weeks[s]),
+        PeakHour(
+            int(s) // 24, int(s) % 24, float(rates.rate[s]), float(rates.lo[s]), float(rates.hi[s]),
+            float(rates.n[s]), int(rates.n_weeks[s]),
         )
         for s in order[:n_peaks]
     )  # fmt: skip
-    tied = tuple(int(s) for s in order[1:] if rates.hi[s] >= top[0].lo)
-    return Peaks(top, tied, "ok", None)
+    tied = tuple((int(s) // 24, int(s) % 24) for s in order[1:] if rates.hi[s] >= top[0].lo)
+    return PeakHours(top, tied, "ok", None)
 
 
 def between_hours(n: Floats, x: Floats, m: float) -> float:

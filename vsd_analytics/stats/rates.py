@@ -29,6 +29,7 @@ from vsd_analytics.stats.influence import (
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile, zero_events_limit
 
 MIN_EVENTS: Final = 5  # fewer violations get no interval from days
+HISTORY_WEEKS: Final = 5  # weeks before a period that its weekday profile may use
 MIN_HISTORY_WEEKS: Final = 4  # weekday profiles need that many weeks before the period
 SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never narrower than a Poisson count's
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from typing import Final
 
 import numpy as np
@@ -11,45 +13,36 @@ import numpy.typing as npt
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import HISTORY_WEEKS, how_often, how_risky
 
 MIN_TREND_WEEKS: Final = 3
 """Two weeks always lie on a line."""
-HISTORY_WEEKS: Final = 5  # weeks before each week that its weekday profile may use, as the report does
 
 
 @dataclass(frozen=True, slots=True)
-class WeekLevel:
+class WeekRates:
     """One week of a trend.
 
     Attributes:
-        often: How often, M0; None in a gap.
-        risky: How risky, M7; None in a gap or where exposure is unknown.
+        monday: First day.
+        often: Violations per open hour (M0); None in a gap.
+        risky: Violations per person-hour (M7); None in a gap or where exposure is unknown.
         coverage: Recorded share of the open camera-hours; None when the site was closed all week.
-        state: "ok", or why it is a gap.
+        state: "ok", or why it is a gap: a line must not be drawn across it.
         reason: Why it is a gap.
     """
 
+    monday: date
     often: RateEstimate | None
     risky: RateEstimate | None
     coverage: float | None
     state: State
     reason: Reason | None
 
-
-@dataclass(frozen=True, slots=True)
-class WeeklyTrend:
-    """Weeks in a row, oldest first.
-
-    Attributes:
-        weeks: One for each week, gaps included.
-        state: "ok" when at least three weeks are no gaps.
-        reason: Why not.
-    """
-
-    weeks: tuple[WeekLevel, ...]
-    state: State
-    reason: Reason | None
+    @property
+    def week(self) -> str:
+        """Return the ISO week: 2026-W46."""
+        return f"{self.monday:%G-W%V}"
 
 
 def weekly_trend(
@@ -59,13 +52,13 @@ def weekly_trend(
     open_h: npt.ArrayLike,
     *,
     coverage: npt.ArrayLike,
-    n_weeks: int,
+    mondays: Sequence[date],
     min_coverage: float = DEFAULTS.min_coverage,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
     min_exposure_h: float = DEFAULTS.min_exposure_h,
-) -> WeeklyTrend:
-    """Return the two headline figures of each of the last weeks, as their own reports would have told them.
+) -> tuple[WeekRates, ...]:
+    """Return the two headline figures of each of the last weeks, gaps included, as in their own reports.
 
     Each week is `how_often` and `how_risky` of its seven days, with the recorded days of the five weeks before it as
     history. A week recorded for less than `min_coverage` of its open camera-hours is a gap.
@@ -76,7 +69,7 @@ def weekly_trend(
         exposure_h: Person-hours, same shape; None = the engine sends no positions.
         open_h: Open hours of each day, shape (7 n_all_weeks,).
         coverage: Recorded share of the open camera-hours of each week, shape (n_all_weeks,); NaN = closed all week.
-        n_weeks: Weeks to tell, the last ones; those before are history only.
+        mondays: First days of the weeks wanted, the last ones; the weeks before are history only.
         min_coverage: Share of open camera-hours a week needs.
         confidence: Level of the intervals.
         min_days: Recorded days an interval needs.
@@ -92,12 +85,12 @@ def weekly_trend(
         raise ValueError(f"days must make whole weeks, cameras x days: {counts.shape}, {hours.shape}")
     n_all = counts.shape[-1] // 7
     shares = np.asarray(coverage, dtype=np.float64)
-    weeks: list[WeekLevel] = []
-    for w in range(max(n_all - n_weeks, 0), n_all):
+    weeks: list[WeekRates] = []
+    for w, monday in zip(range(n_all - len(mondays), n_all), mondays, strict=True):
         now = slice(7 * w, 7 * w + 7)
         share = None if np.isnan(shares[w]) else float(shares[w])
         if share is None or share < min_coverage or not hours[:, now].any():
-            weeks.append(WeekLevel(None, None, share, "not_enough_data", _gap(share, min_coverage)))
+            weeks.append(WeekRates(monday, None, None, share, "not_enough_data", _gap(share, min_coverage)))
             continue
         days = np.arange(7 * max(w - HISTORY_WEEKS, 0), 7 * w)
         days = days[(hours[:, days] > 0).any(axis=0) & (open_hours[now] > 0)[days % 7]]
@@ -125,12 +118,14 @@ def weekly_trend(
                 min_days=min_days,
                 min_exposure_h=min_exposure_h,
             )
-        weeks.append(WeekLevel(often, risky, share, "ok", None))
-    n_told = sum(week.state == "ok" for week in weeks)
-    if n_told < MIN_TREND_WEEKS:
-        reason = Reason("trend.weeks", least=MIN_TREND_WEEKS, has=n_told)
-        return WeeklyTrend(tuple(weeks), "not_enough_data", reason)
-    return WeeklyTrend(tuple(weeks), "ok", None)
+        weeks.append(WeekRates(monday, often, risky, share, "ok", None))
+    return tuple(weeks)
+
+
+def why_no_trend(weeks: Sequence[WeekRates]) -> Reason | None:
+    """Return why weeks make no trend: fewer than three are no gaps. None when they make one."""
+    n_recorded = sum(week.state == "ok" for week in weeks)
+    return Reason("trend.weeks", least=MIN_TREND_WEEKS, has=n_recorded) if n_recorded < MIN_TREND_WEEKS else None
 
 
 def _gap(coverage: float | None, min_coverage: float) -> Reason:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date, timedelta
 from typing import Final
 
 import numpy as np
@@ -20,27 +21,31 @@ MAX_SHOWN: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
-class UnusualSlot:
+class Unusual:
     """An hour unlike the same hour of the weeks before.
 
     Attributes:
-        slot: 24 weekday + hour, 0 Monday 00 to 167 Sunday 23.
-        n: Counted.
-        x_h: Recorded open hours it was counted in.
-        usual: Expected in so many hours.
+        day: Local date.
+        weekday: 0 Monday to 6 Sunday.
+        hour: Local hour, 0 to 23.
+        violations: Counted.
+        recorded_h: Recorded open hours, of all cameras together.
+        usual: Expected in so many hours: the median of the same hour of the weeks before.
         lo, hi: Usual range: four of five such hours lie in it.
-        p: Two-sided tail probability.
-        q: Its Benjamini-Hochberg value over the hours of the week.
+        ratio: violations / usual; None where there are usually none.
+        q: Chance value: the Benjamini-Hochberg value of its two-sided tail probability over the hours of the week.
         n_weeks: Weeks the usual comes from.
     """
 
-    slot: int
-    n: float
-    x_h: float
+    day: date
+    weekday: int
+    hour: int
+    violations: int
+    recorded_h: float
     usual: float
     lo: float
     hi: float
-    p: float
+    ratio: float | None
     q: float
     n_weeks: int
 
@@ -58,7 +63,7 @@ class UnusualSlots:
         reason: Why not.
     """
 
-    rows: tuple[UnusualSlot, ...]
+    rows: tuple[Unusual, ...]
     n_unusual: int
     n_tested: int
     n_recorded_weeks: int
@@ -70,6 +75,7 @@ def unusual_hours(
     n: npt.ArrayLike,
     x_h: npt.ArrayLike,
     *,
+    monday: date,
     before_n: npt.ArrayLike,
     before_x_h: npt.ArrayLike,
     min_weeks: int = MIN_WEEKS,
@@ -90,6 +96,7 @@ def unusual_hours(
     Args:
         n: Violations, shape (168,).
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded.
+        monday: First day of the week.
         before_n: Violations of the weeks before, shape (n_weeks, 168), oldest first.
         before_x_h: Recorded open hours of the weeks before, same shape.
         min_weeks: Recorded weeks an hour's usual count needs.
@@ -132,10 +139,19 @@ def unusual_hours(
     order = found[np.lexsort((found, p[found]))][:max_shown]
     lo, hi = (quantile(t, mean=mean, dispersion=dispersion) for t in ((1 - share) / 2, (1 + share) / 2))
     rows = tuple(
-        UnusualSlot(
-            int(s), float(counted[s]), float(hours[s]), float(expected[s]), float(lo[s]), float(hi[s]), float(p[s]),
-            float(q[s]), int(k[s]),
+        Unusual(
+            day=monday + timedelta(days=s // 24),
+            weekday=s // 24,
+            hour=s % 24,
+            violations=round(counted[s]),
+            recorded_h=float(hours[s]),
+            usual=float(expected[s]),
+            lo=float(lo[s]),
+            hi=float(hi[s]),
+            ratio=float(counted[s] / expected[s]) if expected[s] > 0 else None,
+            q=float(q[s]),
+            n_weeks=int(k[s]),
         )
-        for s in order
-    )  # fmt: skip
+        for s in order.tolist()
+    )
     return UnusualSlots(rows, len(found), int(tested.sum()), before.n_recorded, "ok", None)

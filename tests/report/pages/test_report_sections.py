@@ -9,15 +9,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from report import model_classes as m
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 from shapely import Polygon
 
 from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
 from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
-from vsd_analytics.figures.unusual import Unusual, UnusualWeek
+from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
 from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards
@@ -28,6 +28,8 @@ from vsd_analytics.site.model import Area, Fixture
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.forecast import ForecastScore
+from vsd_analytics.stats.trend import WeekRates
+from vsd_analytics.stats.unusual import Unusual
 
 NIGHT = datetime(2026, 11, 13, 2, tzinfo=sections.ROME)
 
@@ -126,8 +128,8 @@ def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_ba
     found = trend_weeks.analysis.FloorTrend(
         floor_id="ground",
         weeks=tuple(
-            trend_weeks.analysis.WeekRates(f"2026-W{n}", day, rate(count), rate(count), 1.0, "ok", None)
-            for n, day, count in ((45, monday, 3.0), (46, weeks.MONDAY, 900.0))
+            WeekRates(day, rate(count), rate(count), 1.0, "ok", None)
+            for day, count in ((monday, 3.0), (weeks.MONDAY, 900.0))
         ),
         marks=(),
         state="ok",

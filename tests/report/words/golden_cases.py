@@ -12,11 +12,11 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from report import model_classes as m
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
-from vsd_analytics.figures.week import results as m
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.headline import OFTEN, RISKY, tell
 from vsd_analytics.report.words.reasons import read_reason

@@ -1,59 +1,26 @@
-"""The catalogue of a report: its figures by id, M0 to M29, as the JSON twin gives them.
+"""The catalogue of a report: its figures by id, M0 onwards, as the JSON twin gives them.
 
-One file per family; what each figure is stands in docs/figures.md, which is made from the headers of the SQL files.
+Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. docs/figures.md
+defines them all; it is made from the headers of the SQL files. A figure with a sentence `more.M30_all` has its line
+in the report's table of further figures.
+
 Nothing in a figure tells of one person: no track ids, no count under `mask_below`, no ranking of a week recorded too
 little for one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import importlib
+import pkgutil
+from collections.abc import Mapping
 
-from vsd_analytics.figures.catalogue import (
-    change_figures,
-    count_figures,
-    hour_figures,
-    people_figures,
-    place_figures,
-    recording_figures,
-)
-from vsd_analytics.figures.catalogue.form import Asked
-from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
-from vsd_analytics.figures.week.model_recording import Coverage
-from vsd_analytics.figures.week.results import AreaRow, Figure, Level, When
+from vsd_analytics.figures.catalogue.form import MAKERS, Asked
+from vsd_analytics.figures.week.results import Figure
+
+for _file in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_file.name}")
 
 
-def figures(
-    data: WeekData,
-    found: Findings,
-    *,
-    coverage: Coverage,
-    level: Level,
-    areas: Sequence[AreaRow],
-    when: When,
-    is_ranked: bool,
-) -> Mapping[str, Figure]:
-    """Return the thirty figures of the week by catalogue id.
-
-    Args:
-        data: The week.
-        found: The answers of the analysis room.
-        coverage: Recorded hours.
-        level: Headline numbers, already without what must be held back.
-        areas: Areas, likewise.
-        when: The timetable, likewise.
-        is_ranked: The week was recorded well enough to say what is highest.
-    """
-    asked = Asked(data, found, coverage, level, areas, when, is_ranked)
-    made: dict[str, Figure] = {}
-    for family in (
-        recording_figures,
-        people_figures,
-        count_figures,
-        hour_figures,
-        place_figures,
-        change_figures,
-    ):
-        made |= family.figures(asked)
-    return dict(sorted(made.items(), key=lambda item: int(item[0][1:])))
+def figures(asked: Asked) -> Mapping[str, Figure]:
+    """Return all figures of a week by catalogue id, in its order."""
+    return {metric: MAKERS[metric](asked) for metric in sorted(MAKERS, key=lambda metric: int(metric[1:]))}

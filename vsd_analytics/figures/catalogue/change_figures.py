@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.before_after import BeforeAfterFigure
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, held_back, missing, row
+from vsd_analytics.figures.before_after import DESIGNS, BeforeAfterFigure
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing, row
 from vsd_analytics.figures.gatherings import FloorGatherings
+from vsd_analytics.figures.slots import NOTHING_OPEN
+from vsd_analytics.figures.suppression import too_few
 from vsd_analytics.figures.week.redesigns import is_held_back
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -18,35 +20,29 @@ CAUSES: Final = "crowding, layout and behaviour behind the time that pairs spend
 REDESIGNS: Final = "violations per person-hour after a change over before, beside areas that were left alone"
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M21, M22, M23 and M27."""
-    return {
-        "M21": _sizes(asked),
-        "M22": _gatherings(asked),
-        "M23": _causes(asked),
-        "M27": _redesigns(asked),
-    }
-
-
 def _own(asked: Asked) -> FloorGatherings | None:
     floor_id = asked.data.floor.floor_id
     return next((f for f in asked.found.gatherings.floors if f.floor_id == floor_id), None)
 
 
-def _sizes(asked: Asked) -> Figure:
+@figure("M21")
+def sizes(asked: Asked) -> Figure:
+    """Return how the time people spent in clusters is shared out by the size of the cluster."""
     found = _own(asked)
     if found is None or found.sizes.state != "ok":
         state = "not_enough_data" if found is None else found.sizes.state
-        return missing(SIZES, state, NOTHING if found is None else found.sizes.reason)
+        return missing(SIZES, state, NOTHING_OPEN if found is None else found.sizes.reason)
     rows = tuple(row(s, "least", "most", "share") for s in found.sizes.sizes)
     return Figure(unit=SIZES, rows=rows, denominator=found.sizes.person_s / 3600)
 
 
-def _gatherings(asked: Asked) -> Figure:
+@figure("M22")
+def gatherings(asked: Asked) -> Figure:
+    """Return gatherings per 100 recorded open hours, the longest of them as rows."""
     found = _own(asked)
     if found is None or found.n is None or found.per_100_h.rate is None:
         state = "not_enough_data" if found is None else found.per_100_h.state
-        return missing(GATHERINGS, state, NOTHING if found is None else found.per_100_h.reason)
+        return missing(GATHERINGS, state, NOTHING_OPEN if found is None else found.per_100_h.reason)
     if asked.small(found.n):
         return missing(GATHERINGS, "not_enough_data", Reason("hidden.gatherings", least=asked.below))
     rate = found.per_100_h
@@ -64,7 +60,8 @@ def _gatherings(asked: Asked) -> Figure:
     )
 
 
-def _causes(asked: Asked) -> Figure:
+@figure("M23")
+def causes(asked: Asked) -> Figure:
     """Return the three factors of the week, and how each moved since the week before."""
     found = asked.found.mixing_now
     if found.layout is None or found.behaviour is None:
@@ -114,7 +111,9 @@ def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
     return rows
 
 
-def _redesigns(asked: Asked) -> Figure:
+@figure("M27")
+def redesigns(asked: Asked) -> Figure:
+    """Return what each logged change of the floor did to its area."""
     found = asked.found.redesigns
     if not found:
         return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))
@@ -127,34 +126,31 @@ def _redesigns(asked: Asked) -> Figure:
 
 
 def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
-    effect = found.effect
-    head: Row = {
+    ratio = found.effect or found.alone
+    state, reason = found.state, found.reason
+    if state == "ok" and is_held_back(asked.data, found):
+        state, reason = "not_enough_data", too_few(asked.below)
+    elif state == "ok" and (ratio is None or ratio.theta is None):
+        state, reason = "not_enough_data", None if ratio is None else ratio.reason
+    is_told = state == "ok"
+    ratio = ratio if is_told else None
+    effect, often = (e if is_told else None for e in (found.effect, found.often))
+    shrunken = None if effect is None else effect.shrunken
+    return {
         "entry": found.number,
         "at": found.at.isoformat(),
         "area": found.area_id,
         "name": found.area_name,
-        "design": found.design,
-    }
-    ratio = effect if effect is not None else found.alone
-    state, reason = found.state, found.reason
-    if state == "ok" and is_held_back(asked.data, found):
-        state, reason, ratio = "not_enough_data", held_back("", asked.below).reason, None
-    if state == "ok" and (ratio is None or ratio.theta is None):
-        state, reason = "not_enough_data", None if ratio is None else ratio.reason
-    is_told = state == "ok" and ratio is not None
-    often = found.often if is_told else None
-    shrunken = effect.shrunken if effect is not None and is_told else None
-    return {
-        **head,
-        "ratio": ratio.theta if is_told and ratio is not None else None,
-        "lo": ratio.lo if is_told and ratio is not None else None,
-        "hi": ratio.hi if is_told and ratio is not None else None,
-        "verdict": ratio.verdict if is_told and ratio is not None else None,
-        "often_ratio": often.theta if often is not None else None,
-        "often_lo": often.lo if often is not None else None,
-        "often_hi": often.hi if often is not None else None,
-        "placebo_lo": effect.placebo_lo if effect is not None and is_told else None,
-        "placebo_hi": effect.placebo_hi if effect is not None and is_told else None,
+        "design": DESIGNS[found.design],
+        "ratio": None if ratio is None else ratio.theta,
+        "lo": None if ratio is None else ratio.lo,
+        "hi": None if ratio is None else ratio.hi,
+        "verdict": None if ratio is None else ratio.verdict,
+        "often_ratio": None if often is None else often.theta,
+        "often_lo": None if often is None else often.lo,
+        "often_hi": None if often is None else often.hi,
+        "placebo_lo": None if effect is None else effect.placebo_lo,
+        "placebo_hi": None if effect is None else effect.placebo_hi,
         "shrunken": None if shrunken is None else shrunken.theta,
         "comparison_areas": len(found.comparison_areas),
         "is_credible": found.is_credible if is_told else None,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, held_back, missing, row
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, limits, missing, of_estimate, row
 from vsd_analytics.figures.sensitivity import ThresholdSensitivity
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 
@@ -16,21 +17,21 @@ DURATION: Final = "how long violations last"
 DISTANCE: Final = "share of person-time in violation, by distance to the nearest person"
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M0, M7 to M12 and M26."""
-    return {
-        "M0": figure("violations per open hour", asked.level.often, asked.recorded_h),
-        "M7": figure("violations per person-hour", asked.level.risky, asked.level.exposure_h),
-        "M8": _count(asked),
-        "M9": _between(asked),
-        "M10": _durations(asked),
-        "M11": _distances(asked),
-        "M12": _contacts(asked),
-        "M26": _sensitivity(asked),
-    }
+@figure("M0")
+def often(asked: Asked) -> Figure:
+    """Return violations per open hour."""
+    return of_estimate("violations per open hour", asked.level.often, asked.recorded_h)
 
 
-def _count(asked: Asked) -> Figure:
+@figure("M7")
+def risky(asked: Asked) -> Figure:
+    """Return violations per person-hour."""
+    return of_estimate("violations per person-hour", asked.level.risky, asked.level.exposure_h)
+
+
+@figure("M8")
+def count(asked: Asked) -> Figure:
+    """Return the violations counted in the hours that enter rates."""
     n = asked.level.violations
     if n is None:
         return asked.not_told(COUNT)
@@ -48,7 +49,9 @@ def _count(asked: Asked) -> Figure:
     return Figure(unit=COUNT, value=n, denominator=asked.recorded_h, rows=tuple(rows), note=note)
 
 
-def _between(asked: Asked) -> Figure:
+@figure("M9")
+def between(asked: Asked) -> Figure:
+    """Return the share of violations that are between groups, and both readings as rows."""
     found, data = asked.found.groups, asked.data
     if not asked.is_counted:
         return asked.not_told(BETWEEN)
@@ -66,18 +69,8 @@ def _between(asked: Asked) -> Figure:
         ("all", own.often, own.risky),
         ("between groups", own.often_between, own.risky_between),
     ):
-        told = asked.rate(often), asked.rate(risky)
-        rows.append(
-            {
-                "reading": reading,
-                **{
-                    f"{name}{end}": getattr(e, field)
-                    for name, e in zip(("often", "risky"), told, strict=True)
-                    for end, field in (("", "value"), ("_lo", "lo"), ("_hi", "hi"))
-                },
-                "n": often.n_events,
-            }
-        )
+        rates = {**limits("often", asked.rate(often)), **limits("risky", asked.rate(risky))}
+        rows.append({"reading": reading, **rates, "n": often.n_events})
     if not n:
         return missing(BETWEEN, "not_enough_data", Reason("violations.none"))
     known = found.accuracy
@@ -97,7 +90,9 @@ def _between(asked: Asked) -> Figure:
     )
 
 
-def _durations(asked: Asked) -> Figure:
+@figure("M10")
+def durations(asked: Asked) -> Figure:
+    """Return how long violations last: median, 90th percentile, share of 30 s and longer."""
     found = asked.found.episodes.durations
     if not asked.is_counted:
         return asked.not_told(DURATION)
@@ -124,7 +119,9 @@ def _durations(asked: Asked) -> Figure:
     return Figure(unit=DURATION, rows=tuple(rows), denominator=found.n, reason=found.reason, note=note)
 
 
-def _distances(asked: Asked) -> Figure:
+@figure("M11")
+def distances(asked: Asked) -> Figure:
+    """Return the shares of person-time in violation by distance to the nearest person."""
     found = asked.found.episodes.distances
     if found.state != "ok":
         return missing(DISTANCE, found.state, found.reason)
@@ -132,7 +129,9 @@ def _distances(asked: Asked) -> Figure:
     return Figure(unit=DISTANCE, rows=rows, denominator=found.person_s / 3600)
 
 
-def _contacts(asked: Asked) -> Figure:
+@figure("M12")
+def contacts(asked: Asked) -> Figure:
+    """Return the pairs of people too close for 15 minutes within 24 hours."""
     found = asked.found.episodes.contacts
     unit = f"pairs of people too close for {asked.data.site.settings.contact_s / 60:g} minutes within 24 hours"
     if found.n is None or found.state != "ok":
@@ -143,12 +142,14 @@ def _contacts(asked: Asked) -> Figure:
     return Figure(unit=unit, value=found.n, denominator=found.n_pairs, note=note)
 
 
-def _sensitivity(asked: Asked) -> Figure:
+@figure("M26")
+def sensitivity(asked: Asked) -> Figure:
+    """Return the share of person-time too close under each of several distances."""
     unit = "share of person-time closer to somebody than each distance"
     found: ThresholdSensitivity = asked.found.sensitivity
     legal = next((p for p in found.points if math.isclose(p.distance_m, found.distance_m)), None)
     if legal is None or legal.share is None:
-        return missing(unit, found.state, found.reason or NOTHING)
+        return missing(unit, found.state, found.reason or NOTHING_OPEN)
     note = None if found.engine is None else found.engine.note
     if found.engine is not None and asked.small(found.engine.violation_records):
         note = None

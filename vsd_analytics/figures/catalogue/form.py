@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Any, Final
 
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
@@ -20,7 +21,6 @@ from vsd_analytics.stats.estimates import RateEstimate
 
 Plain = str | float | int | bool | Reason | None
 Row = Mapping[str, Plain]
-NOTHING: Final = Reason("recorded.nothing_open")
 DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday")
 
 
@@ -79,14 +79,44 @@ class Asked:
 
     def rate(self, rate: RateEstimate | None) -> Estimate:
         """Return a rate as an estimate without what is too small to be told."""
-        none = Estimate(value=None, state="not_enough_data", reason=NOTHING)
+        none = Estimate(value=None, state="not_enough_data", reason=NOTHING_OPEN)
         return page_estimates.level(rate, below=self.below) or none
+
+
+Maker = Callable[[Asked], Figure]
+MAKERS: Final[dict[str, Maker]] = {}
+"""The functions that make the figures, by catalogue id: what `figure` was put before."""
+
+
+def figure(metric: str) -> Callable[[Maker], Maker]:
+    """Return a decorator that puts a function into the catalogue as the one that makes a figure.
+
+    Args:
+        metric: Id of the figure, that of its SQL header.
+
+    Raises:
+        ValueError: Another function makes this figure already.
+    """
+
+    def added(maker: Maker) -> Maker:
+        if metric in MAKERS:
+            raise ValueError(f"{metric} is made by {MAKERS[metric].__module__} already")
+        MAKERS[metric] = maker
+        return maker
+
+    return added
 
 
 def row(found: object, *names: str, **more: Plain) -> Row:
     """Return some attributes of a dataclass as a row; dates and instants as ISO text."""
     assert dataclasses.is_dataclass(found)
     return {name: plain(getattr(found, name)) for name in names} | more
+
+
+def limits(name: str, estimate: Estimate | None) -> Row:
+    """Return an estimate as three columns of a row: its value under a name, and both ends of its interval."""
+    e = estimate or Estimate(value=None)
+    return {name: e.value, f"{name}_lo": e.lo, f"{name}_hi": e.hi}
 
 
 def plain(value: Any) -> Plain:
@@ -96,7 +126,7 @@ def plain(value: Any) -> Plain:
 
 def missing(unit: str, state: State, reason: Reason | None) -> Figure:
     """Return a figure that cannot be given, and why."""
-    return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING)
+    return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING_OPEN)
 
 
 def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:
@@ -105,7 +135,7 @@ def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:
     return Reason("joined", reasons=found) if found else None
 
 
-def figure(
+def of_estimate(
     unit: str, estimate: Estimate, denominator: float | None, *, rows: Sequence[Row] | None = None, **more: Any
 ) -> Figure:
     """Return an estimate as a figure."""

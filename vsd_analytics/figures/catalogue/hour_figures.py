@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, joined, missing, row
+from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, figure, joined, limits, missing, row
 from vsd_analytics.figures.forecast import SeriesForecast
-from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS, PeakHours
+from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.estimates import without_figures
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
+from vsd_analytics.stats.hour_of_week import PeakHours
 
 PROFILE: Final = "violations per person-hour and per recorded open hour, and people in view, by hour of the week"
 PEAKS: Final = "highest hours of the week"
@@ -20,18 +21,9 @@ TREND: Final = "violations per open hour and per person-hour, by week"
 _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_hi")
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M13, M14, M24, M25 and M28."""
-    return {
-        "M13": _profile(asked),
-        "M14": _peaks(asked),
-        "M24": _unusual(asked),
-        "M25": _outlook(asked),
-        "M28": _trend(asked),
-    }
-
-
-def _profile(asked: Asked) -> Figure:
+@figure("M13")
+def profile(asked: Asked) -> Figure:
+    """Return rates and people in view by hour of the week."""
     found = asked.found.profile
     is_told = any(h.state == "ok" for h in found.rows)
     if not is_told:
@@ -54,7 +46,9 @@ def _hidden_slots(asked: Asked) -> set[tuple[int, int]]:
     return {(int(hours.weekday[i]), int(hours.hour[i])) for week in held for i in (*week.small, *week.others)}
 
 
-def _peaks(asked: Asked) -> Figure:
+@figure("M14")
+def peaks(asked: Asked) -> Figure:
+    """Return the highest hours of the week, and those that cannot be distinguished from the first."""
     if not asked.is_ranked:
         return asked.not_ranked(PEAKS)
     found = asked.found.profile
@@ -63,14 +57,15 @@ def _peaks(asked: Asked) -> Figure:
         rows += _ranked(asked, by, peaks)
     if not rows:
         return missing(PEAKS, found.by_burden.state, found.by_burden.reason)
-    reasons = joined([(p.unit, p.reason) for p in (found.by_burden, found.by_risk) if p.state != "ok"])
+    by_unit = ("violations per recorded open hour", found.by_burden), ("violations per person-hour", found.by_risk)
+    reasons = joined([(unit, peaks.reason) for unit, peaks in by_unit if peaks.state != "ok"])
     return Figure(unit=PEAKS, rows=tuple(rows), reason=reasons)
 
 
 def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
     rows: list[Row] = []
     hidden = _hidden_slots(asked)
-    top = [p for p in peaks.top if not asked.small(p.violations) and (p.weekday, p.hour) not in hidden]
+    top = [p for p in peaks.top if not asked.small(p.n) and (p.weekday, p.hour) not in hidden]
     for rank, hour in enumerate(top, 1):
         at: Row = {"by": by, "rank": rank, "weekday": DAYS[hour.weekday], "hour": hour.hour, "is_tied": False}
         rows.append({**at, **row(hour, "value", "lo", "hi", "n_weeks")})
@@ -81,7 +76,9 @@ def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
     return rows
 
 
-def _unusual(asked: Asked) -> Figure:
+@figure("M24")
+def unusual(asked: Asked) -> Figure:
+    """Return the hours with far more or fewer violations than usual."""
     found = asked.found.unusual
     if not asked.is_ranked:
         return asked.not_ranked(UNUSUAL)
@@ -97,7 +94,9 @@ def _unusual(asked: Asked) -> Figure:
     return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
 
 
-def _outlook(asked: Asked) -> Figure:
+@figure("M25")
+def outlook(asked: Asked) -> Figure:
+    """Return the forecast of next week by hour."""
     found = asked.found.outlook
     series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
     if not found.is_told:
@@ -125,11 +124,14 @@ def _score(one: SeriesForecast) -> Reason | None:
     return Reason("note.score_naive", **known, naive=score.wape_naive)
 
 
-def _trend(asked: Asked) -> Figure:
+@figure("M28")
+def trend(asked: Asked) -> Figure:
+    """Return both rates of each of the last weeks."""
     found = asked.found.trend
     if not found.weeks or found.state != "ok":
         return missing(TREND, found.state, found.reason)
     rows: list[Row] = []
+    zone = asked.data.site.zone
     for week in found.weeks:
         is_this = week.monday == asked.data.monday
         often, risky = asked.rate(week.often), asked.rate(week.risky)
@@ -141,14 +143,10 @@ def _trend(asked: Asked) -> Figure:
         rows.append(
             {
                 "week": week.week,
-                "often": often.value,
-                "often_lo": often.lo,
-                "often_hi": often.hi,
-                "risky": risky.value,
-                "risky_lo": risky.lo,
-                "risky_hi": risky.hi,
+                **limits("often", often),
+                **limits("risky", risky),
                 "coverage": week.coverage,
-                "n_changes": sum(m.week == week.week for m in found.marks),
+                "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in found.marks),
                 "state": week.state if often.value is not None or week.state != "ok" else "not_enough_data",
                 "reason": reason,
             }

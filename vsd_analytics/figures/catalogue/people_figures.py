@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import NOTHING, Asked, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing, of_estimate
+from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 
 EXPOSURE = "person-hours"
 MEAN = "people in view, mean over recorded open hours"
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M3, M5 and M6."""
-    return {"M3": _exposure(asked), "M5": _people(asked), "M6": _close(asked)}
-
-
-def _exposure(asked: Asked) -> Figure:
+@figure("M3")
+def exposure(asked: Asked) -> Figure:
     """Return person-hours; the interval is that of the mean number of people, over the same hours."""
     people, found = asked.level.people, asked.found.person_time
     exposure_h = found.exposure_h
@@ -35,7 +32,9 @@ def _exposure(asked: Asked) -> Figure:
     )
 
 
-def _people(asked: Asked) -> Figure:
+@figure("M5")
+def people_in_view(asked: Asked) -> Figure:
+    """Return the mean number of people in view, and the fullest quarter-hour."""
     people = asked.level.people
     if people.value is None:
         return missing(MEAN, people.state, people.reason)
@@ -65,7 +64,8 @@ def _people(asked: Asked) -> Figure:
     )
 
 
-def _close(asked: Asked) -> Figure:
+@figure("M6")
+def close(asked: Asked) -> Figure:
     """Return the share of person-time too close, of all people and between groups."""
     distance_m = asked.data.site.settings.distance_m
     unit = f"share of person-time closer than {distance_m:g} m to somebody"
@@ -74,7 +74,7 @@ def _close(asked: Asked) -> Figure:
     found = asked.found.person_time
     level = asked.rate(found.close)
     if level.value is None:
-        return missing(unit, level.state, level.reason or NOTHING)
+        return missing(unit, level.state, level.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for name, reading in (("all", found.close), ("between groups", found.close_between)):
         told = asked.rate(reading)
@@ -82,4 +82,4 @@ def _close(asked: Asked) -> Figure:
         rows.append(
             {"reading": name, "value": told.value, "lo": told.lo, "hi": told.hi, "state": state, "reason": told.reason}
         )
-    return figure(unit, level, found.close.exposure_h, rows=rows)
+    return of_estimate(unit, level, found.close.exposure_h, rows=rows)

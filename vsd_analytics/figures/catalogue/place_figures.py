@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.catalogue.form import Asked, Plain, Row, missing
+from vsd_analytics.figures.catalogue.form import Asked, Plain, Row, figure, limits, missing, row
 from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
 from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
 from vsd_analytics.figures.week.results import AreaRow, Figure
@@ -20,6 +20,7 @@ NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
 MIN_CELL_S: Final = 60.0
 """Person-seconds a square metre needs to be told: of less, it would be the way of a few people."""
 
+_OF_SPOT: Final = ("ratio", "lo", "hi", "n", "expected", "excess_per_week", "excess_lo", "excess_hi", "q")
 _NO_CELL: Final = {
     "M16": Reason("map.no_cell_seconds", least=MIN_CELL_S),
     "M17": Reason("map.no_cell_seconds", least=MIN_CELL_S),
@@ -28,14 +29,9 @@ _NO_CELL: Final = {
 }
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M15 to M20."""
-    maps = asked.found.maps
-    drawn = {m.metric: _map(asked, m) for m in (maps.exposure, maps.burden, maps.risk, maps.excess)}
-    return {"M15": _areas(asked), **drawn, "M20": _hotspots(asked)}
-
-
-def _areas(asked: Asked) -> Figure:
+@figure("M15")
+def area_rates(asked: Asked) -> Figure:
+    """Return both rates of each area, most violations first."""
     data = asked.data
     if not asked.areas:
         if (reason := data.why_no_violations or data.why_no_places) is not None:
@@ -53,42 +49,37 @@ def _areas(asked: Asked) -> Figure:
         can = asked.is_ranked and area.area_id is not None and area.often.value is not None
         one["rank"] = next(ranks) if can else None
     reason = None if asked.is_ranked else asked.not_ranked(AREAS).reason
-    note = None if any(row["pulled"] is not None for row in rows) else NOT_PULLED
+    note = None if any(r["pulled"] is not None for r in rows) else NOT_PULLED
     return Figure(unit=AREAS, rows=tuple(rows), denominator=asked.recorded_h, reason=reason, note=note)
 
 
 def _pull(asked: Asked, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
     """Add each area's rate per person-hour pulled towards the mean of all, and what it has above the floor's rate."""
     known = [
-        (row, area.risky, area.exposure_h)
-        for row, area in zip(rows, areas, strict=True)
+        (one, area.risky, area.exposure_h)
+        for one, area in zip(rows, areas, strict=True)
         if area.area_id is not None and area.risky is not None and area.risky.value and area.risky.lo and area.risky.hi
     ]
-    limits = ([getattr(risky, name) for _, risky, _ in known] for name in ("value", "lo", "hi"))
-    pulled = pull(*limits, confidence=asked.data.site.settings.confidence) if asked.is_ranked else None
+    ends = ([getattr(risky, name) for _, risky, _ in known] for name in ("value", "lo", "hi"))
+    pulled = pull(*ends, confidence=asked.data.site.settings.confidence) if asked.is_ranked else None
     floor = asked.level.risky.value
-    for row in rows:
-        row |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
-    for (row, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
-        row |= {"pulled": found.rate, "pulled_lo": found.lo, "pulled_hi": found.hi}
+    for one in rows:
+        one |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
+    for (one, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
+        one |= {"pulled": found.rate, "pulled_lo": found.lo, "pulled_hi": found.hi}
         if floor is not None and exposure_h is not None:
-            row["excess_per_week"] = (found.rate - floor) * exposure_h
+            one["excess_per_week"] = (found.rate - floor) * exposure_h
 
 
 def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
-    often, risky = area.often, area.risky
-    is_told = often.value is not None
+    often = area.often
     return {
         "area": area.area_id,
         "name": area.name,
-        "often": often.value,
-        "often_lo": often.lo,
-        "often_hi": often.hi,
-        "risky": None if risky is None else risky.value,
-        "risky_lo": None if risky is None else risky.lo,
-        "risky_hi": None if risky is None else risky.hi,
+        **limits("often", often),
+        **limits("risky", area.risky),
         "verdict": often.verdict,
-        "share": area.share if is_told else None,
+        "share": area.share if often.value is not None else None,
         "exposure_h": area.exposure_h,
         "state": often.state,
         "reason": often.reason,
@@ -96,7 +87,31 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
     }
 
 
-def _map(asked: Asked, found: CellMap) -> Figure:
+@figure("M16")
+def exposure(asked: Asked) -> Figure:
+    """Return where people are."""
+    return _map(asked.found.maps.exposure)
+
+
+@figure("M17")
+def burden(asked: Asked) -> Figure:
+    """Return where people are too close."""
+    return _map(asked.found.maps.burden)
+
+
+@figure("M18")
+def risk(asked: Asked) -> Figure:
+    """Return the share of person-time in violation, place by place."""
+    return _map(asked.found.maps.risk)
+
+
+@figure("M19")
+def excess(asked: Asked) -> Figure:
+    """Return where people are closer than chance makes them."""
+    return _map(asked.found.maps.excess)
+
+
+def _map(found: CellMap) -> Figure:
     """Return a map as a row for each square metre on which people spent a minute or more."""
     if found.grid is None or found.values is None or found.exposure_h is None:
         return missing(found.unit, found.state, found.reason)
@@ -119,7 +134,9 @@ def _map(asked: Asked, found: CellMap) -> Figure:
     return Figure(unit=found.unit, rows=tuple(rows), denominator=found.denominator, note=note)
 
 
-def _hotspots(asked: Asked) -> Figure:
+@figure("M20")
+def spots(asked: Asked) -> Figure:
+    """Return the hotspots of the floor, and those that are gone."""
     if not asked.is_ranked:
         return asked.not_ranked(SPOTS)
     found = asked.found.hotspots
@@ -131,44 +148,20 @@ def _hotspots(asked: Asked) -> Figure:
 
 
 def _spot(asked: Asked, spot: FloorSpot) -> Row:
-    is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
-    told: Row = {
-        "ratio": spot.ratio,
-        "lo": spot.lo,
-        "hi": spot.hi,
-        "n": spot.n,
-        "expected": spot.expected,
-        "excess_per_week": spot.excess_per_week,
-        "excess_lo": spot.excess_lo,
-        "excess_hi": spot.excess_hi,
-        "q": spot.q,
-    }
-    return {
-        "number": spot.number,
-        "spot_id": spot.spot_id,
-        "state": spot.state,
-        "since": spot.since.isoformat(),
-        "place": spot.place.name,
-        "area": spot.place.area_id,
-        "x_m": spot.place.x_m,
-        "y_m": spot.place.y_m,
-        "area_m2": spot.place.area_m2,
-        **(told if is_told else dict.fromkeys(told)),
-    }
+    return {**row(spot, "number", "state", "since"), **_figures_of(asked, spot, _OF_SPOT)}
 
 
 def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
+    unknown = dict.fromkeys(("number", "since", *_OF_SPOT))
+    return {**unknown, "state": "resolved", **_figures_of(asked, spot, ("ratio", "lo", "hi", "n"))}
+
+
+def _figures_of(asked: Asked, spot: FloorSpot | ResolvedSpot, names: Sequence[str]) -> Row:
+    """Return where a spot is, and its figures unless they would tell a small count."""
     is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
-    none = dict.fromkeys(("number", "since", "expected", "excess_per_week", "excess_lo", "excess_hi", "q"))
-    told = {"ratio": spot.ratio, "lo": spot.lo, "hi": spot.hi, "n": spot.n}
+    at = {"spot_id": spot.spot_id, "place": spot.place.name, "area": spot.place.area_id}
     return {
-        **none,
-        "spot_id": spot.spot_id,
-        "state": "resolved",
-        "place": spot.place.name,
-        "area": spot.place.area_id,
-        "x_m": spot.place.x_m,
-        "y_m": spot.place.y_m,
-        "area_m2": spot.place.area_m2,
-        **(told if is_told else dict.fromkeys(told)),
+        **at,
+        **row(spot.place, "x_m", "y_m", "area_m2"),
+        **(row(spot, *names) if is_told else dict.fromkeys(names)),
     }

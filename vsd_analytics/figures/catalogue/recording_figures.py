@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, missing
-from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 
@@ -11,24 +10,19 @@ TRACKS = "track ids, one of a camera and site day each; not visitors"
 QUALITY = "how good the records are"
 
 
-def figures(asked: Asked) -> dict[str, Figure]:
-    """Return M1, M2, M4 and M29."""
-    return {
-        "M1": _coverage(asked.coverage),
-        "M2": _outages(asked.coverage, least_s=asked.data.site.settings.outage_min_s),
-        "M4": _tracks(asked),
-        "M29": Figure(unit=QUALITY, rows=tuple(_quality(asked))),
-    }
-
-
-def _coverage(coverage: Coverage) -> Figure:
+@figure("M1")
+def coverage(asked: Asked) -> Figure:
+    """Return the recorded share of open camera-hours."""
+    found = asked.coverage
     unit = "share of open camera-hours"
-    if not coverage.scheduled_h:
+    if not found.scheduled_h:
         return missing(unit, "not_enough_data", Reason("site.closed"))
-    return Figure(unit=unit, value=coverage.share, denominator=coverage.scheduled_h)
+    return Figure(unit=unit, value=found.share, denominator=found.scheduled_h)
 
 
-def _outages(coverage: Coverage, *, least_s: float) -> Figure:
+@figure("M2")
+def outages(asked: Asked) -> Figure:
+    """Return the outages of the week."""
     rows = tuple(
         {
             "cameras": ", ".join(o.camera_ids),
@@ -37,12 +31,15 @@ def _outages(coverage: Coverage, *, least_s: float) -> Figure:
             "open_h": o.open_h,
             "is_inferred": o.is_inferred,
         }
-        for o in coverage.outages
+        for o in asked.coverage.outages
     )
+    least_s = asked.data.site.settings.outage_min_s
     return Figure(unit=f"outages of {least_s / 60:g} minutes or more", rows=rows)
 
 
-def _tracks(asked: Asked) -> Figure:
+@figure("M4")
+def tracks(asked: Asked) -> Figure:
+    """Return the number of track ids."""
     found = asked.found.episodes.tracks
     if found.n is None:
         return missing(TRACKS, found.state, found.reason)
@@ -51,7 +48,8 @@ def _tracks(asked: Asked) -> Figure:
     return Figure(unit=TRACKS, value=found.n, denominator=found.n_records)
 
 
-def _quality(asked: Asked) -> list[Row]:
+@figure("M29")
+def quality(asked: Asked) -> Figure:
     """Return one row for each thing that is known of the records, missing ones with their reason."""
     data, coverage = asked.data, asked.coverage
     tracks = asked.found.episodes.tracks
@@ -78,7 +76,7 @@ def _quality(asked: Asked) -> list[Row]:
         _row("messages that never arrived", coverage.missing_messages, "messages", Reason("engine.no_numbers")),
         _row("gaps these are in", coverage.message_gaps, "gaps", None),
         _row("recorded time is concluded from silences", coverage.is_inferred, "yes or no", None),
-        _row("cameras calibrated anew since the week before", len(data.recalibrated), "cameras", None),
+        _row("cameras calibrated anew since the week before", len(data.pair.recalibrated), "cameras", None),
         _row("purged hours computed by other rules", len(data.warehouse.other_rules()), "stretches", None),
         _row(
             "frame intervals in the week",
@@ -87,7 +85,7 @@ def _quality(asked: Asked) -> list[Row]:
             Reason("recorded.nothing"),
         ),
     ]
-    return rows
+    return Figure(unit=QUALITY, rows=tuple(rows))
 
 
 def _row(what: str, value: float | str | bool | None, unit: str, reason: Reason | None) -> Row:

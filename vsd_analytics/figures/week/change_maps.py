@@ -11,7 +11,7 @@ import shapely
 from vsd_analytics.figures.panels import Array, Flags
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.density import Density, FloorGrid
+from vsd_analytics.figures.week.density import Density, FloorGrid, without_patches
 from vsd_analytics.figures.week.floor_maps import floor_extent
 from vsd_analytics.figures.week.model_map import ChangedPlace, ChangeMaps
 from vsd_analytics.figures.week.results import AreaRow
@@ -57,16 +57,12 @@ def change_maps(data: WeekData, *, areas: Sequence[AreaRow]) -> ChangeMaps | Non
 
 def _without_small(rise: Array, before: Density, now: Density, *, below: int, cell_m: float) -> Array:
     """Return a rise without specks and patches behind which either week has too few violations to print."""
-    from scipy.ndimage import label
 
-    patches, n_patches = label(rise >= STEPS[0])
-    kept = rise.copy()
-    for k in range(1, n_patches + 1):
-        own = patches == k
+    def is_left_out(own: Flags) -> bool:
         is_speck = own.sum() * cell_m**2 < SMALLEST_M2
-        if is_speck or any(is_small(week.near(own), below=below) for week in (before, now)):
-            kept[own] = 0.0
-    return kept
+        return bool(is_speck) or any(is_small(week.near(own), below=below) for week in (before, now))
+
+    return without_patches(rise, least=STEPS[0], is_left_out=is_left_out)
 
 
 def _places(

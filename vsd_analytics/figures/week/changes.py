@@ -14,9 +14,9 @@ from vsd_analytics.result import Reason
 
 def not_compared(data: WeekData) -> dict[str, Reason]:
     """Return why cameras are left out of the comparison though the rest of the floor is compared, by camera."""
-    if not (data.is_comparable & data.whole.cameras).any():
+    if not (data.pair.is_comparable & data.whole.cameras).any():
         return {}
-    since = {r.camera_id: data.local(r.at_ms) for r in data.recalibrated}
+    since = {r.camera_id: data.local(r.at_ms) for r in data.pair.recalibrated}
     was, is_now = (recorded_cameras(data, first) for first in (data.monday - WEEK, data.monday))
     new = {c: Reason("compare.new_camera") for c in data.ids if was and c in is_now - was}
     return new | {camera_id: Reason("compare.calibrated_at", at=at) for camera_id, at in since.items()}

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import date, timedelta
 from functools import cached_property
 
 import numpy as np
 
-from vsd_analytics.figures.comparable import Recalibration
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Period, Place, TwoPeriods
 from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
 from vsd_analytics.result import Reason
@@ -122,18 +121,3 @@ class WeekData(FloorHours):
     def why_no_places(self) -> Reason | None:
         """Return why violations cannot be placed on the floor, or None if they can."""
         return self.this.why_no_places
-
-    @property
-    def recalibrated(self) -> Sequence[Recalibration]:
-        """Return the cameras whose facts of this week and the week before were computed under several calibrations."""
-        return self.pair.recalibrated
-
-    @property
-    def is_comparable(self) -> Flags:
-        """Return which cameras may be compared with the week before, shape (n_cameras,), one at least as of `hours`."""
-        return self.pair.is_comparable
-
-    @property
-    def both_weeks_ms(self) -> tuple[int, int]:
-        """Return the start of the week before and the end of this one, UTC milliseconds."""
-        return self.pair.span_ms

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -145,18 +146,26 @@ class Density:
 
     def without_small(self) -> Array:
         """Return the values without coloured patches of floor made by fewer violations than may be printed."""
-        from scipy.ndimage import label
-
         settings = self._settings
         if self.counts.sum() >= settings.mask_below and self.values.max() < settings.heat_steps[0]:
             return self.values
-        patches, n_patches = label(self.values >= settings.heat_steps[0])
-        kept = self.values.copy()
-        for k in range(1, n_patches + 1):
-            own = patches == k
-            if is_small(self.near(own), below=settings.mask_below):
-                kept[own] = 0.0
-        return kept
+
+        def is_left_out(own: Flags) -> bool:
+            return is_small(self.near(own), below=settings.mask_below)
+
+        return without_patches(self.values, least=settings.heat_steps[0], is_left_out=is_left_out)
+
+
+def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags], bool]) -> Array:
+    """Return values with 0 in those patches of neighbouring cells of at least `least` that are to be left out."""
+    from scipy.ndimage import label
+
+    patches, n_patches = label(values >= least)
+    kept = values.copy()
+    for own in (patches == k for k in range(1, n_patches + 1)):
+        if is_left_out(own):
+            kept[own] = 0.0
+    return kept
 
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:

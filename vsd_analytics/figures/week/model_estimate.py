@@ -1,12 +1,21 @@
-"""The form of a figure with its interval and change, which every section of the report uses."""
+"""What every section of the report is made of: fields that say what they mean, and the form of a figure."""
 # ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, field
+from typing import Any
 
-from vsd_analytics.figures.week.fields import described as _f
 from vsd_analytics.result import Reason, State, Verdict
+
+
+def described(meaning: str, unit: str | None = None, metric: str | None = None, *, default: Any = MISSING) -> Any:
+    """Return a dataclass field that carries its documentation."""
+    metadata = {k: v for k, v in (("help", meaning), ("unit", unit), ("metric", metric)) if v is not None}
+    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
+
+
+_f = described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import date, datetime
 
-from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.result import Reason
 
 

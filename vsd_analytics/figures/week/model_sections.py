@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Literal
 
-from vsd_analytics.figures.week.fields import described as _f
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.result import Reason, State
+from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.result import Design, Reason, State
 
 SpotKind = Literal["tested", "busiest"]
 Sureness = Literal["high", "medium", "low"]
-RedesignDesign = Literal["beside", "alone"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +151,7 @@ class Redesign:
     at: datetime = _f("Instant in the site's zone.")
     text: str = _f("Free text.")
     area_name: str = _f("Area looked at; free text.")
-    design: RedesignDesign = _f("Beside areas that were left alone, or the area by itself.")
+    design: Design = _f("Beside areas that were left alone, or the area by itself.")
     is_credible: bool = _f("False: something speaks against the comparison, see `doubts`.")
     n_weeks: int | None = _f("Whole weeks on either side.", "weeks", default=None)
     before: tuple[date, date] | None = _f("First and last day of the weeks before.", default=None)

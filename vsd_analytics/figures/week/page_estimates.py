@@ -2,40 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.result import Reason, State, Verdict
-from vsd_analytics.stats.estimates import RateEstimate
-
-
-class Ratio(Protocol):
-    """Any ratio of after to before: `ChangeEstimate`, `BeforeAfter`."""
-
-    @property
-    def theta(self) -> float | None:
-        """The ratio."""
-
-    @property
-    def lo(self) -> float | None:
-        """Lower limit."""
-
-    @property
-    def hi(self) -> float | None:
-        """Upper limit."""
-
-    @property
-    def verdict(self) -> Verdict:
-        """What it says."""
-
-    @property
-    def state(self) -> State:
-        """Whether it can be given."""
-
-    @property
-    def reason(self) -> Reason | None:
-        """Why not."""
+from vsd_analytics.result import State
+from vsd_analytics.stats.before_after import BeforeAfter
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 
 
 def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
@@ -54,7 +25,7 @@ def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
     return Estimate(value=rate.rate, lo=rate.lo, hi=rate.hi, reason=rate.reason if rate.lo is None else None)
 
 
-def change(ratio: Ratio) -> Estimate:
+def change(ratio: ChangeEstimate | BeforeAfter) -> Estimate:
     """Return a ratio as an estimate that has a change and no level."""
     if ratio.theta is None:
         return Estimate(value=None, verdict="too_little_data", state=_missing(ratio.state), reason=ratio.reason)

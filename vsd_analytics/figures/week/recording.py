@@ -8,12 +8,12 @@ from itertools import groupby
 import numpy as np
 import shapely
 
-from vsd_analytics.figures.comparable import HOUR_MS
 from vsd_analytics.figures.panels import WEEK, Ints
 from vsd_analytics.figures.week.changes import not_compared
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_recording import CameraDay, CameraRecord, Coverage, Outage
 from vsd_analytics.geometry import camera_views
+from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.provenance import last_records
 
 

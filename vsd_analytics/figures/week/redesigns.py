@@ -61,7 +61,7 @@ def _redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
         at=found.at.astimezone(data.site.zone),
         text=found.text,
         area_name=found.area_name,
-        design="beside" if found.design == "comparison areas" else "alone",
+        design=found.design,
         is_credible=found.is_credible and found.state == "ok",
         n_weeks=None if windows is None else windows.n_weeks,
         before=None if windows is None else windows.before,

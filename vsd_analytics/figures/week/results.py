@@ -5,124 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import date, datetime
-from typing import Any, Literal
+from datetime import date, datetime, timedelta
+from typing import Any, Literal, Self
 
-from vsd_analytics.figures.week.fields import described as _f
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_map import (
-    ChangedPlace,
-    ChangeMaps,
-    Extent,
-    FixtureKind,
-    FloorMap,
-    Footsteps,
-    MapArea,
-    MapBand,
-    MapCamera,
-    MapFixture,
-    MapImage,
-    MapKind,
-    MapSpot,
-    MapView,
-    MapViews,
-    Point,
-    Polygon,
-    Ring,
-    SpotPicture,
-)
-from vsd_analytics.figures.week.model_recording import CameraDay, CameraRecord, Coverage, Outage
-from vsd_analytics.figures.week.model_sections import (
-    AreaReading,
-    Causes,
-    Evidence,
-    Outlook,
-    OutlookHour,
-    OutlookScore,
-    Reading,
-    Readings,
-    Redesign,
-    RedesignDesign,
-    SpotCard,
-    SpotKind,
-    Spots,
-    Sureness,
-    Trend,
-    TrendMark,
-    TrendWeek,
-    UnusualHour,
-    UnusualHours,
-    UsualHours,
-)
+from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.result import Reason, State, Verdict
-
-__all__ = [
-    "AreaReading",
-    "AreaRow",
-    "BusiestHour",
-    "BusiestSpot",
-    "CameraDay",
-    "CameraRecord",
-    "Causes",
-    "ChangeMaps",
-    "ChangedPlace",
-    "Coverage",
-    "DayMean",
-    "DistanceUnit",
-    "Estimate",
-    "Evidence",
-    "Extent",
-    "Figure",
-    "FixtureKind",
-    "FloorMap",
-    "Footsteps",
-    "HourCell",
-    "HourMean",
-    "HourState",
-    "Level",
-    "LogKind",
-    "LogLine",
-    "MapArea",
-    "MapBand",
-    "MapCamera",
-    "MapFixture",
-    "MapImage",
-    "MapKind",
-    "MapSpot",
-    "MapView",
-    "MapViews",
-    "Outage",
-    "Outlook",
-    "OutlookHour",
-    "OutlookScore",
-    "Point",
-    "Polygon",
-    "Provenance",
-    "Reading",
-    "Readings",
-    "Redesign",
-    "RedesignDesign",
-    "Ring",
-    "Rules",
-    "SettingsChange",
-    "SiteRef",
-    "SpotCard",
-    "SpotKind",
-    "SpotPicture",
-    "Spots",
-    "State",
-    "Sureness",
-    "Trend",
-    "TrendMark",
-    "TrendWeek",
-    "UnusualHour",
-    "UnusualHours",
-    "UsualHours",
-    "Verdict",
-    "WeekRef",
-    "WeekState",
-    "When",
-]
 
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
 HourState = Literal["full", "partial", "low_data", "no_data", "closed"]
@@ -167,6 +55,13 @@ class WeekRef:
     monday: date = _f("First local day.")
     sunday: date = _f("Last local day.")
     zone: str = _f("IANA time zone of all local times.")
+
+    @classmethod
+    def of(cls, monday: date, *, zone: str) -> Self:
+        """Return the week from a Monday on."""
+        year, number, _ = monday.isocalendar()
+        iso, sunday = f"{monday:%G-W%V}", monday + timedelta(days=6)
+        return cls(iso=iso, year=year, number=number, monday=monday, sunday=sunday, zone=zone)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

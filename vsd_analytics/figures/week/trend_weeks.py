@@ -11,6 +11,7 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek
 from vsd_analytics.figures.week.results import Level
 from vsd_analytics.result import Reason
+from vsd_analytics.stats.trend import WeekRates
 
 WEEKS: Final = 10
 """Points of the chart: what its width shows legibly."""
@@ -57,7 +58,7 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
     )
 
 
-def _week(week: analysis.WeekRates, *, below: int, own: Level | None, why_hidden: Reason | None) -> TrendWeek:
+def _week(week: WeekRates, *, below: int, own: Level | None, why_hidden: Reason | None) -> TrendWeek:
     _, number, _ = week.monday.isocalendar()
     often, risky = (page_estimates.level(rate, below=below) for rate in (week.often, week.risky))
     if own is not None and week.often is not None:

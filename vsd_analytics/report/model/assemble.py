@@ -9,6 +9,7 @@ from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.figures.catalogue import figures
+from vsd_analytics.figures.catalogue.form import Asked
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
 from vsd_analytics.figures.week import areas as report_areas
@@ -28,8 +29,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
 )
 from vsd_analytics.report.model import site_changes
-from vsd_analytics.report.model.maps import with_more_maps
-from vsd_analytics.report.model.sections import with_more
+from vsd_analytics.report.model.sections import with_more, with_more_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import headline, terms
 from vsd_analytics.report.words.reasons import reason_text
@@ -115,8 +115,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             floor_name=floor.name,
             floors=tuple(f.floor_id for f in site.floors),
         ),
-        week=_week(site, data.monday),
-        previous=_week(site, data.monday - WEEK) if has_before else None,
+        week=WeekRef.of(data.monday, zone=site.timezone),
+        previous=WeekRef.of(data.monday - WEEK, zone=site.timezone) if has_before else None,
         generated_at=_made_at(data, now),
         provenance=Provenance(
             version=VERSION,
@@ -151,17 +151,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         maps=floor_maps(data, areas=areas.rows, is_ranked=is_ranked) if state != "no_data" else (),
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
         settings_change=change if state == "settings_changed" else None,
-        figures=_with_row_texts(
-            figures(
-                data,
-                found,
-                coverage=coverage,
-                level=level,
-                areas=areas.rows,
-                when=hours.when,
-                is_ranked=is_ranked,
-            )
-        ),
+        figures=_with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
 
 
@@ -215,18 +205,6 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
         violations=measured.n if is_told and is_known and data.why_no_violations is None else None,
-    )
-
-
-def _week(site: Site, monday: date) -> WeekRef:
-    year, number, _ = monday.isocalendar()
-    return WeekRef(
-        iso=f"{year}-W{number:02d}",
-        year=year,
-        number=number,
-        monday=monday,
-        sunday=monday + timedelta(days=6),
-        zone=site.timezone,
     )
 
 

@@ -1,12 +1,15 @@
-"""Fills the sections of the report beyond the week and its map from the answers of the analysis room."""
+"""Fills the sections of the report beyond the week and its map: further figures, then further maps."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from vsd_analytics.figures.week import outlook, readings, redesigns, spots, trend_weeks
+from vsd_analytics.figures.week.change_maps import change_maps
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.footsteps_and_views import footsteps, views
+from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.spot_words import with_words
 from vsd_analytics.report.model.week import WeekReport
 
@@ -45,4 +48,23 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
         readings=readings.readings(data, found.groups, level=report.level, areas=report.areas),
         spots=chosen,
         maps=spots.numbered(report.maps, chosen),
+    )
+
+
+def with_more_maps(report: WeekReport, data: WeekData) -> WeekReport:
+    """Return the report with every map that its own map, the floor's first, can carry.
+
+    Args:
+        report: The report with its map and its numbered spots.
+        data: The week.
+    """
+    floor = next((m for m in report.maps if m.kind != "picture"), None)
+    if floor is None:
+        return report
+    return replace(
+        report,
+        change_maps=change_maps(data, areas=report.areas) if report.state == "normal" else None,
+        footsteps=footsteps(data, extent=floor.extent),
+        views=views(data, extent=floor.extent, labels={c.camera_id: c.label for c in report.coverage.cameras}),
+        spot_pictures=spot_pictures(data, floor, spots=[(s.number, s.at) for s in floor.spots]),
     )

@@ -71,9 +71,9 @@ def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str,
         engines: Engines of this week.
         before: Engines of the week before.
     """
-    start, (first_ms, end_ms) = data.midnight(data.monday), data.both_weeks_ms
-    if data.recalibrated and not (data.is_comparable & data.whole.cameras).any():
-        latest = max(data.recalibrated, key=lambda r: r.at_ms)
+    start, (first_ms, end_ms) = data.midnight(data.monday), data.pair.span_ms
+    if data.pair.recalibrated and not (data.pair.is_comparable & data.whole.cameras).any():
+        latest = max(data.pair.recalibrated, key=lambda r: r.at_ms)
         change = SettingsChange(name="calibration", before=latest.before, after=latest.after)
         at = data.local(latest.at_ms)
         return _with_parts(data, replace(change, at=at)) if at >= start else change
@@ -93,7 +93,7 @@ def _other_frame_rates(data: WeekData) -> list[LogLine]:
 
     Cameras that changed alike on one day share a line.
     """
-    first_ms, end_ms = data.both_weeks_ms
+    first_ms, end_ms = data.pair.span_ms
     names = {c.camera_id: terms.camera_name(c.name) for c in data.cameras}
     alike: dict[tuple[date, str, str], list[str]] = {}
     for o in comparable.other_intervals(data.warehouse, cameras=data.cameras, first_ms=first_ms, end_ms=end_ms):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Literal
 
-from vsd_analytics.figures.week.fields import described as _f
+from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_map import (
     ChangeMaps,
     FloorMap,

@@ -7,11 +7,12 @@ import dataclasses
 import io
 import json
 import math
+from collections import ChainMap
 from typing import Any, Final
 
 import msgspec
 
-from vsd_analytics.figures.week import results
+from vsd_analytics.figures.week import model_estimate, model_map, model_recording, model_sections, results
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow, HourCell
@@ -81,8 +82,9 @@ def from_json(data: bytes) -> WeekReport:
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of the twin; each property carries its help, unit and catalogue id."""
     schema = msgspec.json.schema(WeekReport, schema_hook=reason_schema)
+    kinds = ChainMap(*(vars(m) for m in (week, results, model_estimate, model_map, model_recording, model_sections)))
     for name, definition in schema["$defs"].items():
-        kind = getattr(week if hasattr(week, name) else results, name)
+        kind = kinds[name]
         for field in dataclasses.fields(kind):
             property_ = definition["properties"][field.name]
             metadata = dict(field.metadata)

@@ -15,6 +15,7 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 
 NO_BAR = Markup("")
 SMALL_MOVE = 0.05
@@ -166,8 +167,9 @@ def causes(report: WeekReport) -> BarTable | None:
     distance = fmt.distance(report.rules.distance_m, report.rules.distance_unit)
     title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
     if found.close is None:
-        reason = (reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
-        return BarTable(title=title, sub=sub, axis=Markup(""), rows=(), notes=(say("causes.none", reason=reason),))
+        return BarTable(
+            title=title, sub=sub, axis=Markup(""), rows=(), notes=(say("causes.none", reason=_because(found.reason)),)
+        )
     parts = {
         "people": Estimate(value=None, change=found.people),
         "layout": Estimate(value=None, change=found.layout),
@@ -220,8 +222,9 @@ def outlook(report: WeekReport) -> Listed | None:
     first, last = fmt.date_short(found.monday), fmt.date_short(sunday)
     sub = say("next.sub", week=found.number, first=first, last=last)
     if not found.highest:
-        reason = (reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
-        return Listed(title="", sub="", lines=(), notes=(say("next.why", week=found.number, reason=reason),))
+        return Listed(
+            title="", sub="", lines=(), notes=(say("next.why", week=found.number, reason=_because(found.reason)),)
+        )
     lines = []
     for h in found.highest:
         hour = f"{fmt.weekday(h.day)} {fmt.hour_label(h.hour)}"
@@ -250,8 +253,7 @@ def unusual(report: WeekReport) -> Listed | None:
         return None
     sub = say("when.unusual_sub")
     if found.state != "ok":
-        reason = (reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
-        return Listed(title="", sub="", lines=(), notes=(say("when.unusual_why", reason=reason),))
+        return Listed(title="", sub="", lines=(), notes=(say("when.unusual_why", reason=_because(found.reason)),))
     lines = [
         say(
             "when.unusual_row" if r.violations is not None else "when.unusual_row_held",
@@ -275,9 +277,7 @@ def readings_note(report: WeekReport) -> str:
     if found is None:
         return ""
     if found.between is None:
-        return say(
-            "reading.none", reason=(reason_text(found.reason) or say("words.too_little_data").lower()).rstrip(".")
-        )
+        return say("reading.none", reason=_because(found.reason))
     precision, recall = fmt.percent(found.precision_lo), fmt.percent(found.recall_lo)
     if found.between_share is None:
         return say("reading.note_plain", precision=precision, recall=recall)
@@ -286,6 +286,11 @@ def readings_note(report: WeekReport) -> str:
         low, high = fmt.percent(found.between_lo), fmt.percent(found.between_hi)
         share = say("reading.share", share=share, low=low, high=high)
     return say("reading.note", share=share, precision=precision, recall=recall)
+
+
+def _because(reason: Reason | None) -> str:
+    """Return a reason as the end of a sentence, without its full stop."""
+    return (reason_text(reason) or say("words.too_little_data").lower()).rstrip(".")
 
 
 def _value(week: TrendWeek, measure: Measure) -> Estimate | None:

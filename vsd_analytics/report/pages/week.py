@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -184,10 +185,7 @@ def render_html(report: WeekReport, *, paper: str = "a4") -> str:
         report: The figures; its story is made here when it has none.
         paper: a4 or letter: what the page is printed on.
     """
-    page = make_page(report, paper=paper)
-    context = {f.name: getattr(page, f.name) for f in fields(page)}
-    text = environment().get_template("week.html.j2").render(context)
-    return re.sub(r"\n\s*\n+", "\n", text)
+    return re.sub(r"\n\s*\n+", "\n", rendered("week.html.j2", make_page(report, paper=paper)))
 
 
 def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
@@ -209,7 +207,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         report=report,
         story=report.story,
         style=Markup(style),
-        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        style_hash=policy_hash(style),
         span=fmt.date_span(report.week.monday, report.week.sunday),
         shown=shown,
         contents=tuple((k, say(f"nav.{k}")) for k in _SECTIONS if k in shown),
@@ -390,6 +388,16 @@ def css_string(text: str) -> str:
     """
     safe = re.compile(r"[A-Za-z0-9 ,.\-]")
     return '"' + "".join(c if safe.match(c) else f"\\{ord(c):x} " for c in text) + '"'
+
+
+def rendered(template: str, page: Any) -> str:
+    """Return a template filled with the fields of a dataclass."""
+    return environment().get_template(template).render({f.name: getattr(page, f.name) for f in fields(page)})
+
+
+def policy_hash(text: str) -> str:
+    """Return the base64 SHA-256 by which a content security policy allows a style or script."""
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 @cache
