@@ -166,7 +166,8 @@ def test_small_counts_are_held_back(found: FloorHotspots) -> None:
     shared = hotspot_export.without_small(few, below=5, telling=frozenset())
     assert [s.number for s in shared.spots] == [1]
     assert (
-        reason_text(shared.notes[-1]) == "1 of fewer than 5 violations, or that would tell a count so small, left out"
+        reason_text(shared.notes[-1])
+        == "1 left out: they have fewer than 5 violations, or would reveal a count so small"
     )
     assert hotspot_export.as_dict(shared, with_cells=True)["cells"] == []
     assert hotspot_export.without_small(found, below=5, telling=frozenset()).n is None

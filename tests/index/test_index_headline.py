@@ -114,7 +114,7 @@ def test_lead_names_what_changed_and_what_lacks_data(floors: Callable[..., tuple
     said = text(lead(floors("fall", "same", "no_data", "too_incomplete", "absent"), many.LAST))
     assert said == (
         "Five floors at three sites. Site 1, Floor A: 14% fewer violations in an open hour (likely between 10% and 18% "
-        "fewer). No data from Site 2, Floor C. Too incomplete to compare: Site 2, Floor D. No report of this week: "
+        "fewer). No data from Site 2, Floor C. Too incomplete to compare: Site 2, Floor D. No report for this week: "
         "Site 3, Floor E."
     )
     assert terms.forbidden_in(said) == []

@@ -99,7 +99,7 @@ def recalibrated_one() -> page_model.WeekReport:
     """Return a week in which one of four cameras was calibrated anew and is left out of the comparison."""
     report = weeks.normal()
     first, *rest = report.coverage.cameras
-    apart = replace(first, not_compared=read_reason("it was calibrated anew on Wed 11 Nov, 09:00"))
+    apart = replace(first, not_compared=read_reason("it was recalibrated on Wed 11 Nov, 09:00"))
     return replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
 
 

@@ -184,7 +184,7 @@ def _unknown_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     if level.people.value is not None:
         parts.append(say("lead.in_view", people=fmt.number(level.people.value)))
     code = "" if often.reason is None else often.reason.code
-    notes = {NO_IDS.code: [say("lead.mend_ids")], NO_FLOOR.code: [say("lead.mend_floor")]}.get(code, [])
+    notes = {NO_IDS.code: [say("lead.fix_ids")], NO_FLOOR.code: [say("lead.fix_floor")]}.get(code, [])
     return [Span(text=" ".join(terms.sentence(p) for p in parts))], notes
 
 
