@@ -25,7 +25,7 @@ class Where:
         file: Path as the user gave it.
         line: 1-based line, or record number in files without lines.
         text: The offending line, shortened; control characters are replaced when shown.
-        column: 1-based column inside `text` at which the caret stands.
+        column: 1-based column inside `text` that the caret marks.
         note: Words printed behind the caret.
     """
 

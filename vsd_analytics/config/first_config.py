@@ -51,7 +51,7 @@ def write_first_config(folder: Path, *, answers: Answers) -> Site:
 
     Raises:
         UsageError: There is one already (E104), or an answer cannot be read or printed (E101).
-        ConfigError: An answer cannot stand in it; nothing is written.
+        ConfigError: An answer cannot be written to it; nothing is written.
     """
     path = folder / FILE
     if path.exists():
@@ -150,7 +150,7 @@ def render(answers: Answers) -> str:
         "# for_s = 60",
         '# area = "checkout-queue"',
     ]
-    if answers.distance_m > BY_NAME["pair_max_m"].default:  # pairs must be kept a little beyond the distance
+    if answers.distance_m > BY_NAME["pair_max_m"].default:  # pairs a little beyond the distance must be stored, too
         lines += ["", "[rule]", f"pair_max_m = {answers.distance_m + 0.5:g}"]
     text = "\n".join(lines) + "\n"
     tomllib.loads(text)  # every answer is quoted: this cannot fail

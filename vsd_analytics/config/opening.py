@@ -71,7 +71,7 @@ def parse_spans(value: Any, *, day: str) -> Spans:
 
     Args:
         value: "08:00-21:00", a list of such, or "closed" (also an empty list).
-        day: The key it stands behind, for the fix.
+        day: The key it belongs to, for the fix.
 
     Raises:
         OpeningError: Not a span, a span over midnight, or spans that overlap.

@@ -100,7 +100,7 @@ class TableReader:
         self.mistakes.add((*self.path, key), what, code=code, why=why, fix=fix, note=note)
 
     def raw(self, key: str) -> Any:
-        """Return the value as it stands, or None."""
+        """Return the value unchecked, or None."""
         self._asked.append(key)
         return self.values.get(key)
 

@@ -36,7 +36,7 @@ class Tracks:
         median_life_s: Median from first to last record; None likewise.
         n_records: Person records, the denominator.
         without_id_share: Share of them without a track id; None without records.
-        state, reason: "ok", or why tracks cannot be told.
+        state, reason: "ok", or why tracks cannot be separated.
     """
 
     n: int | None
@@ -111,7 +111,7 @@ def episode_figures(
 
 
 def _why(told: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | None:
-    """Return why distances, or with ids violations, cannot be told; None if they can."""
+    """Return why distances, or with ids violations, cannot be computed; None if they can."""
     if not told["is_recorded"]:
         return "not_enough_data", NOTHING
     if told["violation_records"] is None:

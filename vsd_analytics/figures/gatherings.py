@@ -3,7 +3,8 @@
 In one frame two people are joined when they are closer than the legal distance; a **cluster** is a connected component
 of that graph. Two clusters of at least three are joined when they share two track ids within 5 s, or two and a half
 frame intervals where that is more; a **gathering** is a connected component of that second graph that lasts 10 s. A
-cluster is single linkage: six people in a row are one cluster nine metres long, so its diameter stands beside its size.
+cluster is single linkage: six people in a row are one cluster nine metres long, so its diameter is reported with its
+size.
 
 The facts `cluster_times`, `gathering_parts` and `gathering_joins` hold them by the hour, so that they outlive records.
 Where views overlap, a cluster and a gathering belong to the camera that owns their middle.
@@ -32,7 +33,7 @@ from vsd_analytics.stats.gatherings import SizeDistribution
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 HOURS: Final = 100.0
-"""Gatherings are told per so many recorded open hours."""
+"""Gatherings are reported per so many recorded open hours."""
 N_TOP: Final = 5
 COUNTED: Final = {f"level.{name}": f"gatherings.{name}" for name in ("none_often", "events", "camera")}
 """Reasons of a rate that name violations: those of gatherings name gatherings."""
@@ -98,7 +99,7 @@ class Gatherings:
     Attributes:
         first, last: First and last local day.
         floors: One of every floor with cameras.
-        state, reason: "ok" where gatherings of any floor can be told; else why not of the first.
+        state, reason: "ok" where gatherings of any floor can be counted; else the reason of the first floor.
     """
 
     first: date

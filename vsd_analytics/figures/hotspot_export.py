@@ -66,8 +66,8 @@ def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]
 def as_geojson(found: FloorHotspots) -> dict[str, Any]:
     """Return a GeoJSON FeatureCollection (RFC 7946 but for its plane: floor metres), one feature per hotspot.
 
-    Properties are those of a row; the hotspots that are gone follow with state "resolved". The plane is told in
-    `coordinate_system`, of the collection and of each feature.
+    Properties are those of a row; the hotspots that are gone follow with state "resolved". `coordinate_system`, of the
+    collection and of each feature, names the plane.
     """
     rows = [(spot_row(s), s.place) for s in found.spots] + [(_resolved_row(r), r.place) for r in found.resolved]
     features = [

@@ -81,7 +81,7 @@ class PeakHours:
     Attributes:
         unit: Of the rates.
         top: At most three, highest first.
-        tied: Weekday and hour of all others whose interval reaches that of the first: not to be told apart from it.
+        tied: Weekday and hour of all others whose interval overlaps that of the first, so they may be as high.
         state: "ok" when there is a first.
         reason: Why not.
     """

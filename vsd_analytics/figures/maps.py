@@ -1,8 +1,8 @@
 """Maps of a floor as arrays: where people are, are close, are at risk, and are closer than chance (M16 to M19).
 
-All four are sums over the camera-hours that enter rates, cell by cell, from the mart `cell_hours`: where a person
-stands counts, so that time in violation is a part of time in view everywhere. What a camera did not record is in no
-sum and in no denominator.
+All four are sums over the camera-hours that enter rates, cell by cell, from the mart `cell_hours`. Both use the place
+of the person, so time in violation is a part of time in view everywhere. What a camera did not record is in no sum and
+in no denominator.
 """
 
 from __future__ import annotations
@@ -182,10 +182,10 @@ def excess_map(
     the sum of person-time in the cell times 1 - exp(-mu). Observed and expected are smoothed by the same Gaussian of
     1 m before they are divided; NaN where fewer than 10 person-seconds are expected.
 
-    1 is what crowd and layout explain; above it people stay together or queue, below they keep apart. With M rather
-    than the mean number of people less one, it also holds for hours with hardly anybody. Hours of the day share one map
-    over the range: the map of a single quiet hour is little else than the ways of those few themselves. Arguments as
-    for `cell_maps`.
+    1 is the value that crowd and layout explain. Above 1, people stay together or queue; below 1, they keep apart. With
+    M rather than the mean number of people less one, it also holds for hours with hardly anybody. Hours of the day
+    share one map over the range: the map of a single quiet hour is little else than the ways of those few themselves.
+    Arguments as for `cell_maps`.
     """
     return _excess(
         warehouse, floor, _load(warehouse, floor, cell_m, (first or warehouse.first, last or warehouse.last))

@@ -84,7 +84,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
 
 
 def _people(period: Period) -> RateEstimate:
-    """Return the mean number of people; person-seconds stand for events, so that rules for small counts do not bite."""
+    """Return the mean number of people. Person-seconds are used as events, so rules for small counts do not apply."""
     data, settings = period.data, period.data.site.settings
     now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
     found = how_often(

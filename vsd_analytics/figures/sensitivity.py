@@ -52,7 +52,7 @@ class ThresholdSensitivity:
         points: In order of distance.
         left_out: Cameras that recorded without giving both people and distances, throughout the range.
         engine: What the engine's stated error does; None when none is stated or nothing is counted.
-        state: "ok" when the point of the legal distance stands.
+        state: "ok" when the point of the legal distance has a value.
         reason: Why not.
     """
 
@@ -72,7 +72,7 @@ def threshold_sensitivity(
     """Return M26: violation person-hours / person-hours at 0.9, 1.0 and 1.1 times the legal distance.
 
     Sums over the mart `distances` of the range, all recorded hours, of cameras that give both people and
-    distances; each point is what the figures would say if that were the legal distance.
+    distances; each point is the figure for that distance as the legal one.
 
     Args:
         warehouse: Its days.
@@ -136,7 +136,7 @@ def threshold_sensitivity(
 
 
 def engine_effect(error: EngineError, *, violation_records: int, moved: Crossings | None) -> EngineEffect:
-    """Return what an engine's stated error does to a count of violation records, with the note to stand beside it.
+    """Return how an engine's stated error changes a count of violation records, and the note to print with it.
 
     Args:
         error: What vsd.toml states.

@@ -1,4 +1,4 @@
-"""What lies where in a week, by camera, cell and hour, with small counts put together (`planner.fives`).
+"""Counts and times of a week by camera, cell and hour, with small counts merged (`planner.rounding`).
 
 Violations lie in cells of half a metre, person-time in squares of a metre; rectangles of the page are made of whole
 squares, so that both are exact in them. Small counts are put together within an area or the rest of the floor, never
@@ -215,7 +215,9 @@ def _given(
     places: Ints | None = None,
     is_square: bool = False,
 ) -> Rows:
-    """Return rows of which none is small: neighbours in time first, then the square beside, in rows to and fro.
+    """Merge rows until none is small: first with the next row in time, then with the next square.
+
+    The order of squares runs along rows of the floor, to and fro, so that merged squares are neighbours.
 
     Args:
         keys: Camera, slot, column and row of the cell of half a metre, day, compared or not; one column per row.
@@ -224,8 +226,8 @@ def _given(
         across: Cells along a side of a square.
         below: Counts from 1 to just under this are small.
         places: Place of each cell of half a metre; small counts stay in theirs. None: one place.
-        is_square: Add up to squares; the first of `values` are tracks then, of which squares have at least as many as
-            their busiest cell, and which are not returned.
+        is_square: Add the cells up to squares. The first of `values` must be tracks; a square has at least as many as
+            its busiest cell. Tracks are not returned.
     """
     camera, slot, x, y, day, side = keys
     square_x, square_y = x // across, y // across

@@ -74,7 +74,7 @@ def panel_of(
 ) -> HourPanel:
     """Return the open hours of some days; hours that a week's report holds back are given as one sum, in one of them.
 
-    A camera that counts fewer in a place than may be given is told with the camera that counts most there.
+    A camera with too small a count in a place is merged with the camera that counts most there.
     """
     slots, hours = open_slots(data, days), data.hours
     counted = hours.is_counted[:, slots]

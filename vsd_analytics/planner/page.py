@@ -37,7 +37,7 @@ from vsd_analytics.version import VERSION
 UNIT: Final = 100
 """Units of the drawing in a metre of floor."""
 ROUGH_H: Final = 3.0
-"""Selections with fewer recorded hours are told to be rough."""
+"""Selections with fewer recorded hours are marked as rough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -159,8 +159,8 @@ def planner_pages(
         monday: First day of the week.
         before: First day of the week it is compared with; None = the one before.
         floor_id: Only this floor.
-        on_plan: Told how many hours of facts must be made first; see `build`.
-        on_hours: Told of hours made.
+        on_plan: Called with the number of fact hours to compute first; see `build`.
+        on_hours: Called after computed hours.
 
     Raises:
         StoreError: E301, nothing was ever stored.

@@ -162,7 +162,7 @@ def serve(
     three who wait, one more station opens.
 
     Args:
-        walkers: Everybody who comes, anywhere in the shop; on return they stand at their station, served.
+        walkers: Everybody who comes, anywhere in the shop; on return they are at their station, served.
         line: The line.
         draw: Source of randomness.
         service_s: Mean time of service (log-normal with coefficient of variation 0.4).

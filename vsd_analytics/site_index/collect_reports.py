@@ -1,4 +1,4 @@
-"""Puts the reports of several projects where one page can link to them, and takes in what stands there.
+"""Copies the reports of several projects to one folder, so that one page can link to them, and reads that folder.
 
 Reports that lie below the index are linked where they are; others are copied into a folder named after their project.
 Nothing is ever deleted there: a week whose records or report are gone from its project stays listed.
@@ -91,7 +91,7 @@ def gather(sources: Iterable[ReportSource], out: Path) -> Shelf:
 
     Args:
         sources: Projects.
-        out: Folder the index will stand in.
+        out: Folder of the index.
     """
     shelves = [_gathered(source, out.resolve()) for source in sources]
     return Shelf(
@@ -103,7 +103,7 @@ def write_index(out: Path, page: str) -> Path:
     """Put the page at `out/index.html`, wholly or not at all.
 
     Raises:
-        UsageError: E515, an index.html that is not ours stands there.
+        UsageError: E515, the folder has an index.html that this program did not write.
     """
     path = out / "index.html"
     if path.exists() and MARK not in path.read_bytes()[:8192]:

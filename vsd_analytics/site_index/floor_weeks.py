@@ -37,8 +37,8 @@ class FloorWeeks:
 
     Attributes:
         key: What tells it from others.
-        site_name: Display name of the site, of its latest twin.
-        name: Display name of the floor, of its latest twin.
+        site_name: Display name of the site, from its latest report.
+        name: Display name of the floor, from its latest report.
         rank: Its place among the floors of its site, as vsd.toml orders them.
         weeks: Reports with figures by Monday, in order.
     """
@@ -60,12 +60,12 @@ class FloorWeeks:
         return f"{self.site_name}, {self.name}"
 
     def twin(self, monday: date) -> Twin | None:
-        """Return the twin of a week, if there is one."""
+        """Return the report of a week, if there is one."""
         entry = self.weeks.get(monday)
         return entry.twin if entry is not None else None
 
     def window(self, monday: date) -> tuple[tuple[date, Twin | None], ...]:
-        """Return the ten weeks that end with a week, each with its twin if there is one."""
+        """Return the ten weeks that end with a week, each with its report if there is one."""
         mondays = (monday - timedelta(weeks=back) for back in reversed(range(WEEKS_SHOWN)))
         return tuple((week, self.twin(week)) for week in mondays)
 
@@ -77,7 +77,7 @@ class Catalogue:
     Attributes:
         floors: Floors in the order of projects, then of sites and of their vsd.toml.
         pages: Pages without figures, in order of week.
-        problems: Twins that say the same week of the same floor.
+        problems: JSON files of the same week of the same floor.
     """
 
     floors: tuple[FloorWeeks, ...]
@@ -103,7 +103,7 @@ class Catalogue:
 def catalogue(entries: Iterable[Entry]) -> Catalogue:
     """Return the floors and weeks of all entries.
 
-    Of two twins of one week and floor the one that was made later counts; the other is named as a problem (W514).
+    Of two JSON files of one week and floor, the later one counts; the other is reported as a problem (W514).
     """
     weeks: dict[FloorKey, dict[date, Entry]] = {}
     pages, problems = [], []

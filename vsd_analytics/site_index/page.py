@@ -1,4 +1,4 @@
-"""The index page: one HTML file with one style, no script, no request, equal bytes for equal twins."""
+"""The index page: one HTML file with one style, no script, no request, equal bytes for equal reports."""
 
 from __future__ import annotations
 

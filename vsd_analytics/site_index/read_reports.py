@@ -1,7 +1,7 @@
-"""Reads the twins in a folder of reports, and names every file that cannot be listed.
+"""Reads the JSON files in a folder of reports, and names every file that cannot be listed.
 
-A twin is hostile until it has been checked: it is small enough, a plain file, of our schema, about the week and floor
-its name says. Links are made from the names of files that exist, never from what stands in a twin.
+A JSON file is not trusted before these checks: it is small enough, a plain file, of our schema, and about the week and
+floor of its name. Links are made from the names of existing files, never from the content of a JSON file.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from vsd_analytics.report.model.week import SCHEMA, Span
 from vsd_analytics.report.words.reasons import decode_reason
 
 MAX_BYTES: Final = 20_000_000
-"""A twin is a few hundred kilobytes; what is far larger is no twin and is not read into memory."""
+"""The JSON file of a report has a few hundred kilobytes. A far larger file is something else and is not read into
+memory."""
 KINDS: Final = {".html": "report", ".pdf": "pdf", ".json": "twin"}
 STEM: Final = re.compile(r"(?P<iso>\d{4}-W\d{2})(?:-(?P<floor>[a-z0-9][a-z0-9_-]{0,62}))?")
 """Names of reports: 2026-W46, or 2026-W46-ground where a site has several floors."""
@@ -43,7 +44,7 @@ _YEARS: Final = range(1900, 2200)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """The part of a twin's `coverage` that the index shows; same names."""
+    """The part of `coverage` in the JSON file that the index shows; same names."""
 
     share: float
     seen_h: float | None = None
@@ -51,7 +52,7 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Levels:
-    """The part of a twin's `level` that the index shows; same names."""
+    """The part of `level` in the JSON file that the index shows; same names."""
 
     often: Estimate
     risky: Estimate
@@ -59,7 +60,7 @@ class Levels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """The part of a twin's `story` that the index shows; same names."""
+    """The part of `story` in the JSON file that the index shows; same names."""
 
     headline: str
     lead: tuple[Span, ...] = ()
@@ -95,7 +96,7 @@ class Entry:
     Attributes:
         project: Name of the project it is of.
         stem: Name of its files without the ending.
-        twin: Its figures; None of a page whose twin is missing.
+        twin: Its figures; None for a page without a JSON file.
         links: Address, relative to the index, by kind: report, pdf, twin, planner.
     """
 
@@ -143,7 +144,7 @@ def read_shelf(folder: Path, *, project: str, prefix: str = "") -> Shelf:
     entries = []
     for stem in stems:
         if stem not in twins and f"{stem}.html" not in names:
-            continue  # a twin that could not be read and nothing beside it: named above
+            continue  # a JSON file that could not be read, without a page: reported above
         links = {kind: prefix + quote(f"{stem}{end}") for end, kind in KINDS.items() if f"{stem}{end}" in names}
         if f"{stem}-planner.html" in names:
             links["planner"] = prefix + quote(f"{stem}-planner.html")
@@ -175,7 +176,7 @@ def monday_of(stem: str) -> date:
 
 
 def kind_of(name: str) -> str | None:
-    """Return what a file of a week is by its name: report, pdf, twin, planner, or None for any other file.
+    """Return the kind of a week's file from its name: report, pdf, twin, planner, or None for any other file.
 
     Example:
         >>> kind_of("2026-W46.html"), kind_of("2026-W46-ground.json"), kind_of("2026-W46-planner.html")

@@ -1,7 +1,7 @@
 """The sentences of the index: the headline over all floors, its lead, and one line for each earlier week.
 
-Pure functions of the twins, one branch each for what floors can amount to. Numbers of floors and sites are words, so
-that every figure on the page is a twin's.
+Pure functions of the reports, one branch for each case. Numbers of floors and sites are words, so that every figure on
+the page comes from a report.
 """
 
 from __future__ import annotations

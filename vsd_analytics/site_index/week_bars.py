@@ -57,7 +57,7 @@ def bars(window: Sequence[tuple[date, Twin | None]], *, label: str) -> Markup:
     """Draw the weeks of a row, the last one in the warm colour.
 
     Args:
-        window: Monday and twin, or None, of each week.
+        window: Monday and report, or None, of each week.
         label: What the drawing says in words.
     """
     values = [t.level.often.value or 0.0 for _, t in window if t is not None and bar_kind(t) in ("full", "rough")]

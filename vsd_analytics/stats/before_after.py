@@ -160,7 +160,7 @@ def before_after(
     Args:
         before: Whole weeks before the change; the caller leaves out the days around it.
         after: Whole weeks after it, with the same comparison areas in the same order.
-        history: Days before the change whose trend is told, with the same comparison areas; None = `before`.
+        history: Days before the change whose trend is computed, with the same comparison areas; None = `before`.
         confidence: Confidence level.
         min_days: Days each period needs, on which the changed and a comparison area were recorded.
         min_events: Violations the changed area, and the comparison areas together, need in each period.

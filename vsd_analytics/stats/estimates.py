@@ -22,7 +22,7 @@ class RateEstimate:
         n_days: Days with exposure, on any camera.
         df: Degrees of freedom of Student's t; None without an interval or where t was not used.
         log_se: Standard error of ln rate; likewise.
-        state: "ok" when the figure with its interval stands.
+        state: "ok" when the figure has a value and an interval.
         reason: Why not, or what is special.
         is_conservative: The interval is wider than it need be: differences between weekdays are in it, because
             there are not yet four weeks of history, or it reaches to the usual rate with the weekdays a camera missed.

@@ -93,7 +93,7 @@ class Chances:
 
 @dataclass(frozen=True, slots=True)
 class ForecastScore:
-    """How good a forecast was, beside the seasonal naive one, over the hours that both told and that were recorded.
+    """How good a forecast was, compared with the seasonal naive one, over the recorded hours that both predict.
 
     Attributes:
         wape: Sum of absolute errors / sum of what happened; None when nothing happened.

@@ -122,7 +122,7 @@ class Peak:
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """The highest hours of the week, and which cannot be told apart from the highest.
+    """The highest hours of the week, and the hours that may be as high as the highest.
 
     Attributes:
         top: At most three hours, highest first.
@@ -194,7 +194,7 @@ def usual(weeks: Weeks, *, is_count: bool) -> Floats:
     """Return what is usual in each slot: the median of the weeks' rates; NaN for slots never recorded, shape (168,).
 
     The median of small counts is too coarse (0 for what happens every third week): where it is under 5, and the numbers
-    are counts, the mean of the weeks stands in its place.
+    are counts, the mean of the weeks replaces it.
     """
     rate = weeks.rate
     is_known = (weeks.x_h > 0).any(axis=0)
@@ -299,7 +299,7 @@ def slot_rates(
 
 
 def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARSE) -> Peaks:
-    """Return the highest hours of the week, and the hours that cannot be told apart from the first (M14).
+    """Return the highest hours of the week, and the hours that may be as high as the first (M14).
 
     Args:
         rates: Shrunk rates: a raw rate puts the hour with least data on top.

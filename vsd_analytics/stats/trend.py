@@ -65,7 +65,7 @@ def weekly_trend(
     min_days: int = DEFAULTS.min_days,
     min_exposure_h: float = DEFAULTS.min_exposure_h,
 ) -> WeeklyTrend:
-    """Return the two headline figures of each of the last weeks, as their own reports would have told them.
+    """Return the two headline figures of each of the last weeks, as their own reports would have printed them.
 
     Each week is `how_often` and `how_risky` of its seven days, with the recorded days of the five weeks before it as
     history. A week recorded for less than `min_coverage` of its open camera-hours is a gap.

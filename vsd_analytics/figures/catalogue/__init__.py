@@ -1,6 +1,6 @@
-"""The catalogue of a report: its figures by id, M0 to M29, as the JSON twin gives them.
+"""The catalogue of a report: its figures by id, M0 to M29, as the JSON file of the report gives them.
 
-One file per family; what each figure is stands in docs/figures.md, which is made from the headers of the SQL files.
+One file per family. docs/figures.md defines each figure; it is made from the headers of the SQL files.
 Nothing in a figure tells of one person: no track ids, no count under `mask_below`, no ranking of a week recorded too
 little for one.
 """

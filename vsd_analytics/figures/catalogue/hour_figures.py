@@ -48,7 +48,7 @@ def _profile(asked: Asked) -> Figure:
 
 
 def _hidden_slots(asked: Asked) -> set[tuple[int, int]]:
-    """Return the hours of the week of which one in the profile's four weeks is held back in its own week's report."""
+    """Return the hours of the week that the report of one of the profile's four weeks hides."""
     hours, weeks = asked.data.hours, range(PROFILE_WEEKS)
     held = (asked.data.hidden_in(asked.data.monday - k * WEEK).hours for k in weeks)
     return {(int(hours.weekday[i]), int(hours.hour[i])) for week in held for i in (*week.small, *week.others)}

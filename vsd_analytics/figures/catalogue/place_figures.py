@@ -18,7 +18,7 @@ AREAS: Final = "violations per open hour and per person-hour, by area"
 SPOTS: Final = "places where a person-hour is riskier than elsewhere on the floor"
 NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
 MIN_CELL_S: Final = 60.0
-"""Person-seconds a square metre needs to be told: of less, it would be the way of a few people."""
+"""Person-seconds a square metre needs to be printed: with less, it could show the way of a few people."""
 
 _NO_CELL: Final = {
     "M16": Reason("map.no_cell_seconds", least=MIN_CELL_S),

@@ -109,7 +109,7 @@ def busiest_spot(data: WeekData, rows: Sequence[AreaRow]) -> BusiestSpot | None:
 def camera_weights(data: WeekData, place: Place) -> Mapping[str, float]:
     """Return how much of a place each camera counts, the largest part first: person-time per recorded hour, sum 1.
 
-    All loaded weeks are used, so that a camera that was down this week keeps its weight; violations stand in where
+    All loaded weeks are used, so that a camera that was down this week keeps its weight; violations are used where
     person-time is unknown.
     """
     recorded_h = data.hours.recorded_s.sum(axis=1) / 3600

@@ -17,7 +17,7 @@ from vsd_analytics.geometry import camera_views
 from vsd_analytics.site.model import Calibration, Camera
 
 MIN_TRACKS: Final = 5
-"""A cell is shown when at least this many different tracks stood in it (house plan, 7.7)."""
+"""A cell is shown when at least this many different tracks were in it."""
 SMALLEST_M2: Final = 0.01
 LABEL_M: Final = 0.8
 """A camera's label keeps this far from the edge of its view."""
@@ -63,7 +63,7 @@ def views(data: WeekData, *, extent: Extent, labels: Mapping[str, str]) -> MapVi
     """Return what each camera sees of the floor drawn, and what two or more see.
 
     Args:
-        data: The week; cameras stand as calibrated at its end.
+        data: The week; cameras have the positions of their calibration at its end.
         extent: Floor that is drawn.
         labels: Short label of each camera.
 

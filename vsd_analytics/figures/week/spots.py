@@ -229,7 +229,7 @@ def _evidence(
 
 
 def _usual(seen: _Seen, data: WeekData) -> UsualHours | None:
-    """Return the fewest hours in a row with half of the violations, and the weekday that stands out."""
+    """Return the shortest run of hours with half of the violations, and the weekday clearly above others."""
     n = len(seen.day)
     if n < max(USUAL_MIN, int(data.site.settings.mask_below)):
         return None

@@ -60,11 +60,11 @@ def week_report(
         monday: First day of the week.
         floor_id: Floor; None = the first.
         now: Instant to print as the time of making; None = the last record's.
-        on_plan: Told how many hours of facts must be made first; see `build`.
-        on_hours: Told of hours made.
+        on_plan: Called with the number of fact hours to compute first; see `build`.
+        on_hours: Called after computed hours.
 
     Returns:
-        The report with its story told; a week without data is a report too.
+        The report with its story; a week without data has a report too.
 
     Raises:
         StoreError: E301, nothing was ever stored.

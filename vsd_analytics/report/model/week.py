@@ -1,6 +1,6 @@
 """What a weekly report knows: one frozen dataclass per section, raw numbers only.
 
-`WeekReport` is the one object behind the page, its JSON twin, the CSV files and the notebook. Nothing in it is
+The page, its JSON file, the CSV files and the notebook are all made from one `WeekReport`. Nothing in it is
 formatted: numbers are floats, ints or None, instants are aware datetimes in the site's zone, names are the free text of
 `vsd.toml`. A missing number is None and its `state` says why; it is never 0.
 

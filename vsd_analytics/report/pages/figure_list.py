@@ -18,7 +18,7 @@ SHARE: Final = "share"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureRow:
-    """One figure: texts; `reason` stands instead of a value where there is none."""
+    """One figure: texts; `reason` replaces the value where there is none."""
 
     name: str
     value: str
@@ -28,7 +28,7 @@ class FigureRow:
 
 
 def more_figures(report: WeekReport) -> tuple[FigureRow, ...]:
-    """Return figures of the catalogue that stand nowhere else on the page, in its order; absent ones are left out."""
+    """Return the catalogue's figures that the page has nowhere else, in catalogue order; absent ones are left out."""
     unit = report.rules.distance_unit
     makers: dict[str, Callable[[Figure], Iterator[FigureRow]]] = {
         "M5": lambda f: _single("M5", f, say("more.people")),

@@ -23,7 +23,7 @@ SMALL_MOVE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrendPanel:
-    """One measure over the weeks: its title, what stands below it, and the drawing in two widths."""
+    """One measure over the weeks: its title, the line below it, and the drawing in two widths."""
 
     title: str
     sub: str
@@ -68,7 +68,7 @@ class TrendView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BarRow:
-    """A change with its bar: texts. A head stands above the rows of one subject: its name and a note."""
+    """A change with its bar: texts. The head above the rows of one subject: its name and a note."""
 
     name: str
     bar: Markup = NO_BAR
@@ -137,7 +137,7 @@ def trend(report: WeekReport) -> TrendView | None:
 
 
 def trend_title(report: WeekReport, measure: Measure) -> str:
-    """Return what one measure of the weeks shows: whether this week stands out of them, by its interval."""
+    """Return the title of one measure over the weeks: whether this week's interval lies outside the weeks before."""
     weeks = report.trend.weeks if report.trend is not None else ()
     now = _value(weeks[-1], measure) if weeks else None
     if now is None or now.value is None:
@@ -159,7 +159,7 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
 
 
 def causes(report: WeekReport) -> BarTable | None:
-    """Return what moved the time spent close, as one sentence with three bars; None where it is not told."""
+    """Return what moved the time spent close, as one sentence with three bars; None where it is not computed."""
     found = report.causes
     if found is None or report.previous is None or not report.level.often.value:
         return None
