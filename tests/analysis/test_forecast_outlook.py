@@ -140,7 +140,7 @@ def test_three_weeks_are_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), n_weeks=3) as warehouse:
         made, odd = forecasting.forecast(warehouse, MONDAY), unusual(warehouse, MONDAY)
     assert reason_text(made.people.reason) == "a forecast needs 4 recorded weeks, has 3"
-    assert (made.people.state, made.people.rows, made.is_told) == ("not_enough_data", (), False)
+    assert (made.people.state, made.people.rows, made.has_forecast) == ("not_enough_data", (), False)
     assert reason_text(odd.reason) == "a usual value needs 4 earlier recorded weeks, has 2"
 
 

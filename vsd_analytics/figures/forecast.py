@@ -108,7 +108,7 @@ class FloorForecast:
     gatherings: SeriesForecast
 
     @property
-    def is_told(self) -> bool:
+    def has_forecast(self) -> bool:
         """Tell whether anything is forecast."""
         return "ok" in (self.people.state, self.violations.state, self.gatherings.state)
 

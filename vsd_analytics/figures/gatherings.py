@@ -132,10 +132,10 @@ def gatherings(
         for floor in site.floors
         if floor_id in (None, floor.floor_id) and any(c.floor_id == floor.floor_id for c in site.cameras)
     )
-    told = [f for f in floors if f.n is not None]
-    if told or not floors:
-        reason = None if told else Reason("site.no_camera")
-        return Gatherings(begin, end, floors, "ok" if told else "not_enough_data", reason)
+    with_count = [f for f in floors if f.n is not None]
+    if with_count or not floors:
+        reason = None if with_count else Reason("site.no_camera")
+        return Gatherings(begin, end, floors, "ok" if with_count else "not_enough_data", reason)
     return Gatherings(begin, end, floors, floors[0].per_100_h.state, floors[0].per_100_h.reason)
 
 
@@ -152,7 +152,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
         if row["is_open"] and period.whole.cameras[camera]:
             n[camera, int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))] += 1
         if period.first <= row["local_date"] <= period.last:
-            found.append(_told(warehouse, row))
+            found.append(_gathering(warehouse, row))
     sizes = warehouse.table(_SIZES, {"floor": floor.floor_id, "first": period.first, "last": period.last})
     has_history = _is_whole(data, warehouse.first, period.first)
     rate = level_often(
@@ -172,7 +172,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
     )
 
 
-def _told(warehouse: Warehouse, row: Mapping[str, Any]) -> Gathering:
+def _gathering(warehouse: Warehouse, row: Mapping[str, Any]) -> Gathering:
     same = ("floor_id", "camera_id", "duration_s", "n_people", "person_s", "x_m", "y_m", "diameter_m", "is_open")
     return Gathering(
         day=row["local_date"],

@@ -268,11 +268,11 @@ def _excess(warehouse: Warehouse, floor: Floor, data: _CellHours) -> ExcessMap:
     if data.grid is None:
         return ExcessMap("M19", unit, None, None, None, None, data.state, data.reason, None, None, None)
     cell_m, expected_s = data.grid.cell_m, _expected_s(warehouse, floor, data)
-    is_told = np.isfinite(expected_s)
-    if not is_told.any():
+    is_together_known = np.isfinite(expected_s)
+    if not is_together_known.any():
         return ExcessMap("M19", unit, None, None, None, None, "not_enough_data", UNTOLD, None, None, None)
-    if not is_told.all():  # who was in view together is unknown there: neither observed nor expected
-        data, expected_s = data.where(is_told), expected_s[is_told]
+    if not is_together_known.all():  # who was in view together is unknown there: neither observed nor expected
+        data, expected_s = data.where(is_together_known), expected_s[is_together_known]
     observed, expected = (data.summed(v) for v in (data.violation_s, expected_s))
     near, mixed = (_smooth(v, cell_m) for v in (observed, expected))
     exposure_h = data.summed(data.exposure_s) / 3600

@@ -89,19 +89,19 @@ def threshold_sensitivity(
     settings = site.settings
     threshold_mm, reach_mm = round(settings.distance_m * 1000), round(settings.pair_max_m * 1000)
     days = {"first": first or warehouse.first, "last": last or warehouse.last}
-    told = warehouse.rows(_TOLD, {"floor": floor_id, **days})
-    used = [t for t in told if t["knows_people"] and t["knows_distances"]]
-    left_out = tuple(t["camera_id"] for t in told if t not in used)
+    inputs = warehouse.rows(_INPUTS, {"floor": floor_id, **days})
+    used = [t for t in inputs if t["knows_people"] and t["knows_distances"]]
+    left_out = tuple(t["camera_id"] for t in inputs if t not in used)
     n_records = sum(t["violation_records"] for t in used)
 
     def refused(state: State, reason: Reason) -> ThresholdSensitivity:
         points = tuple(_unknown(factor * settings.distance_m, state, reason) for factor in FACTORS)
         return ThresholdSensitivity(floor_id, settings.distance_m, None, points, left_out, None, state, reason)
 
-    if not told:
+    if not inputs:
         return refused("not_enough_data", NOTHING)
     if not used:
-        return refused("not_measurable", NO_FLOOR if any(t["knows_people"] for t in told) else NO_POSITIONS)
+        return refused("not_measurable", NO_FLOOR if any(t["knows_people"] for t in inputs) else NO_POSITIONS)
     exposure_h = sum(t["exposure_s"] for t in used) / 3600
     found = warehouse.table(_DISTANCES, {"cameras": [t["camera_id"] for t in used], **days})
     mm, n, n_sent, nearest_s = (found[name].to_numpy() for name in ("distance_mm", "n_pairs", "n_sent", "nearest_s"))
@@ -175,7 +175,7 @@ def _unknown(distance_m: float, state: State, reason: Reason) -> ThresholdPoint:
     return ThresholdPoint(round(distance_m, 6), None, None, None, state, reason)
 
 
-_TOLD = """
+_INPUTS = """
 select
     camera_id,
     bool_and(exposure_s is not null) as knows_people,

@@ -51,9 +51,6 @@ Bounds = tuple[float, float, float, float]
 VIEW_REACH_M = 30.0
 """Farthest that a camera is assumed to see, in metres from the nearest floor it sees."""
 
-RANKED_SHARE = 0.8
-"""Least share of the disc of the legal distance around a place that must be seen to rank it by risk."""
-
 DISC_SEGMENTS = 16
 """Segments of a quarter of such a disc."""
 

@@ -21,7 +21,7 @@ from vsd_analytics.figures.maps import ExcessMap, excess_map
 from vsd_analytics.figures.panels import Flags, Period, positions
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
-from vsd_analytics.planner.rounding import in_fives
+from vsd_analytics.planner.rounding import merge_small_counts
 from vsd_analytics.site.model import Area
 
 Ints = NDArray[np.int64]
@@ -199,7 +199,9 @@ def _fine(
     is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
     n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
     keys = keys[:, is_first]
-    given = in_fives(n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=below).values[0]
+    given = merge_small_counts(
+        n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=below
+    ).values[0]
     kept = np.flatnonzero(given)
     kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
     return np.stack((keys[0][kept], keys[2][kept], given[kept]))
@@ -250,7 +252,7 @@ def _given(
     of_square = _runs(of_camera, walk)
     of_day = _runs(of_square, day)
     groups = (_runs(of_day, side), of_day, of_square, of_camera, *(() if places is None else (place,)))
-    given = in_fives(summed, groups=groups, below=below).values[int(is_square) :]
+    given = merge_small_counts(summed, groups=groups, below=below).values[int(is_square) :]
     kept = np.flatnonzero(given.any(axis=0))
     kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
     return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])

@@ -30,7 +30,7 @@ class Given:
     n_dropped: Ints
 
 
-def in_fives(values: Ints, *, groups: Sequence[Ints], below: int) -> Given:
+def merge_small_counts(values: Ints, *, groups: Sequence[Ints], below: int) -> Given:
     """Return counts without any value from 1 to under `below`.
 
     A count large enough stays as it is. Small ones are summed in order; a sum large enough is put where its middle one

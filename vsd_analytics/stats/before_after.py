@@ -338,11 +338,11 @@ def _placebo(b: PeriodDays, a: PeriodDays, *, confidence: float) -> tuple[tuple[
         ]  # fmt: skip
         if all(p.n.sum() > 0 and p.comparison_n.sum() > 0 for p in fake):
             thetas.append(_ratio(fake[1]) - _ratio(fake[0]))
-    told = tuple(math.exp(t) for t in thetas)
+    changes = tuple(math.exp(t) for t in thetas)
     if len(thetas) < MIN_PLACEBO_AREAS:
-        return told, None
+        return changes, None
     n = len(thetas)
-    return told, t_quantile(n - 2, confidence=confidence) * float(np.std(thetas, ddof=1)) * math.sqrt(1 + 1 / n)
+    return changes, t_quantile(n - 2, confidence=confidence) * float(np.std(thetas, ddof=1)) * math.sqrt(1 + 1 / n)
 
 
 def _trend(b: PeriodDays, *, confidence: float) -> PriorTrend | None:

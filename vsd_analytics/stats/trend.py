@@ -126,9 +126,9 @@ def weekly_trend(
                 min_exposure_h=min_exposure_h,
             )
         weeks.append(WeekLevel(often, risky, share, "ok", None))
-    n_told = sum(week.state == "ok" for week in weeks)
-    if n_told < MIN_TREND_WEEKS:
-        reason = Reason("trend.weeks", least=MIN_TREND_WEEKS, has=n_told)
+    n_shown = sum(week.state == "ok" for week in weeks)
+    if n_shown < MIN_TREND_WEEKS:
+        reason = Reason("trend.weeks", least=MIN_TREND_WEEKS, has=n_shown)
         return WeeklyTrend(tuple(weeks), "not_enough_data", reason)
     return WeeklyTrend(tuple(weeks), "ok", None)
 

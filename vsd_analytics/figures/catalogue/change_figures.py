@@ -119,9 +119,9 @@ def _redesigns(asked: Asked) -> Figure:
     if not found:
         return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))
     rows = [_redesign(asked, one) for one in found]
-    told = [r for r in rows if r["state"] == "ok"]
-    if told:
-        return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(told))
+    computed = [r for r in rows if r["state"] == "ok"]
+    if computed:
+        return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(computed))
     state = found[-1].state if found[-1].state != "ok" else "not_enough_data"
     return Figure(unit=REDESIGNS, rows=tuple(rows), state=state, reason=found[-1].reason)
 
@@ -141,23 +141,23 @@ def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
         state, reason, ratio = "not_enough_data", held_back("", asked.below).reason, None
     if state == "ok" and (ratio is None or ratio.theta is None):
         state, reason = "not_enough_data", None if ratio is None else ratio.reason
-    is_told = state == "ok" and ratio is not None
-    often = found.often if is_told else None
-    shrunken = effect.shrunken if effect is not None and is_told else None
+    is_printed = state == "ok" and ratio is not None
+    often = found.often if is_printed else None
+    shrunken = effect.shrunken if effect is not None and is_printed else None
     return {
         **head,
-        "ratio": ratio.theta if is_told and ratio is not None else None,
-        "lo": ratio.lo if is_told and ratio is not None else None,
-        "hi": ratio.hi if is_told and ratio is not None else None,
-        "verdict": ratio.verdict if is_told and ratio is not None else None,
+        "ratio": ratio.theta if is_printed and ratio is not None else None,
+        "lo": ratio.lo if is_printed and ratio is not None else None,
+        "hi": ratio.hi if is_printed and ratio is not None else None,
+        "verdict": ratio.verdict if is_printed and ratio is not None else None,
         "often_ratio": often.theta if often is not None else None,
         "often_lo": often.lo if often is not None else None,
         "often_hi": often.hi if often is not None else None,
-        "placebo_lo": effect.placebo_lo if effect is not None and is_told else None,
-        "placebo_hi": effect.placebo_hi if effect is not None and is_told else None,
+        "placebo_lo": effect.placebo_lo if effect is not None and is_printed else None,
+        "placebo_hi": effect.placebo_hi if effect is not None and is_printed else None,
         "shrunken": None if shrunken is None else shrunken.theta,
         "comparison_areas": len(found.comparison_areas),
-        "is_credible": found.is_credible if is_told else None,
+        "is_credible": found.is_credible if is_printed else None,
         "doubts": Reason("joined", reasons=found.doubts) if found.doubts else None,
         "assumes": Reason("joined", reasons=found.assumptions) if found.assumptions else None,
         "state": state,

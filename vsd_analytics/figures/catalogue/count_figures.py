@@ -33,7 +33,7 @@ def figures(asked: Asked) -> dict[str, Figure]:
 def _count(asked: Asked) -> Figure:
     n = asked.level.violations
     if n is None:
-        return asked.not_told(COUNT)
+        return asked.not_printed(COUNT)
     data = asked.data
     n_all = data.warehouse.rows(
         "select count(*) as n from episodes inner join cameras using (camera_id) "
@@ -51,7 +51,7 @@ def _count(asked: Asked) -> Figure:
 def _between(asked: Asked) -> Figure:
     found, data = asked.found.groups, asked.data
     if not asked.is_counted:
-        return asked.not_told(BETWEEN)
+        return asked.not_printed(BETWEEN)
     own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
     if found.state != "ok" or own is None:
         here = {c.camera_id: c.lives for c in found.cameras if c.camera_id in data.ids}
@@ -66,13 +66,13 @@ def _between(asked: Asked) -> Figure:
         ("all", own.often, own.risky),
         ("between groups", own.often_between, own.risky_between),
     ):
-        told = asked.rate(often), asked.rate(risky)
+        values = asked.rate(often), asked.rate(risky)
         rows.append(
             {
                 "reading": reading,
                 **{
                     f"{name}{end}": getattr(e, field)
-                    for name, e in zip(("often", "risky"), told, strict=True)
+                    for name, e in zip(("often", "risky"), values, strict=True)
                     for end, field in (("", "value"), ("_lo", "lo"), ("_hi", "hi"))
                 },
                 "n": often.n_events,
@@ -100,7 +100,7 @@ def _between(asked: Asked) -> Figure:
 def _durations(asked: Asked) -> Figure:
     found = asked.found.episodes.durations
     if not asked.is_counted:
-        return asked.not_told(DURATION)
+        return asked.not_printed(DURATION)
     if found.median.value_s is None:
         return missing(DURATION, found.state, found.reason)
     rows: list[Row] = [
@@ -108,14 +108,14 @@ def _durations(asked: Asked) -> Figure:
         for what, q in (("median", found.median), ("90 % last at most", found.p90))
     ]
     share = found.long_share
-    is_told = not asked.small(share.n, share.of - share.n)
+    is_printed = not asked.small(share.n, share.of - share.n)
     rows.append(
         {
             "what": "30 s or longer",
             "unit": "share",
-            "value": share.value if is_told else None,
-            "lo": share.lo if is_told else None,
-            "hi": share.hi if is_told else None,
+            "value": share.value if is_printed else None,
+            "lo": share.lo if is_printed else None,
+            "hi": share.hi if is_printed else None,
         }
     )
     note = None

@@ -65,7 +65,7 @@ class Asked:
         """Return whether any of the counts is too small to print."""
         return any(n is not None and is_small(n, below=self.below) for n in counts)
 
-    def not_told(self, unit: str) -> Figure:
+    def not_printed(self, unit: str) -> Figure:
         """Return a figure of violations for a week whose violations may not be printed."""
         return missing(unit, self.level.often.state, self.level.often.reason)
 

@@ -33,8 +33,8 @@ def figures(asked: Asked) -> dict[str, Figure]:
 
 def _profile(asked: Asked) -> Figure:
     found = asked.found.profile
-    is_told = any(h.state == "ok" for h in found.rows)
-    if not is_told:
+    is_printed = any(h.state == "ok" for h in found.rows)
+    if not is_printed:
         return missing(PROFILE, found.state, found.reason)
     hidden = _hidden_slots(asked)
     rows = []
@@ -90,17 +90,17 @@ def _unusual(asked: Asked) -> Figure:
     hidden = {(c.day, c.hour) for c in asked.when.cells if c.is_masked or c.is_held_back}
     rows = []
     for hour in found.rows:
-        told = row(hour, "day", "hour", "violations", "recorded_h", "usual", "lo", "hi", "ratio", "q", "n_weeks")
+        values = row(hour, "day", "hour", "violations", "recorded_h", "usual", "lo", "hi", "ratio", "q", "n_weeks")
         if asked.small(hour.violations) or (hour.day, hour.hour) in hidden:
-            told = {**told, "violations": None, "ratio": None, "q": None}
-        rows.append({"weekday": DAYS[hour.weekday], **told})
+            values = {**values, "violations": None, "ratio": None, "q": None}
+        rows.append({"weekday": DAYS[hour.weekday], **values})
     return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
 
 
 def _outlook(asked: Asked) -> Figure:
     found = asked.found.outlook
     series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
-    if not found.is_told:
+    if not found.has_forecast:
         worst = found.people if found.people.state != "not_measurable" else found.violations
         return missing(OUTLOOK, worst.state, worst.reason)
     rows: list[Row] = []

@@ -77,7 +77,7 @@ def _pull(asked: Asked, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) 
 
 def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
     often, risky = area.often, area.risky
-    is_told = often.value is not None
+    is_printed = often.value is not None
     return {
         "area": area.area_id,
         "name": area.name,
@@ -88,7 +88,7 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
         "risky_lo": None if risky is None else risky.lo,
         "risky_hi": None if risky is None else risky.hi,
         "verdict": often.verdict,
-        "share": area.share if is_told else None,
+        "share": area.share if is_printed else None,
         "exposure_h": area.exposure_h,
         "state": often.state,
         "reason": often.reason,
@@ -100,10 +100,10 @@ def _map(asked: Asked, found: CellMap) -> Figure:
     """Return a map as a row for each square metre on which people spent a minute or more."""
     if found.grid is None or found.values is None or found.exposure_h is None:
         return missing(found.unit, found.state, found.reason)
-    is_told = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
-    if not is_told.any():
+    is_printed = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
+    if not is_printed.any():
         return missing(found.unit, "not_enough_data", _NO_CELL[found.metric])
-    at = list(zip(*np.nonzero(is_told), strict=True))
+    at = list(zip(*np.nonzero(is_printed), strict=True))
     clear = found.is_clear if isinstance(found, ExcessMap) else None
     rows: list[Row] = []
     for r, c in at:
@@ -131,8 +131,8 @@ def _hotspots(asked: Asked) -> Figure:
 
 
 def _spot(asked: Asked, spot: FloorSpot) -> Row:
-    is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
-    told: Row = {
+    is_printed = not asked.small(spot.n) and spot.spot_id not in asked.found.revealing_spots
+    values: Row = {
         "ratio": spot.ratio,
         "lo": spot.lo,
         "hi": spot.hi,
@@ -153,14 +153,14 @@ def _spot(asked: Asked, spot: FloorSpot) -> Row:
         "x_m": spot.place.x_m,
         "y_m": spot.place.y_m,
         "area_m2": spot.place.area_m2,
-        **(told if is_told else dict.fromkeys(told)),
+        **(values if is_printed else dict.fromkeys(values)),
     }
 
 
 def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
-    is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
+    is_printed = not asked.small(spot.n) and spot.spot_id not in asked.found.revealing_spots
     none = dict.fromkeys(("number", "since", "expected", "excess_per_week", "excess_lo", "excess_hi", "q"))
-    told = {"ratio": spot.ratio, "lo": spot.lo, "hi": spot.hi, "n": spot.n}
+    values = {"ratio": spot.ratio, "lo": spot.lo, "hi": spot.hi, "n": spot.n}
     return {
         **none,
         "spot_id": spot.spot_id,
@@ -170,5 +170,5 @@ def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
         "x_m": spot.place.x_m,
         "y_m": spot.place.y_m,
         "area_m2": spot.place.area_m2,
-        **(told if is_told else dict.fromkeys(told)),
+        **(values if is_printed else dict.fromkeys(values)),
     }

@@ -58,7 +58,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
             often, risky = (estimates.without_change(e, why) for e in (often, risky))
-        elif is_compared and data.is_told_by_comparing:
+        elif is_compared and data.is_revealed_by_comparing:
             often, risky = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky))
         weights = camera_weights(data, place)
         is_known = bool(data.panel(place, data.week_days).x_h.any())

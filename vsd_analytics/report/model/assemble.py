@@ -181,15 +181,15 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     often, risky = measured.often, measured.risky
-    is_told = True
+    is_printed = True
     if (why := data.hidden.why_floor) is not None:
         often, risky = (estimates.without_figures(e, why) for e in (often, risky))
-        is_told = False
+        is_printed = False
     elif is_compared and (
         is_small(measured.n_before, below=below)
         or not areas.is_before_safe
         or data.hidden_before.why_floor
-        or data.is_told_by_comparing
+        or data.is_revealed_by_comparing
     ):
         is_few = is_small(measured.n_before, below=below)
         why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
@@ -201,7 +201,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
         risky=risky,
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
-        violations=measured.n if is_told and is_known and data.why_no_violations is None else None,
+        violations=measured.n if is_printed and is_known and data.why_no_violations is None else None,
     )
 
 

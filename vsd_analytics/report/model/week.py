@@ -76,7 +76,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """The words of the page, made by rule from the figures (`headline.tell`)."""
+    """The words of the page, made by rule from the figures (`headline.story_of`)."""
 
     headline: str = _f("One sentence, at most 15 words where names allow.")
     rule: str = _f("Name of the rule that made it, such as fall/fall or no_data.")
@@ -121,4 +121,4 @@ class WeekReport:
     outlook: Outlook | None = _f("The week to come.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
-    story: Story | None = _f("Filled by `headline.tell`; None until then.", default=None)
+    story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)

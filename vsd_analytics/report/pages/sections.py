@@ -194,19 +194,19 @@ def redesigns(report: WeekReport) -> BarTable | None:
     found = report.redesigns
     if not found:
         return None
-    told = [r for r in found if r.effect is not None and r.state == "ok"]
-    limit = svg.change_limit(e for r in told for e in (r.often, r.effect) if e is not None)
-    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in told)
+    computed = [r for r in found if r.effect is not None and r.state == "ok"]
+    limit = svg.change_limit(e for r in computed for e in (r.often, r.effect) if e is not None)
+    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in computed)
     refused = [
         say("redesign.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
         for r in found
-        if r not in told
+        if r not in computed
     ]
     return BarTable(
         title=say("redesign.title"),
-        sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if told else "",
+        sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if computed else "",
         axis=svg.change_axis(limit),
-        rows=tuple(row for r in told for row in _redesign(r, limit)),
+        rows=tuple(row for r in computed for row in _redesign(r, limit)),
         notes=(*assumed, *refused),
     )
 
