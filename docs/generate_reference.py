@@ -50,8 +50,8 @@ capitals (`VSD_DISTANCE_M=1.83`) wins over both. `vsd doctor --show-config` prin
 from. A value outside its range is refused with its line.""",
         """\
 Settings marked *facts* change what is computed from the store: after such a change the next command computes the facts
-anew. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at the
-end of every report.""",
+again. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at
+the end of every report.""",
     ]
     for section in dict.fromkeys(s.section for s in SETTINGS):
         rows = [_setting(s) for s in SETTINGS if s.section == section]

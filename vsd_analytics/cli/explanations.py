@@ -180,7 +180,7 @@ The disk is full. The ballast file of the store (store/.ballast, setting ballast
 records in their place. Nothing is lost, and the next time there will be no ballast.
 Fix: free some space soon (df -h); the ballast comes back by itself when there is plenty of room.""",
     "E305": """\
-The disk can only be read. Reports and figures whose facts are fresh still work; nothing can be stored or computed anew.
+The disk can only be read. Reports and figures whose facts are fresh still work; nothing can be stored or recomputed.
 Common causes: mounted read-only on purpose (a backup), or by the system itself after the disk failed.
 Fix: dmesg shows which; then mount it for writing and run the same command again.""",
     "E306": """\
@@ -259,8 +259,8 @@ bends straight lines. Fix: look at the red arrows of the overlay picture, then m
 The new calibration is written but not used yet: vsd.toml or the camera's history names another file for the
 same time. Fix: put the line shown into vsd.toml instead of the old one, or give --from.""",
     "W404": """\
-The new calibration replaces one that held for the same time, so old records are placed anew as well. That is right when
-the old one was wrong. If the camera was moved, give the time of the move, so that both hold: --from INSTANT.""",
+The new calibration replaces one that held for the same time, so old records are placed again as well. That is right
+when the old one was wrong. If the camera was moved, give the time of the move, so that both hold: --from INSTANT.""",
     "E500": """\
 A report could not be made; the message says which part and why. Stored data are not touched.""",
     "E501": """\
@@ -287,7 +287,7 @@ Fix: upgrade this installation, or build the index with the newer one.""",
 A page among the reports has no JSON file, so the index links to it without its figures.
 vsd site build writes the JSON file itself where the records still give the very same page. They do not here.
 Common causes: data came or a setting changed since the page was written; the records are purged.
-Fix: vsd report --week WEEK --format html,json writes both anew.""",
+Fix: vsd report --week WEEK --format html,json writes both again.""",
     "W514": """\
 Two JSON files report the same week of the same floor; the one made later is listed.
 Common cause: a second floor was added to the site, so that 2026-W46.json became 2026-W46-ground.json.

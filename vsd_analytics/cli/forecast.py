@@ -1,4 +1,4 @@
-"""`vsd forecast`: the week to come hour by hour, the score of the last forecast, and unusual hours."""
+"""`vsd forecast`: the next week hour by hour, the score of the last forecast, and unusual hours."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ NO_GATHERINGS: Final = Reason("gatherings.not_counted")
 
 @dataclass(frozen=True, slots=True)
 class HourForecast:
-    """One open hour of the week to come.
+    """One open hour of the next week.
 
     Attributes:
         day: Local date.

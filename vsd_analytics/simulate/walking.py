@@ -135,7 +135,7 @@ class Walker:
             self.stand(at_s - self.now_s)
 
     def shuffle(self, place: Point, at_s: float) -> None:
-        """Move up in a line, at `at_s` or as soon as the walker stands still."""
+        """Move up in a line, at `at_s` or as soon as the walker has stopped."""
         self.stand_until(at_s)
         self._knot(place[0], place[1], 0.8)
 

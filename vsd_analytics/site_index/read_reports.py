@@ -203,7 +203,7 @@ def read_report_json(path: Path) -> IndexedReport:
             can still be listed.
     """
     if path.lstat().st_size > MAX_BYTES:
-        raise _foreign(path, why=f"it is larger than {MAX_BYTES // 1_000_000} MB; the JSON file of a report has a fraction of that")
+        raise _foreign(path, why=f"it is larger than {MAX_BYTES // 1_000_000} MB; a report has a fraction of that")
     data = path.read_bytes()
     try:
         head = msgspec.json.decode(data)

@@ -106,7 +106,7 @@ class ChangeSplit:
     """How a change in how often splits into more people and more risk per person.
 
     ln theta_often = ln theta_people + ln theta_risk + rest. The rest is 0 when every camera recorded equally long;
-    otherwise it is what the two figures' different weighting of cameras makes.
+    otherwise it comes from the different weights that the two figures give to cameras.
 
     Attributes:
         people: Change of people in view per open hour (mean number of people in view).

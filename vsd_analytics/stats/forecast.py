@@ -139,7 +139,7 @@ def forecast_week(
         n: What was counted, shape (n_weeks, 168), oldest first.
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded, which is never 0.
         is_count: True for counts of events; False for amounts such as person-hours.
-        open_h: Open hours of each slot of the week to come, shape (168,): nothing is forecast where it is 0. None = 1.
+        open_h: Open hours of each slot of the next week, shape (168,): nothing is forecast where it is 0. None = 1.
         share: Share of hours the range is to hold.
         min_weeks: Recorded weeks the forecast, and each hour of it, needs.
         max_weeks: Recorded weeks of an hour that are used at most.
@@ -190,7 +190,7 @@ def chances(
     Args:
         n: Events, shape (n_weeks, 168), oldest first.
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded.
-        open_h: Open hours of each slot of the week to come, shape (168,); None = 1.
+        open_h: Open hours of each slot of the next week, shape (168,); None = 1.
         min_weeks: Recorded weeks the forecast, and each hour of it, needs.
         max_weeks: Recorded weeks of an hour that are used at most.
 

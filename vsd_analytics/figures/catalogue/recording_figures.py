@@ -79,7 +79,7 @@ def _quality(asked: Asked) -> list[Row]:
         _row("messages that never arrived", coverage.missing_messages, "messages", Reason("engine.no_numbers")),
         _row("gaps these are in", coverage.message_gaps, "gaps", None),
         _row("recorded time is concluded from silences", coverage.is_inferred, "yes or no", None),
-        _row("cameras calibrated anew since the week before", len(data.recalibrated), "cameras", None),
+        _row("cameras recalibrated since the week before", len(data.recalibrated), "cameras", None),
         _row("purged hours computed by other rules", len(data.warehouse.other_rules()), "stretches", None),
         _row(
             "frame intervals in the week",

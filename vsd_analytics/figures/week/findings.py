@@ -74,7 +74,7 @@ class Findings:
 
     @cached_property
     def outlook(self) -> forecast.FloorForecast:
-        """The week to come, and how good the last forecast was (M25)."""
+        """The next week, and how good the last forecast was (M25)."""
         asked = self._long, self._data.monday
         found = forecast.forecast(*asked, floor_id=self._floor_id)
         if found.people.state != "ok" or self.gatherings.state != "ok":

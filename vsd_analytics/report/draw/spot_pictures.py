@@ -185,7 +185,7 @@ def own_bands(bands: Sequence[MapBand], at: Point) -> tuple[MapBand, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """How a camera shows a spot: pixels per metre at its peak, and the share of its floor that is to be seen."""
+    """How a camera shows a spot: pixels per metre at its peak, and the share of its floor that it shows."""
 
     camera: Camera
     calibration: Calibration

@@ -118,7 +118,7 @@ class WeekReport:
     redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
     causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
     trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
-    outlook: Outlook | None = _f("The week to come.", metric="M25", default=None)
+    outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)

@@ -212,7 +212,7 @@ def redesigns(report: WeekReport) -> BarTable | None:
 
 
 def outlook(report: WeekReport) -> Listed | None:
-    """Return the week to come; None where violations cannot be counted."""
+    """Return the section on the next week's forecast; None where violations cannot be counted."""
     found = report.outlook
     if found is None or report.level.often.state == "not_measurable":
         return None

@@ -121,7 +121,7 @@ class Page:
         causes: What moved the time spent close.
         redesigns: What logged changes did.
         trend: The last weeks.
-        outlook: The week to come.
+        outlook: The next week.
         log: What happened at the site.
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
