@@ -51,8 +51,8 @@ capitals (`VSD_DISTANCE_M=1.83`) wins over both. `vsd doctor --show-config` prin
 from. A value outside its range is refused with its line.""",
         """\
 Settings marked *facts* change what is computed from the store: after such a change the next command computes the facts
-anew. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at the
-end of every report.""",
+again. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at
+the end of every report.""",
         """\
 Editors that know TOML (Even Better TOML for VS Code, taplo, Zed, Helix) complete and check `vsd.toml` with its JSON
 Schema: run `vsd schema config > vsd.schema.json` in the project folder, and again after an update, and make

@@ -25,7 +25,7 @@ class Where:
         file: Path as the user gave it.
         line: 1-based line, or record number in files without lines.
         text: The offending line, shortened; control characters are replaced when shown.
-        column: 1-based column inside `text` at which the caret stands.
+        column: 1-based column inside `text` that the caret marks.
         note: Words printed behind the caret.
     """
 
@@ -140,15 +140,15 @@ def disk_error(error: BaseException, *, path: object = None) -> DiskError | None
         return None
     code, what, fix = _DISK_FAULTS[number]
     file = path if path is not None else getattr(error, "filename", None)
-    told = DiskError(
+    disk_error = DiskError(
         what,
         code=code,
         where=None if file is None else Where(os.fsdecode(file) if isinstance(file, bytes) else str(file)),
         why=f"{os.strerror(number)}: what was not acknowledged is not stored, what was acknowledged is safe",
         fix=f"{fix}, then run the same command again: nothing counts twice",
     )
-    told.errno, told.strerror = number, os.strerror(number)
-    return told
+    disk_error.errno, disk_error.strerror = number, os.strerror(number)
+    return disk_error
 
 
 class CalibrationError(VsdError, ValueError):

@@ -24,7 +24,7 @@ def _columns(*columns: tuple[str, pa.DataType, bool]) -> pa.Schema:
 
 SCHEMAS: Final[dict[TableName, pa.Schema]] = {
     # one row per camera and processed frame, also when nobody is in view (the heartbeat);
-    # n_persons and n_pairs are what the engine said: null n_pairs = this engine sends no pairs, they are derived;
+    # n_persons and n_pairs are the engine's own counts: null n_pairs = this engine sends no pairs, they are derived;
     # seq is the engine's running number, by which lost messages are found
     "frames": _columns(
         ("camera_id", pa.string(), False),
@@ -64,8 +64,8 @@ SCHEMAS: Final[dict[TableName, pa.Schema]] = {
 }
 
 # A record is counted once however often it is delivered: these expressions identify it. Records with a track id are
-# known by camera, instant and track; records without one by camera, instant and where they stand, so that the same
-# person delivered again in another file, or in another order, is recognised.
+# identified by camera, instant and track; records without one by camera, instant and place, so that the same person
+# delivered again in another file, or in another order, is recognised.
 KEYS: Final[dict[TableName, tuple[str, ...]]] = {
     "frames": ("camera_id", "ts"),
     "observations": (
@@ -92,8 +92,8 @@ KEYS: Final[dict[TableName, tuple[str, ...]]] = {
     ),
 }
 
-# What adapters hand over, before validation, unit conversion and pseudonyms: engine's own names and metres.
-# zone is the one a time without an offset was read in; null = the time said itself which instant it is.
+# The output of adapters, before validation, unit conversion and pseudonyms: engine's own names and metres.
+# zone is the one a time without an offset was read in; null = the time had an offset of its own.
 RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
     "frames": _columns(
         ("camera", pa.string(), True),

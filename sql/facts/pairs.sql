@@ -16,7 +16,7 @@
 --   x_b_mm       floor millimetres
 --   y_b_mm       floor millimetres
 --   distance_mm  whole millimetres, rounded down: strictly closer than D metres is distance_mm < 1000 D, exactly
---   weight_ms    time the frame stands for
+--   weight_ms    time that the frame represents
 --   is_owned     false where another camera counts it, because it sees the midpoint better
 --   is_derived   true when the engine sends no pairs and this one was measured here
 -- steps:

@@ -10,7 +10,7 @@
 --   n_records      person records, also those another camera counts
 --   first_ms       first of them, milliseconds since 1970, UTC
 --   last_ms        last of them
---   life_s         (last - first record) + the mean time a record stands for
+--   life_s         (last - first record) + the mean time that a record represents
 --   exposure_s     person-seconds: sum of the weights of its records
 --   n_ends         how often it ends at a known place: once, but for gaps on the hour
 --   n_goes_on      other tracks that begin there right after

@@ -10,7 +10,7 @@
 --   track_id   null when the engine does not track
 --   x_mm       floor millimetres, null when unknown
 --   y_mm       floor millimetres
---   weight_ms  time the frame stands for
+--   weight_ms  time that the frame represents
 -- assumes: every person in violation is in a cluster
 select
     f.camera_id,

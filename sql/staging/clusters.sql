@@ -11,7 +11,7 @@
 --   n_located  those with a floor position
 --   sum_x_mm   sum over these: the middle is sum_x_mm / n_located; null without any
 --   sum_y_mm   likewise
---   weight_ms  time the frame stands for
+--   weight_ms  time that the frame represents
 --   is_owned   false where another camera counts it, because it sees the middle better
 -- assumes: a cluster without a place is counted by its own camera
 with summed as (

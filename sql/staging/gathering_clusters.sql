@@ -13,7 +13,7 @@
 --   n_located    those with a floor position
 --   sum_x_mm     sum over these; null without any
 --   sum_y_mm     likewise
---   weight_ms    time the frame stands for
+--   weight_ms    time that the frame represents
 --   interval_ms  frame interval of the camera's day
 --   gap_ms       longest time back to a cluster that it continues: gathering_link_ms, at least 2.5 frame intervals
 --   square_mm2   square of the largest distance between two people of it; null without two positions

@@ -1,5 +1,5 @@
 -- name: staging/instants
--- One row per camera and instant at which its engine processed a frame, with the time that the frame stands for.
+-- One row per camera and instant at which its engine processed a frame, with the time that the frame represents.
 -- grain: camera_id, ts_ms
 -- reads: stored_frames, stored_observations, stored_pairs, camera_days
 -- params: coverage_gap_ms

@@ -106,7 +106,7 @@ def test_a_recalibration_in_the_weeks_is_refused(tmp_path: Path, day: int) -> No
     figure = found(tmp_path, rate=changed(0.6), calibrations=anew)
     assert (figure.state, figure.effect, figure.alone) == ("not_measurable", None, None)
     assert figure.reason is not None
-    assert "calibrated anew" in reason_text(figure.reason)
+    assert "recalibrated" in reason_text(figure.reason)
     same = [("cam", d, "aaaaaaaa") for d in range(N_DAYS)]
     assert found(tmp_path, rate=changed(0.6), calibrations=same).state == "ok"
 
@@ -121,7 +121,7 @@ def test_a_recalibration_of_the_areas_own_camera_is_refused_though_others_stay(t
     )
     assert (figure.state, figure.effect) == ("not_measurable", None)
     assert reason_text(figure.reason) == (
-        f"calibrated anew between before and after: cam-2 on {FIRST + timedelta(days=40)}; "
+        f"recalibrated between before and after: cam-2 on {FIRST + timedelta(days=40)}; "
         "a recalibration is not a redesign"
     )
 
@@ -163,7 +163,7 @@ def test_an_area_that_moved_already_before_is_not_credible(tmp_path: Path) -> No
     assert figure.state == "ok"
     assert not figure.is_credible
     assert reason_text(figure.doubts[0]).startswith(
-        "the comparison is not credible: before the change the area moved -"
+        "the comparison is not credible: already before the change, the area moved -"
     )
     assert figure.effect is not None, "the number is given all the same"
     assert figure.effect.trend is not None
@@ -178,7 +178,7 @@ def test_near_and_changed_areas_are_no_comparison(tmp_path: Path) -> None:
     assert figure.comparison_areas == ("aisle", "fruit", "far")
     left_out = dict(figure.areas_left_out)
     assert reason_text(left_out["near"]) == "4.0 m away, and 5 m are needed"
-    assert reason_text(left_out["door"]) == f"changed too: log of {FIRST + timedelta(days=40)}"
+    assert reason_text(left_out["door"]) == f"it changed too: see the log of {FIRST + timedelta(days=40)}"
     assert figure.is_credible
 
 

@@ -73,8 +73,8 @@ def test_only_camera_calibrated_anew_is_the_headline(tmp_path: Path) -> None:
     page = text_of(render_html(report))
     assert "A camera was calibrated anew on Thursday" in page
     assert (
-        "A camera got a new calibration on Thursday 12 November 2026, 08:00, so positions and distances are measured "
-        "anew. Figures before and after cannot be compared, so the change column is blank." in page
+        "A camera was recalibrated on Thursday 12 November 2026, 08:00, so positions and distances are measured "
+        "differently. Figures before and after cannot be compared, so the change column is empty." in page
     )
 
 
@@ -89,7 +89,7 @@ def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path
     alone = w.report(w.world(tmp_path / "alone", toml(cameras=("cam-2",)), *streams))
     assert both.state == "normal"
     assert [reason_text(c.not_compared) for c in both.coverage.cameras] == [
-        "it was calibrated anew on Thu 12 Nov, 08:00",
+        "it was recalibrated on Thu 12 Nov, 08:00",
         "",
     ]
     often, other = both.level.often, alone.level.often
@@ -98,16 +98,14 @@ def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path
     assert often.value > 1.5 * other.value, "the level is of both cameras"
     assert (often.change, often.change_lo, often.verdict) == (other.change, other.change_lo, other.verdict)
     page = text_of(render_html(both))
-    assert "using only hours recorded in both. Without Camera 1: it was calibrated anew on Thu 12 Nov, 08:00." in page
+    assert "using only hours recorded in both. Without Camera 1: it was recalibrated on Thu 12 Nov, 08:00." in page
     assert both.story is not None
     told = both.story.things[-1]
     assert (told.kind, told.title, told.target) == ("distrust", "Camera 1 is not compared", "changed")
-    assert told.text == (
-        "It was calibrated anew on Thu 12 Nov, 08:00. Changes are those of what the other cameras count."
-    )
+    assert told.text == "It was recalibrated on Thu 12 Nov, 08:00. The changes come from the other cameras."
     assert told.text in page
     assert from_json(to_json(both)).coverage.cameras[0].not_compared == Reason(
-        "text", text="it was calibrated anew on Thu 12 Nov, 08:00"
+        "text", text="it was recalibrated on Thu 12 Nov, 08:00"
     )
 
 
@@ -159,7 +157,7 @@ def test_another_frame_rate_is_reported_and_compared(tmp_path: Path) -> None:
     (line,) = [line for line in report.log if line.kind == "detected"]
     assert line.at == w.rome(0, 0)
     assert line.text == (
-        "Camera 1: a frame every 20 seconds instead of every 10 seconds, which alone moves counts by some percent."
+        "Camera 1: a frame every 20 seconds instead of every 10 seconds. This alone changes counts by a few percent."
     )
     assert line.text in text_of(render_html(report))
 

@@ -125,7 +125,7 @@ def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixt
     assert 'change 1 of the log, 2026-11-09 07:00: "moved the queue"' in out
     assert "violations per open hour: -50%" in out
     assert "clear fall" in out
-    assert "1 of the 4 weeks asked for are stored on both sides" in out
+    assert "1 of the requested 4 weeks are stored on both sides" in out
 
 
 def test_an_area_left_alone_has_no_effect(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,9 +192,9 @@ def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest
         code, out = vsd(project, capsys, "compare", "--change", "1", "--json")
         told = json.loads(out)
         assert (code, told["state"], told["effect"]) == (1, "not_measurable", None)
-        assert "calibrated anew between" in told["reason"]
+        assert "recalibrated between" in told["reason"]
         code, out = vsd(project, capsys, "compare", "last-1", "last")
         assert code == 1
-        assert "not measurable: calibrated anew between the periods: cam-1" in out
+        assert "not measurable: recalibrated between the periods: cam-1" in out
     finally:
         calibrate(project, (1.0, "2026-10-01T00:00:00+00:00"))

@@ -116,7 +116,7 @@ def test_other_calibrations_are_refused(tmp_path: Path) -> None:
     found = compared(tmp_path, calibrations=used)
     assert (found.state, found.places) == ("not_measurable", ())
     assert found.reason is not None
-    assert reason_text(found.reason).startswith("calibrated anew between the periods: cam")
+    assert reason_text(found.reason).startswith("recalibrated between the periods: cam")
 
 
 def test_a_recalibrated_camera_is_left_out_and_named(tmp_path: Path) -> None:

@@ -140,8 +140,8 @@ def test_three_weeks_are_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), n_weeks=3) as warehouse:
         made, odd = forecasting.forecast(warehouse, MONDAY), unusual(warehouse, MONDAY)
     assert reason_text(made.people.reason) == "a forecast needs 4 recorded weeks, has 3"
-    assert (made.people.state, made.people.rows, made.is_told) == ("not_enough_data", (), False)
-    assert reason_text(odd.reason) == "what is usual needs 4 recorded weeks before, has 2"
+    assert (made.people.state, made.people.rows, made.has_forecast) == ("not_enough_data", (), False)
+    assert reason_text(odd.reason) == "a usual value needs 4 earlier recorded weeks, has 2"
 
 
 def test_gatherings_are_reported_when_somebody_counts_them(tmp_path: Path) -> None:
@@ -349,5 +349,5 @@ def test_ten_days_of_an_office_are_refused_with_the_reason(realdata: Callable[[s
         "a forecast needs 4 recorded weeks, has 2",
     )
     assert (made.people.state, reason_text(made.people.reason)) == ("not_measurable", "the engine sends no positions")
-    assert reason_text(odd.reason) == "what is usual needs 4 recorded weeks before, has 1"
+    assert reason_text(odd.reason) == "a usual value needs 4 earlier recorded weeks, has 1"
     assert levels.state == "not_enough_data"

@@ -163,16 +163,17 @@ def test_csv_has_no_formula_and_no_control_character(found: FloorHotspots) -> No
 def test_small_counts_are_held_back(found: FloorHotspots) -> None:
     assert found.n is not None
     few = replace(found, spots=(found.spots[0], replace(found.spots[1], n=4)))
-    shared = hotspot_export.without_small(few, below=5, telling=frozenset())
+    shared = hotspot_export.without_small(few, below=5, revealing=frozenset())
     assert [s.number for s in shared.spots] == [1]
     assert (
-        reason_text(shared.notes[-1]) == "1 of fewer than 5 violations, or that would tell a count so small, left out"
+        reason_text(shared.notes[-1])
+        == "1 left out: they have fewer than 5 violations, or would reveal a count so small"
     )
     assert hotspot_export.as_dict(shared, with_cells=True)["cells"] == []
-    assert hotspot_export.without_small(found, below=5, telling=frozenset()).n is None
-    assert hotspot_export.without_small(found, below=5, telling=frozenset()).spots == found.spots
+    assert hotspot_export.without_small(found, below=5, revealing=frozenset()).n is None
+    assert hotspot_export.without_small(found, below=5, revealing=frozenset()).spots == found.spots
     telling = frozenset({found.spots[0].spot_id})
-    assert hotspot_export.without_small(found, below=5, telling=telling).spots == found.spots[1:]
+    assert hotspot_export.without_small(found, below=5, revealing=telling).spots == found.spots[1:]
 
 
 def test_numbers_have_six_digits_and_missing_is_null(found: FloorHotspots) -> None:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from report import worlds as w
+from report import ingested_worlds as w
 
 from vsd_analytics.figures.catalogue.form import MAKERS, figure
 from vsd_analytics.warehouse.sqlfiles import figure_headers

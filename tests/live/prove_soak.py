@@ -253,7 +253,7 @@ def main() -> int:
         if asked.folder is None:
             shutil.rmtree(folder, ignore_errors=True)
     print_report(outcome)
-    return 0 if outcome.is_exact and outcome.is_told else 1
+    return 0 if outcome.is_exact and outcome.is_reported else 1
 
 
 def soak(asked: argparse.Namespace, folder: Path) -> Outcome:

@@ -59,7 +59,7 @@ class Outcome:
         return self.found == self.truth and self.tracks[0] == self.tracks[1]
 
     @property
-    def is_told(self) -> bool:
+    def is_reported(self) -> bool:
         return self.gaps == self.lost
 
 
@@ -116,7 +116,7 @@ def rows(outcome: Outcome) -> list[tuple[str, str]]:
         ),
         (
             "of these told by `vsd coverage`",
-            f"{n_of(outcome.gaps):,}: {'the same' if outcome.is_told else '**OTHERS**'}",
+            f"{n_of(outcome.gaps):,}: {'the same' if outcome.is_reported else '**OTHERS**'}",
         ),
     ]
     return told

@@ -13,7 +13,7 @@ from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import HourPanel
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
-from vsd_analytics.planner.rounding import in_fives
+from vsd_analytics.planner.rounding import merge_small_counts
 
 WIDTH, DEPTH, HOURS, DAYS, CAMERAS = 24, 16, 13, 7, 4
 SPOTS = ((6, 5, 2.2, 6.0), (17, 10, 1.6, 4.0), (12, 13, 1.0, 3.0), (20, 3, 1.4, 3.0))
@@ -92,7 +92,9 @@ def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> HourPa
     profile = np.resize(_profile(), slots.size)
     counts = rng.poisson(np.broadcast_to(profile / profile.sum() * n / n_places / CAMERAS, shape))
     day = slots // HOURS
-    given = np.stack([[in_fives(row[None], groups=(day,), below=below).values[0] for row in place] for place in counts])
+    given = np.stack(
+        [[merge_small_counts(row[None], groups=(day,), below=below).values[0] for row in place] for place in counts]
+    )
     full = np.full((CAMERAS, slots.size), 3_600_000)
     return HourPanel(
         day=day, weekday=day % 7, hour=8 + slots % HOURS, fold=np.zeros_like(slots), recorded_ms=full,

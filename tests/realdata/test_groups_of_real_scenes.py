@@ -87,5 +87,5 @@ def test_with_ids_cut_to_10_s_the_filter_declares_itself_not_applicable(
     assert vsd(tmp_path, "ingest", str(tmp_path / "cut.csv"), "--format", "positions", "--camera", "street") == 0
     code, told = asked(tmp_path, capsys)
     assert (code, told["state"]) == (1, "not_measurable")
-    assert "group filter not applicable: track ids live a median of" in told["reason"]
+    assert "group filter not applicable: track ids last" in told["reason"]
     assert (told["people_share"], told["between"]["value"]) == (None, None)

@@ -113,7 +113,7 @@ def busiest(report: page_model.WeekReport) -> m.Spots:
                 area_id="a2",
                 often=areas[2].often,
                 evidence=down,
-                ask="Nothing yet. Mend Camera “Aisles” first, and look again next week.",
+                ask="Nothing yet. Fix Camera “Aisles” first, and look again next week.",
             ),
         ),
     )
@@ -194,7 +194,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
             doubts=(read_reason("another entry of the log lies in the weeks after"),),
             assumptions=(
                 read_reason("without the change, the areas would have moved alike"),
-                read_reason("nobody was sent there by it"),
+                read_reason("nobody was moved there by it"),
             ),
         ),
         m.Redesign(
@@ -368,7 +368,7 @@ def refused() -> page_model.WeekReport:
             reason=read_reason("a forecast needs 4 recorded weeks, has 2"),
         ),
         unusual=m.UnusualHours(
-            state="not_enough_data", reason=read_reason("what is usual needs 4 recorded weeks before, has 1")
+            state="not_enough_data", reason=read_reason("a usual value needs 4 earlier recorded weeks, has 1")
         ),
     )
 

@@ -14,7 +14,7 @@ from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.headline import finish
 from vsd_analytics.site_index.floor_weeks import FloorWeeks, catalogue, standing
-from vsd_analytics.site_index.read_reports import Entry, Twin, read_twin
+from vsd_analytics.site_index.read_reports import Entry, IndexedReport, read_report_json
 from vsd_analytics.site_index.summary import headline, in_words, lead, week_line
 
 
@@ -31,16 +31,16 @@ def floors(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Floo
                 report = week(
                     "same", address=(f"s{k // 2}", f"Site {k // 2 + 1}", name.lower(), f"Floor {name}"), back=9
                 )
-            entries.append(Entry(project="p", stem=report.week.iso, twin=twin_of(report, folder), links={}))
+            entries.append(Entry(project="p", stem=report.week.iso, report=indexed(report, folder), links={}))
         return catalogue(entries).floors
 
     return made
 
 
-def twin_of(report: page_model.WeekReport, folder) -> Twin:  # type: ignore[no-untyped-def]
+def indexed(report: page_model.WeekReport, folder) -> IndexedReport:  # type: ignore[no-untyped-def]
     path = folder / f"{report.week.iso}.json"
     path.write_bytes(to_json(report))
-    return read_twin(path)
+    return read_report_json(path)
 
 
 def week(kind: str, **more) -> page_model.WeekReport:  # type: ignore[no-untyped-def]
@@ -89,7 +89,7 @@ def test_headline(floors: Callable[..., tuple[FloorWeeks, ...]], kinds: str, exp
 
 def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
     (floor,) = floors("no_data")
-    twin = floor.twin(many.LAST)
+    twin = floor.report(many.LAST)
     assert twin is not None
     assert headline((floor,), many.LAST) == twin.story.headline == "We have no data for week 46"
 
@@ -103,7 +103,7 @@ def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[Fl
     ],
 )
 def test_standing(floors: Callable[..., tuple[FloorWeeks, ...]], kind: str, found: str) -> None:
-    assert standing(floors(kind)[0].twin(many.LAST)) == found
+    assert standing(floors(kind)[0].report(many.LAST)) == found
 
 
 def text(spans: tuple[page_model.Span, ...]) -> str:
@@ -114,7 +114,7 @@ def test_lead_names_what_changed_and_what_lacks_data(floors: Callable[..., tuple
     said = text(lead(floors("fall", "same", "no_data", "too_incomplete", "absent"), many.LAST))
     assert said == (
         "Five floors at three sites. Site 1, Floor A: 14% fewer violations in an open hour (likely between 10% and 18% "
-        "fewer). No data from Site 2, Floor C. Too incomplete to compare: Site 2, Floor D. No report of this week: "
+        "fewer). No data from Site 2, Floor C. Too incomplete to compare: Site 2, Floor D. No report for this week: "
         "Site 3, Floor E."
     )
     assert terms.forbidden_in(said) == []

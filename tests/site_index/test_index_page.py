@@ -26,13 +26,13 @@ from vsd_analytics.resources import shipped
 from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.floor_weeks import Catalogue, catalogue
 from vsd_analytics.site_index.page import Index, Link, Row, WeekLine, Year, make_index, render_index
-from vsd_analytics.site_index.read_reports import Entry, read_shelf, read_twin
+from vsd_analytics.site_index.read_reports import Entry, find_reports, read_report_json
 
 TEMPLATES = sorted((shipped("reports") / "templates" / "index").glob("*.j2"))
 
 
 def listed(*folders: Path) -> Catalogue:
-    shelves = [read_shelf(f / "reports", project=f.name, prefix=f"{f.name}/reports/") for f in folders]
+    shelves = [find_reports(f / "reports", project=f.name, prefix=f"{f.name}/reports/") for f in folders]
     assert [p for s in shelves for p in s.problems] == []
     return catalogue(e for s in shelves for e in s.entries)
 
@@ -56,7 +56,7 @@ def hostile(root: Path) -> Catalogue:
         made = weeks.hostile()
         site = replace(made.site, floor_id=f"f{k}", floors=("f0", "f1"))
         many.write(folder, replace(made, site=site), stem=f"{made.week.iso}-f{k}")
-    shelf = read_shelf(folder / "reports", project=folder.name, prefix="a/")
+    shelf = find_reports(folder / "reports", project=folder.name, prefix="a/")
     return catalogue(shelf.entries)
 
 
@@ -218,7 +218,7 @@ def test_of_two_json_files_of_a_week_the_later_counts_and_the_other_is_named(tmp
     old, new = many.report(value=100.0), many.report(value=200.0)
     many.write(tmp_path, replace(old, generated_at=old.generated_at - timedelta(days=3)), stem="2026-W46-ground")
     many.write(tmp_path, new)
-    found = catalogue(read_shelf(tmp_path / "reports", project="p").entries)
+    found = catalogue(find_reports(tmp_path / "reports", project="p").entries)
     assert [(p.code, p.where.file if p.where else "") for p in found.problems] == [("W514", "2026-W46-ground.json")]
     assert make_index(found).rows[0].rate == "200"
 
@@ -240,7 +240,7 @@ def test_the_window_goes_over_the_turn_of_the_year(tmp_path: Path) -> None:
 
 
 def test_pages_without_figures_are_all_there_is(tmp_path: Path) -> None:
-    page = Entry(project="p", stem="2026-W46", twin=None, links={"report": "2026-W46.html"})
+    page = Entry(project="p", stem="2026-W46", report=None, links={"report": "2026-W46.html"})
     text = render_index(catalogue([page]))
     Tree(text)
     assert "Reports without figures" in text
@@ -257,14 +257,14 @@ def test_rules_of_several_sites_are_all_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [-3.0, 1e308, 0.0])
 def test_absurd_figures_are_drawn_within_the_bars(tmp_path: Path, value: float) -> None:
     path = many.write(tmp_path, many.report())
-    twin = read_twin(path)
+    twin = read_report_json(path)
     twin = replace(twin, level=replace(twin.level, often=m.Estimate(value=value)))
     drawn = str(week_bars.bars([(many.LAST, twin)], label="x"))
     assert all(0 <= float(v) <= week_bars.HEIGHT for v in re.findall(r'(?:height|y)="([-\d.e+]+)"', drawn))
 
 
 def test_an_incomplete_week_without_a_violation_is_drawn_when_it_is_the_only_one(tmp_path: Path) -> None:
-    twin = read_twin(many.write(tmp_path, many.report()))
+    twin = read_report_json(many.write(tmp_path, many.report()))
     level = replace(twin.level, often=m.Estimate(value=0.0))
     drawn = str(week_bars.bars([(many.LAST, replace(twin, state="too_incomplete", level=level))], label="x"))
     assert "wkr" in drawn

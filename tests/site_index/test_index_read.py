@@ -21,11 +21,11 @@ from vsd_analytics.report.pages.json_and_csv import json_schema, to_json
 from vsd_analytics.site_index import read_reports
 from vsd_analytics.site_index.floor_weeks import catalogue
 from vsd_analytics.site_index.page import render_index
-from vsd_analytics.site_index.read_reports import kind_of, read_shelf, read_twin
+from vsd_analytics.site_index.read_reports import find_reports, kind_of, read_report_json
 
 
 def codes(folder: Path) -> list[tuple[str, str]]:
-    shelf = read_shelf(folder / "reports", project="shop")
+    shelf = find_reports(folder / "reports", project="shop")
     return [(p.code, Path(p.where.file).name if p.where else "") for p in shelf.problems]
 
 
@@ -48,13 +48,13 @@ def shop(tmp_path: Path) -> Path:
 
 def test_weeks_are_read_with_their_links(shop: Path) -> None:
     (shop / "reports" / "2026-W46.pdf").write_bytes(b"%PDF")
-    shelf = read_shelf(shop / "reports", project="shop", prefix="shop/")
+    shelf = find_reports(shop / "reports", project="shop", prefix="shop/")
     assert [e.stem for e in shelf.entries] == ["2026-W44", "2026-W45", "2026-W46"]
     assert [e.monday for e in shelf.entries] == [date(2026, 10, 26), date(2026, 11, 2), date(2026, 11, 9)]
     assert shelf.entries[2].links == {
         "report": "shop/2026-W46.html",
         "pdf": "shop/2026-W46.pdf",
-        "twin": "shop/2026-W46.json",
+        "json": "shop/2026-W46.json",
     }
     assert shelf.problems == ()
 
@@ -64,7 +64,7 @@ def test_what_the_index_takes_from_a_json_file_is_what_the_report_says(tmp_path:
     report = weeks.ALL[name]()
     data = to_json(report)
     jsonschema.Draft202012Validator(json_schema()).validate(json.loads(data))
-    twin = read_twin(many.write(tmp_path, report))
+    twin = read_report_json(many.write(tmp_path, report))
     said = json.loads(data)
     assert twin.state == report.state
     assert twin.level.often.value == said["level"]["often"]["value"]
@@ -98,7 +98,7 @@ def test_a_later_addition_to_the_schema_is_no_reason_to_refuse(shop: Path) -> No
 def test_a_file_that_is_no_json_file_is_named_and_the_others_go_on(shop: Path, data: bytes, code: str) -> None:
     (shop / "reports" / "2026-W43.json").write_bytes(data)
     assert codes(shop) == [(code, "2026-W43.json")]
-    assert len(read_shelf(shop / "reports", project="shop").entries) == 3
+    assert len(find_reports(shop / "reports", project="shop").entries) == 3
 
 
 @pytest.mark.parametrize(
@@ -119,8 +119,8 @@ def test_a_json_file_that_contradicts_itself_is_damaged(shop: Path, path: str, v
     file = shop / "reports" / "2026-W46.json"
     file.write_bytes(changed(file.read_bytes(), path, value))
     assert codes(shop) == [(code, "2026-W46.json")]
-    entry = next(e for e in read_shelf(shop / "reports", project="shop").entries if e.stem == "2026-W46")
-    assert (entry.twin, entry.links) == (None, {"report": "2026-W46.html"}), "its page is still there"
+    entry = next(e for e in find_reports(shop / "reports", project="shop").entries if e.stem == "2026-W46")
+    assert (entry.report, entry.links) == (None, {"report": "2026-W46.html"}), "its page is still there"
 
 
 @pytest.mark.parametrize("stem", ["2026-W40", "2026-W46-first", "copy of 2026-W46", "2026-W46-UP", "2026-W60", "a"])
@@ -140,8 +140,8 @@ def test_a_json_file_may_name_its_floor(shop: Path) -> None:
 def test_a_page_without_its_json_file_is_listed_without_figures_and_named(shop: Path) -> None:
     (shop / "reports" / "2026-W45.json").unlink()
     assert codes(shop) == [("W513", "2026-W45.html")]
-    entry = read_shelf(shop / "reports", project="shop").entries[1]
-    assert (entry.stem, entry.twin, entry.links) == ("2026-W45", None, {"report": "2026-W45.html"})
+    entry = find_reports(shop / "reports", project="shop").entries[1]
+    assert (entry.stem, entry.report, entry.links) == ("2026-W45", None, {"report": "2026-W45.html"})
 
 
 def test_other_files_links_and_pipes_are_left_alone(shop: Path, tmp_path: Path) -> None:
@@ -155,9 +155,9 @@ def test_other_files_links_and_pipes_are_left_alone(shop: Path, tmp_path: Path) 
     (reports / "2026-W42.json").mkdir()
     os.mkfifo(reports / "2026-W43.json")
     assert codes(shop) == []
-    shelf = read_shelf(reports, project="shop")
+    shelf = find_reports(reports, project="shop")
     assert [e.stem for e in shelf.entries] == ["2026-W44", "2026-W45", "2026-W46"]
-    assert [list(e.links) for e in shelf.entries] == [["report", "twin"]] * 2 + [["report", "twin", "planner"]]
+    assert [list(e.links) for e in shelf.entries] == [["report", "json"]] * 2 + [["report", "json", "planner"]]
 
 
 def test_a_huge_file_is_not_read(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,13 +166,13 @@ def test_a_huge_file_is_not_read(shop: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_no_folder_is_an_empty_shelf(tmp_path: Path) -> None:
-    assert read_shelf(tmp_path / "reports", project="shop") == read_reports.Shelf()
+    assert find_reports(tmp_path / "reports", project="shop") == read_reports.FoundReports()
 
 
 def test_texts_carry_no_control_characters(shop: Path) -> None:
     path = shop / "reports" / "2026-W46.json"
     path.write_bytes(changed(path.read_bytes(), "site.name", "a\u202eb\x1b[31m"))
-    assert read_twin(path).site.name == "a\ufffdb\ufffd[31m"
+    assert read_report_json(path).site.name == "a\ufffdb\ufffd[31m"
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_texts_carry_no_control_characters(shop: Path) -> None:
     [
         ("2026-W46.html", "report"),
         ("2026-W46-ground.pdf", "pdf"),
-        ("2026-W53.json", "twin"),
+        ("2026-W53.json", "json"),
         ("2025-W53.json", None),
         ("2026-W46-ground-planner.html", "planner"),
         ("2026-W46-planner.html", "planner"),
@@ -216,11 +216,11 @@ def test_a_json_file_with_any_part_spoilt_is_read_or_refused_in_words(
     path.write_text(json.dumps(value))
     refused = None
     try:
-        twin = read_twin(path)
+        twin = read_report_json(path)
     except VsdError as error:
         refused = error
     if refused is None:
-        render_index(catalogue([read_reports.Entry(project="p", stem="2026-W46", twin=twin, links={})]))
+        render_index(catalogue([read_reports.Entry(project="p", stem="2026-W46", report=twin, links={})]))
     else:
         assert refused.code in ("W510", "W511", "W512")
         assert refused.why

@@ -73,7 +73,7 @@ def test_a_damaged_json_file_does_not_replace_a_published_one(tmp_path: Path) ->
     path.write_bytes(whole[:1000])
     found = gather(sources_of([shop]), out)
     assert [p.code for p in found.problems] == ["W510"]
-    assert found.entries[0].twin is not None
+    assert found.entries[0].report is not None
     assert (out / "shop" / "2026-W46.json").read_bytes() == whole
 
 

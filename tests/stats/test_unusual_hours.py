@@ -84,7 +84,7 @@ def test_at_most_five_are_shown_and_all_are_counted(before: np.ndarray) -> None:
 def test_fewer_than_four_weeks_before_are_refused(before: np.ndarray) -> None:
     told = unusual_hours(before[0], ONES, monday=MONDAY, before_n=before[:3], before_x_h=np.ones((3, SLOTS)))
     assert (told.state, told.rows) == ("not_enough_data", ())
-    assert reason_text(told.reason) == "what is usual needs 4 recorded weeks before, has 3"
+    assert reason_text(told.reason) == "a usual value needs 4 earlier recorded weeks, has 3"
 
 
 def test_q_is_benjamini_and_hochbergs(before: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,7 +48,7 @@ vsd.toml has a table or key that does not exist.
 It is refused rather than ignored, since a misspelt key would silently leave its default in force.
 Fix: rename it to the nearest one shown. A name of your own belongs into name = "...", which may be any text.""",
     "E123": """\
-vsd.toml lacks something a site cannot do without.
+vsd.toml lacks something that every site needs.
 The smallest site is [site] with id, name and timezone, one [[floor]] with id and name, and one [[camera]] with id and
 name. Some keys need a companion: plan needs plan_m_per_px; on a site of several floors each camera and area needs
 floor. Fix: add the line shown.""",
@@ -82,7 +82,7 @@ A camera has homography or points, not both; each of its calibrations begins at 
 vsd.toml, from in calibration/CAMERA.toml), and one without an instant holds since ever.
 Fix: take one of the two out, or give it a later instant.""",
     "E130": """\
-This platform is not supported: Linux and macOS with a local disk are.
+This platform is not supported. The program runs on Linux and macOS with a local disk.
 The store promises that what it acknowledged survives a crash, and that two programs never write at once. Both rest on
 flock and on renames that are made durable by syncing the folder, which Windows and network file systems lack.
 Fix: run it on Linux or macOS, or in WSL with the project on WSL's own disk.""",
@@ -94,7 +94,7 @@ There is no such file.
 Common causes: a misspelt path; a pattern such as export/*.csv that matches nothing; a folder that was not mounted.
 Fix: check the path with ls, then run the command again. Files already read are recognised and counted once.""",
     "E202": """\
-The file is there but holds nothing of what its format must have: it is empty, has no header or lacks a
+The file exists, but lacks what its format must have: it is empty, has no header or lacks a
 column that its engine always writes.
 Common causes: an export that broke off, the wrong file of a set, a header line that was cut away.
 Fix: export it again, or name the format it really has with --format.""",
@@ -123,15 +123,15 @@ Fix: --fps 25 --start 2026-11-09T08:00:00+01:00""",
 Floor metres were asked for, and the file has none in its world columns.
 Fix: use the boxes instead (--coordinates image) with a calibrated camera: vsd calibrate CAMERA.""",
     "E209": """\
-A file goes beyond a bound that keeps one input from taking all memory, all disk or all day: records, records that
-cannot be read, bytes of a Parquet page or cell. The message says what was found and which setting bounds it.
+A file exceeds a limit that protects memory, disk and time from a single input: records, records that
+cannot be read, bytes of a Parquet page or cell. The message says what was found and which setting limits it.
 Common cause: a file made to do harm, a wrong format or column, damage. Records before the bound are stored, each once.
 Fix: look at the file. If it is right, split it, or raise that setting in vsd.toml and ingest it again.""",
     "W208": """\
 One sequence of an archive has no floor metres in its world columns; it was left out, the others were read.
 Fix: import it on its own with its boxes and a calibrated camera.""",
     "W209": """\
-Something about a whole file deserves a look; its records were read all the same, and the message says what it is.
+Something concerns a whole file; the message says what it is. The records of the file were read.
 The most serious: pairs rebuilt from an engine's boxes do not agree with the counts it wrote beside them. Most likely
 its settings (method, resolution, distance threshold) are other than assumed, and every distance would be off.
 Fix: give the engine's own settings, as the message proposes, and import again.""",
@@ -160,19 +160,19 @@ Nothing is stored for this site yet, so there is nothing to count.
 Common causes: no file was ingested; all its records went to quarantine; the id of the site in vsd.toml was changed.
 Fix: vsd ingest FILES..., then vsd coverage.""",
     "E302": """\
-A file of the store or of its spool is damaged, or cannot be folded into the store. Nothing is removed then: what was
-acknowledged stays where it is.
-Common causes: a failing disk, a copy of the store that broke off, a file changed by hand. A note in store/purge that
-names anything a purge does not remove is refused as well: it may have come with a project somebody else made.
+A file of the store or of its spool is damaged, or cannot be folded into the store. Nothing is removed: acknowledged
+records stay where they are. A note in store/purge that names something a purge does not remove is refused as well: it
+may have come with a project somebody else made.
+Common causes: a failing disk, a copy of the store that broke off, a file changed by hand.
 Fix: put the file named back from a backup, or move it away and ingest its hour again; then vsd doctor. Facts are
-computed from the store: a folder facts with damaged files can be deleted, and vsd build makes it again.""",
+computed from the store: delete a folder facts that has damaged files, and vsd build computes it again.""",
     "E303": """\
 The key of a day in secrets/ is damaged. With another key, records of that day that are delivered again would not be
 recognised and would count twice, so they are refused.
 Fix: restore the file from a backup. Without one, ingest nothing more of that day.""",
     "E304": """\
-The disk is full (or your quota is). Nothing is acknowledged that is not stored: what the message names was not written,
-what was stored before stays and is read as ever.
+The disk is full (or your quota is). Only stored records are acknowledged. What the message names was not written;
+earlier records are stored and can be read.
 Fix: free some space (df -h), then run the same command again; what was read already is recognised. A fold of the spool
 gives up store/.ballast first (setting ballast_mb), so that acknowledged records find their place even then.""",
     "W304": """\
@@ -180,7 +180,7 @@ The disk is full. The ballast file of the store (store/.ballast, setting ballast
 records in their place. Nothing is lost, and the next time there will be no ballast.
 Fix: free some space soon (df -h); the ballast comes back by itself when there is plenty of room.""",
     "E305": """\
-The disk can only be read. Reports and figures whose facts are fresh still work; nothing can be stored or computed anew.
+The disk can only be read. Reports and figures whose facts are fresh still work; nothing can be stored or recomputed.
 Common causes: mounted read-only on purpose (a backup), or by the system itself after the disk failed.
 Fix: dmesg shows which; then mount it for writing and run the same command again.""",
     "E306": """\
@@ -188,8 +188,8 @@ The disk reports an error while reading or writing. What could not be synced cou
 acknowledged; it is never synced a second time, since the system may have dropped it after the first.
 Fix: look at dmesg and at the disk's health (smartctl), copy the store to another disk, then: vsd verify.""",
     "E307": """\
-A file among those of the store or of the facts is none of them: this program writes no such name in that
-place. This program does not touch or read it, but a program of yours that reads the whole folder would.
+The store or the facts contain a file that this program did not write. This program does not touch or read it, but a
+program of yours that reads the whole folder would.
 Common causes: a copy made by hand, a file manager's own files, the store of another site, facts of hours that are gone.
 Fix: look at the file named and move it away; facts can be deleted, they are computed again.""",
     "E308": """\
@@ -226,7 +226,7 @@ Fix: restore the folder sealed from a backup.""",
     "E400": """\
 A calibration cannot be used. Fix: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\
-Too few different points for a calibration: four fix it, six or more show how good it is.
+There are too few different points for a calibration: it needs four, and six or more show how good it is.
 A point is a spot known twice: u,v in the picture (pixels, right and down) and x,y on the floor (metres, right and up).
 Fix: add spots in the corners of the floor the camera sees: tile joints, pillars, feet of shelves.""",
     "E402": """\
@@ -259,8 +259,8 @@ bends straight lines. Fix: look at the red arrows of the overlay picture, then m
 The new calibration is written but not used yet: vsd.toml or the camera's history names another file for the
 same time. Fix: put the line shown into vsd.toml instead of the old one, or give --from.""",
     "W404": """\
-The new calibration replaces one that held for the same time, so old records are placed anew as well. That is right when
-the old one was wrong. If the camera was moved, give the time of the move, so that both hold: --from INSTANT.""",
+The new calibration replaces one that held for the same time, so old records are placed again as well. That is right
+when the old one was wrong. If the camera was moved, give the time of the move, so that both hold: --from INSTANT.""",
     "E500": """\
 A report could not be made; the message says which part and why. Stored data are not touched.""",
     "E501": """\
@@ -287,7 +287,7 @@ Fix: upgrade this installation, or build the index with the newer one.""",
 A page among the reports has no JSON file, so the index links to it without its figures.
 vsd site build writes the JSON file itself where the records still give the very same page. They do not here.
 Common causes: data came or a setting changed since the page was written; the records are purged.
-Fix: vsd report --week WEEK --format html,json writes both anew.""",
+Fix: vsd report --week WEEK --format html,json writes both again.""",
     "W514": """\
 Two JSON files report the same week of the same floor; the one made later is listed.
 Common cause: a second floor was added to the site, so that 2026-W46.json became 2026-W46-ground.json.
@@ -307,7 +307,7 @@ Common causes: a snap, which may not read temporary folders (set TMPDIR to a fol
 a container, so that its sandbox cannot start; too little memory.
 Fix: the message carries the browser's last words. Another browser: VSD_CHROMIUM=/path/to/chromium.""",
     "E522": """\
-The week has nothing to draw in this figure: no map without data, no change without a week before.
+This figure has nothing to draw for the week: no map without data, no change without a week before.
 Fix: vsd report shows what the week has; another --figure, or another --week.""",
     "E600": """\
 A SQL query failed. The message carries the database's own words.
@@ -337,8 +337,8 @@ host or port are wrong; it refuses user or password; its certificate is not trus
 Fix: vsd doctor shows what the broker answers. A listener without --connect-timeout goes on trying.""",
     "E702": """\
 Another client connected to the broker with the listener's client id, so the broker closed the listener's connection.
-Going on would throw the other one out, and be thrown out again, for ever: this one stopped. Nothing acknowledged is
-lost; what was not acknowledged goes to the other client.
+Two listeners would disconnect each other for ever, so this one stopped. Nothing acknowledged is lost; messages that
+were not acknowledged go to the other client.
 Common causes: a second machine with a copy of the project, a test left running.
 Fix: stop one of the two, or give them different client_id under [mqtt].""",
     "E703": """\
@@ -391,8 +391,9 @@ Common causes: a provider that wants a password made for programs; a user that i
 Fix: [mail] user; the password in VSD_MAIL_PASSWORD or password_file.""",
     "E806": """\
 The mail server refuses the sender, the mail, or recipients; its own words follow in the message.
-When it takes some recipients and refuses others, those it took have the mail; running the command again tries only the
-others. Common causes: a misspelt address; a server that relays only for logged-in senders; a mail that is too large.
+If it accepts some recipients and refuses others, the accepted ones have the mail; the next run of the command tries
+only the others.
+Common causes: a misspelt address; a server that relays only for logged-in senders; a mail that is too large.
 Fix: [mail] from and to.""",
     "E807": """\
 The server took the whole mail, and the connection broke before it said whether it will deliver it. It may have arrived.

@@ -1,4 +1,4 @@
-"""`vsd forecast`: the week to come hour by hour, the score of the last forecast, and unusual hours."""
+"""`vsd forecast`: the next week hour by hour, the score of the last forecast, and unusual hours."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def forecast(project: Project, week: str, floor_id: str | None, is_unusual_only:
         if outlook is not None:
             click.echo(_outlook_text(outlook, name=project.site.name))
         click.echo(_unusual_text(odd))
-    is_told = odd.state == "ok" if outlook is None else outlook.is_told
-    return 0 if is_told else 1
+    has_result = odd.state == "ok" if outlook is None else outlook.has_forecast
+    return 0 if has_result else 1
 
 
 def _outlook_text(outlook: FloorForecast, *, name: str) -> str:
@@ -87,7 +87,7 @@ def _outlook_text(outlook: FloorForecast, *, name: str) -> str:
             lines += ["", *_table(title, series, outlook, is_chance=key == "gatherings")]
         elif key != "gatherings":
             lines += ["", f"{title}: no forecast, {reason_text(series.reason)}"]
-    if outlook.is_told:
+    if outlook.has_forecast:
         lines += ["", *_score_lines(outlook)]
     return "\n".join(lines)
 

@@ -63,7 +63,7 @@ def hotspots(
     from vsd_analytics.figures import hotspot_export
     from vsd_analytics.figures import hotspots as analysis
     from vsd_analytics.figures.week.data import WeekData
-    from vsd_analytics.figures.week.hidden_hotspots import telling_spots
+    from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 
     floors = [f.floor_id for f in project.site.floors]
     if (floor_id is None and len(floors) > 1) or (floor_id is not None and floor_id not in floors):
@@ -75,10 +75,10 @@ def hotspots(
         found = analysis.hotspots(warehouse, floor_id=floor_id, until=until)
         monday = until - timedelta(days=until.weekday())
         floor = next(f for f in project.site.floors if f.floor_id == found.floor_id)
-        telling = telling_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()
+        revealing = revealing_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()
         rules = purged_hours_notes(warehouse)
     if share:
-        found = hotspot_export.without_small(found, below=int(project.site.settings.mask_below), telling=telling)
+        found = hotspot_export.without_small(found, below=int(project.site.settings.mask_below), revealing=revealing)
     kind = "json" if as_json else kind
     if kind == "json":
         printed = hotspot_export.as_dict(found, with_cells=with_cells)

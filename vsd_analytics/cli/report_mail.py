@@ -163,7 +163,7 @@ def _send(
         left, has = to_send(log, week, to, is_again=is_again)
         for address in has:
             is_other = log.message_id(week, address) != identity
-            changed = "; its figures or words have changed since: --again sends it anew" if is_other else ""
+            changed = "; its figures or words have changed since: --again sends it again" if is_other else ""
             project.say(f"{address} has {week.week} already{changed}")
         if not left:
             return

@@ -1,6 +1,6 @@
 """The site's change log: what was moved, when and where, one JSON object a line in `log.jsonl`.
 
-Entries of the same instant, text and area are one entry, however often they stand in the file.
+Entries with the same instant, text and area count as one entry, even if the file repeats them.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = N
         try:
             publish(path, after, is_private=is_private)
         except OSError:
-            with contextlib.suppress(OSError):  # the folder's sync failed: the new file stands there already
+            with contextlib.suppress(OSError):  # the sync of the folder failed, but the new file is in place already
                 if before is not None and path.read_bytes() == after:
                     publish(path, before, is_synced=False, is_private=is_private)
             raise
@@ -99,7 +99,7 @@ def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = N
 
 
 def entry_dict(entry: LogEntry) -> dict[str, str | None]:
-    """Return an entry as it stands in the file."""
+    """Return an entry as one line of the file, without its newline."""
     return {"at": entry.at.isoformat(), "text": entry.text, "area": entry.area_id}
 
 

@@ -51,7 +51,7 @@ def write_first_config(folder: Path, *, answers: Answers) -> Site:
 
     Raises:
         UsageError: There is one already (E104), or an answer cannot be read or printed (E101).
-        ConfigError: An answer cannot stand in it; nothing is written.
+        ConfigError: An answer cannot be written to it; nothing is written.
     """
     path = folder / FILE
     if path.exists():

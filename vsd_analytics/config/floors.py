@@ -135,7 +135,7 @@ def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind
 
 
 def _floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
-    """Return the floor a camera, area or fixture is on; with one floor nothing need be said."""
+    """Return the floor a camera, area or fixture is on; a site with one floor needs no `floor` key."""
     only = next(iter(floors))
     value = table.text("floor", example=f'"{only}"')
     if value is None:
@@ -214,7 +214,7 @@ def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[P
 
 
 def _check_engine_ids(tables: Iterable[TableReader]) -> None:
-    """Note engine ids that stand at two cameras, or are the id of another camera."""
+    """Note engine ids that two cameras have, or that are the id of another camera."""
     owners = {str(table.values.get("id")): table.values.get("id") for table in tables}
     for table in tables:
         given = table.values.get("engine_ids")

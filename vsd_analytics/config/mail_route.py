@@ -1,4 +1,4 @@
-"""The parts of `vsd.toml` by which reports leave the house: `[mail]`, and two keys of `[report]`."""
+"""The parts of `vsd.toml` that control where reports are sent: `[mail]`, and two keys of `[report]`."""
 
 from __future__ import annotations
 

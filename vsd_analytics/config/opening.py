@@ -71,7 +71,7 @@ def parse_spans(value: Any, *, day: str) -> Spans:
 
     Args:
         value: "08:00-21:00", a list of such, or "closed" (also an empty list).
-        day: The key it stands behind, for the fix.
+        day: The key it belongs to, for the fix.
 
     Raises:
         OpeningError: Not a span, a span over midnight, or spans that overlap.
@@ -85,7 +85,7 @@ def parse_spans(value: Any, *, day: str) -> Spans:
             raise OpeningError(f"{text!r} is no span of time", 'write a start and an end, such as "08:00-21:00"')
         start, end = (parse_clock(part) for part in text.split("-"))
         if end <= start:
-            raise OpeningError(f"{text!r} goes past midnight or is empty", _midnight_mend(start, end, day=day))
+            raise OpeningError(f"{text!r} goes past midnight or is empty", _midnight_fix(start, end, day=day))
         spans.append((start, end))
     spans.sort()
     for (_, end), (start, _) in pairwise(spans):
@@ -96,7 +96,7 @@ def parse_spans(value: Any, *, day: str) -> Spans:
     return tuple(spans)
 
 
-def _midnight_mend(start: int, end: int, *, day: str) -> str:
+def _midnight_fix(start: int, end: int, *, day: str) -> str:
     if start in {DAY_MIN, end}:
         return 'write the start first, such as "08:00-21:00"; around the clock is "00:00-24:00"'
     night = f"{show_clock(start)}-24:00"

@@ -1,4 +1,4 @@
-"""Where things stand in a TOML text: `tomllib` gives values without positions, messages need lines.
+"""Finds the line of each key in a TOML text: `tomllib` gives values without positions, messages need lines.
 
 Only texts that `tomllib` has accepted are scanned, so the scan needs no grammar of its own: it finds the lines on
 which statements begin and lets `tomllib` read their keys.

@@ -1,6 +1,6 @@
 """Single values of `vsd.toml`: zones, instants, dates, the start of a site day, picture sizes.
 
-Each parser returns the value or raises ValueError in words that can stand behind "[site] closed: ".
+Each parser returns the value or raises ValueError with a message that can follow "[site] closed: ".
 """
 
 from __future__ import annotations

@@ -230,7 +230,7 @@ def _effect(
         pair: Before and after.
         place: The changed place.
         others: Places left alone.
-        trend: The days whose trend is told; None = those before.
+        trend: The days whose trend is computed; None = those before.
         per: What violations are divided by.
     """
     settings, panels = pair.data.site.settings, [pair.compared(p) for p in (place, *others)]

@@ -1,4 +1,4 @@
-"""Areas at the border of what cameras see: there neighbours are missing, so their risk is told too low."""
+"""Areas at the border of what cameras see: neighbours outside the view are missing, so their risk is underestimated."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 BORDER_SHARE: Final = 0.5
-"""An area of which more than this is border is not ranked by risk without saying so."""
+"""An area with a larger border share than this is ranked by risk only with a note."""
 
 UNKNOWN: Final = Reason("border.unknown")
 
@@ -32,7 +32,7 @@ class AreaBorder:
         share: Share of its cells around which the cameras see less than four fifths of the disc of the legal distance,
             0 to 1; None when what they see is unknown, or the area holds no cell of its own.
         is_border: The share is above one half; None when it is unknown.
-        note: What a reader of its place in a ranking must know; None when nothing is to be said.
+        note: What a reader of its place in a ranking must know; None when there is nothing to report.
     """
 
     area_id: str

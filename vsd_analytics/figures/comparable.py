@@ -14,7 +14,7 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 DAY_MS = 24 * HOUR_MS
 INTERVAL_TOLERANCE = 0.1
-"""Frame intervals that differ by more than this share are told: what lasts seconds is seen better or worse."""
+"""Frame intervals that differ by more than this share are reported: they change how well short events are seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class OtherInterval:
 def recalibrations(
     warehouse: Warehouse, *, cameras: Sequence[Camera], first_ms: int, end_ms: int
 ) -> list[Recalibration]:
-    """Return the cameras of which opening hours in [first_ms, end_ms) were computed under several calibrations.
+    """Return the cameras whose opening hours in [first_ms, end_ms) were computed with several calibrations.
 
     The facts tell, not vsd.toml: hours whose records were purged keep the calibration they were computed with, and
     records with floor metres of their own go through none.

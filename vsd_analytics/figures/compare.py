@@ -231,9 +231,9 @@ def _is_placed(pair: TwoPeriods) -> bool:
 
 def _left_out(pair: TwoPeriods) -> dict[str, Reason]:
     """Return why a camera is not compared though others are."""
-    told = {c: why for p in (pair.now, pair.before) for c, why in p.not_counted.items()}
+    reasons = {c: why for p in (pair.now, pair.before) for c, why in p.not_counted.items()}
     anew = {r.camera_id: f"{pair.data.local(r.at_ms):%Y-%m-%d}" for r in pair.recalibrated}
-    return told | {camera_id: Reason("compare.calibrated_on", day=day) for camera_id, day in anew.items()}
+    return reasons | {camera_id: Reason("compare.calibrated_on", day=day) for camera_id, day in anew.items()}
 
 
 def _notes(pair: TwoPeriods, *, has_areas: bool) -> tuple[Reason, ...]:
@@ -274,13 +274,13 @@ def known_area(site: Site, area_id: str) -> Area:
 def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area]) -> Floor:
     """Return the floor that is meant; UsageError E101 when it is unknown or unclear."""
     floors = {f.floor_id: f for f in site.floors}
-    told = {a.floor_id for a in areas} | ({floor_id} if floor_id is not None else set())
-    if not told and len(floors) == 1:
-        told = set(floors)
-    if len(told) != 1 or not told <= floors.keys():
+    wanted = {a.floor_id for a in areas} | ({floor_id} if floor_id is not None else set())
+    if not wanted and len(floors) == 1:
+        wanted = set(floors)
+    if len(wanted) != 1 or not wanted <= floors.keys():
         what = "the areas lie on several floors" if areas else f"which floor? This site has {', '.join(floors)}"
         raise UsageError(what, fix=f"--floor {next(iter(floors))}")
-    return floors[told.pop()]
+    return floors[wanted.pop()]
 
 
 def span(days: Days) -> Reason:

@@ -36,7 +36,7 @@ class Tracks:
         median_life_s: Median from first to last record; None likewise.
         n_records: Person records, the denominator.
         without_id_share: Share of them without a track id; None without records.
-        state, reason: "ok", or why tracks cannot be told.
+        state, reason: "ok", or why tracks cannot be separated.
     """
 
     n: int | None
@@ -97,31 +97,31 @@ def episode_figures(
         "last": last or warehouse.last,
         "cameras": [c.camera_id for c in site.cameras if floor_id in (None, c.floor_id)],
     }
-    told = warehouse.rows(_TOLD, span)[0]
-    n_violations = None if told["n_violations"] is None else int(told["n_violations"])
+    sums = warehouse.rows(_SUMS, span)[0]
+    n_violations = None if sums["n_violations"] is None else int(sums["n_violations"])
     return EpisodeFigures(
         first=span["first"],
         last=span["last"],
         floor_id=floor_id,
-        durations=_durations(warehouse, span, told, seed),
-        distances=_distances(warehouse, span, told, n_violations),
-        contacts=_contacts(warehouse, span, told),
-        tracks=_tracks(warehouse, span, told),
+        durations=_durations(warehouse, span, sums, seed),
+        distances=_distances(warehouse, span, sums, n_violations),
+        contacts=_contacts(warehouse, span, sums),
+        tracks=_tracks(warehouse, span, sums),
     )
 
 
-def _why(told: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | None:
-    """Return why distances, or with ids violations, cannot be told; None if they can."""
-    if not told["is_recorded"]:
+def _why(sums: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | None:
+    """Return why distances, or with ids violations, cannot be computed; None if they can."""
+    if not sums["is_recorded"]:
         return "not_enough_data", NOTHING
-    if told["violation_records"] is None:
+    if sums["violation_records"] is None:
         return "not_measurable", NO_FLOOR
-    if needs_ids and told["n_violations"] is None:
+    if needs_ids and sums["n_violations"] is None:
         return "not_measurable", NO_IDS
     return None
 
 
-def _durations(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any], seed: int) -> Durations:
+def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any], seed: int) -> Durations:
     settings = warehouse.site.settings
     rules: dict[str, Any] = {
         "seed": seed,
@@ -129,7 +129,7 @@ def _durations(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any],
         "min_days": settings.min_days,
         "sustained_s": settings.sustained_s,
     }
-    if (why := _why(told, needs_ids=True)) is not None:
+    if (why := _why(sums, needs_ids=True)) is not None:
         none = durations([], [], None, **rules)
         share = replace(none.long_share, state=why[0], reason=why[1])
         return replace(none, long_share=share, state=why[0], reason=why[1])
@@ -140,25 +140,25 @@ def _durations(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any],
         rows["duration_s"].to_numpy(),
         rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64),
         cut.astype(np.bool_) if is_known else None,
-        n_days=int(told["n_days"]),
+        n_days=int(sums["n_days"]),
         **rules,
     )
 
 
-def _distances(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any], n_violations: int | None) -> Distances:
+def _distances(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any], n_violations: int | None) -> Distances:
     distance_m = float(warehouse.site.settings.distance_m)
     none = distance_shares([], [], distance_m=distance_m, n_violations=0)
-    if (why := _why(told, needs_ids=False)) is not None:
+    if (why := _why(sums, needs_ids=False)) is not None:
         return replace(none, state=why[0], reason=why[1])
     rows = warehouse.table(_DISTANCES, span)
     mm, n_pairs = rows["distance_mm"].to_numpy(), rows["n_pairs"].to_numpy()
-    if int(n_pairs[mm < round(distance_m * 1000)].sum()) != told["violation_records"]:
+    if int(n_pairs[mm < round(distance_m * 1000)].sum()) != sums["violation_records"]:
         return replace(none, state="not_measurable", reason=PURGED)
     return distance_shares(mm, rows["nearest_s"].to_numpy(), distance_m=distance_m, n_violations=n_violations)
 
 
-def _contacts(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) -> CloseContacts:
-    if (why := _why(told, needs_ids=True)) is not None:
+def _contacts(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) -> CloseContacts:
+    if (why := _why(sums, needs_ids=True)) is not None:
         return CloseContacts(None, 0, None, *why)
     contact_s = warehouse.site.settings.contact_s
     rows = warehouse.table(_EPISODES, {**span, "contact_s": contact_s})
@@ -166,14 +166,14 @@ def _contacts(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) 
     return close_contacts(*columns, contact_s=contact_s)
 
 
-def _tracks(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) -> Tracks:
-    if not told["is_recorded"]:
+def _tracks(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) -> Tracks:
+    if not sums["is_recorded"]:
         return Tracks(None, None, 0, None, "not_enough_data", NOTHING)
     row = warehouse.rows(_TRACKS, span)[0]
     n_records = int(row["n_records"])
     if not n_records:
-        reason = NO_POSITIONS if told["person_records"] is None else Reason("nobody.seen")
-        state: State = "not_measurable" if told["person_records"] is None else "not_enough_data"
+        reason = NO_POSITIONS if sums["person_records"] is None else Reason("nobody.seen")
+        state: State = "not_measurable" if sums["person_records"] is None else "not_enough_data"
         return Tracks(None, None, 0, None, state, reason)
     if not row["n"]:
         reason = PURGED if row["has_tracks"] else Reason("engine.no_track_ids")
@@ -183,7 +183,7 @@ def _tracks(warehouse: Warehouse, span: dict[str, Any], told: dict[str, Any]) ->
     return Tracks(int(row["n"]), float(row["median_life_s"]), n_records, without, "ok", None)
 
 
-_TOLD: Final = """
+_SUMS: Final = """
 select
     coalesce(bool_or(recorded_s > 0), false) as is_recorded,
     count(distinct local_date) filter (where recorded_open_s > 0) as n_days,

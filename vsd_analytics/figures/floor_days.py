@@ -157,8 +157,8 @@ class FloorDays:
     def seen_share(self, days: slice, *, radius_m: float, cells: Flags) -> Floats | None:
         """Return how much of the disc around each cell the cameras used in some days see, shape of the grid.
 
-        Share of the disc's area, as far as the plan reaches, that lies in the union of the views; cameras stand as
-        calibrated at the end of the days. NaN outside `cells`.
+        Share of the disc's area, as far as the plan reaches, that lies in the union of the views; cameras have the
+        positions of their calibration at the end of the days. NaN outside `cells`.
 
         Returns:
             None when what some of these cameras see is unknown.

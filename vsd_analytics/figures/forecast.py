@@ -31,7 +31,7 @@ NO_GATHERINGS: Final = Reason("gatherings.not_counted")
 
 @dataclass(frozen=True, slots=True)
 class HourForecast:
-    """One open hour of the week to come.
+    """One open hour of the next week.
 
     Attributes:
         day: Local date.
@@ -108,7 +108,7 @@ class FloorForecast:
     gatherings: SeriesForecast
 
     @property
-    def is_told(self) -> bool:
+    def has_forecast(self) -> bool:
         """Tell whether anything is forecast."""
         return "ok" in (self.people.state, self.violations.state, self.gatherings.state)
 

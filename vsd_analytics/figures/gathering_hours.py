@@ -1,4 +1,4 @@
-"""How many gatherings began in each hour of the weeks so far: what the chance of one next week is told from (M25)."""
+"""Gatherings that began in each hour of the weeks so far, from which the chance of one next week is computed (M25)."""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 In one frame two people are joined when they are closer than the legal distance; a **cluster** is a connected component
 of that graph. Two clusters of at least three are joined when they share two track ids within 5 s, or two and a half
 frame intervals where that is more; a **gathering** is a connected component of that second graph that lasts 10 s. A
-cluster is single linkage: six people in a row are one cluster nine metres long, so its diameter stands beside its size.
+cluster is single linkage: six people in a row are one cluster nine metres long, so its diameter is reported with its
+size.
 
 The facts `cluster_times`, `gathering_parts` and `gathering_joins` hold them by the hour, so that they outlive records.
 Where views overlap, a cluster and a gathering belong to the camera that owns their middle.
@@ -32,7 +33,7 @@ from vsd_analytics.stats.gatherings import SizeDistribution
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 HOURS: Final = 100.0
-"""Gatherings are told per so many recorded open hours."""
+"""Gatherings are reported per so many recorded open hours."""
 N_TOP: Final = 5
 """Rows on a page; all gatherings are counted."""
 COUNTED: Final = {f"level.{name}": f"gatherings.{name}" for name in ("none_often", "events", "camera")}
@@ -99,7 +100,7 @@ class Gatherings:
     Attributes:
         first, last: First and last local day.
         floors: One of every floor with cameras.
-        state, reason: "ok" where gatherings of any floor can be told; else why not of the first.
+        state, reason: "ok" where gatherings of any floor can be counted; else the reason of the first floor.
     """
 
     first: date
@@ -132,10 +133,10 @@ def gatherings(
         for floor in site.floors
         if floor_id in (None, floor.floor_id) and any(c.floor_id == floor.floor_id for c in site.cameras)
     )
-    told = [f for f in floors if f.n is not None]
-    if told or not floors:
-        reason = None if told else Reason("site.no_camera")
-        return Gatherings(begin, end, floors, "ok" if told else "not_enough_data", reason)
+    with_count = [f for f in floors if f.n is not None]
+    if with_count or not floors:
+        reason = None if with_count else Reason("site.no_camera")
+        return Gatherings(begin, end, floors, "ok" if with_count else "not_enough_data", reason)
     return Gatherings(begin, end, floors, floors[0].per_100_h.state, floors[0].per_100_h.reason)
 
 
@@ -152,7 +153,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
         if row["is_open"] and period.whole.cameras[camera]:
             n[camera, int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))] += 1
         if period.first <= row["local_date"] <= period.last:
-            found.append(_told(warehouse, row))
+            found.append(_gathering(warehouse, row))
     sizes = warehouse.table(_SIZES, {"floor": floor.floor_id, "first": period.first, "last": period.last})
     has_history = _is_whole(data, warehouse.first, period.first)
     rate = level_often(
@@ -172,7 +173,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
     )
 
 
-def _told(warehouse: Warehouse, row: Mapping[str, Any]) -> Gathering:
+def _gathering(warehouse: Warehouse, row: Mapping[str, Any]) -> Gathering:
     same = ("floor_id", "camera_id", "duration_s", "n_people", "person_s", "x_m", "y_m", "diameter_m", "is_open")
     return Gathering(
         day=row["local_date"],

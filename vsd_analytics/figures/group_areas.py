@@ -12,7 +12,7 @@ from vsd_analytics.figures.panels import Period, Place
 def between_groups_by_area(period: Period, able: Collection[str]) -> Mapping[str | None, Place]:
     """Return each area with its violations between groups only; None is the rest of the floor.
 
-    Violations of which it cannot be known who moves together count as between groups, as on the whole floor.
+    Violations whose groups are unknown count as between groups, as on the whole floor.
 
     Args:
         period: The days.

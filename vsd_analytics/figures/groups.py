@@ -1,8 +1,8 @@
 """People together: the groups of a range, and its violations in two readings, all and between groups (R4, M9).
 
 A violation is within a group when the marts `track_groups` put both its tracks into one; every other is between groups.
-Nothing is taken away: both readings stand side by side. Where track ids are cut, the filter says that it is not
-applicable, and nothing is told between groups.
+Both readings are reported, side by side. Where track ids are cut, the filter says that it is not applicable, and no
+figure between groups is computed.
 """
 
 from __future__ import annotations
@@ -109,10 +109,10 @@ class Groups:
         n_by_size: Number of groups by number of tracks, of cameras that take part.
         cameras: Every camera asked for, with what its ids allow.
         left_out: Why, by camera that takes no part.
-        people_share: Share of person-time in groups, 0 to 1; None when not told.
-        time_share: Share of the time pairs were in violation that is within groups; None when not told.
+        people_share: Share of person-time in groups, 0 to 1; None when not computed.
+        time_share: Share of the time pairs were in violation that is within groups; None when not computed.
         between: Share of violations that are between groups (M9), of those in opening hours; of, n and interval.
-        n_unknown: Violations of which it cannot be known, left out of `between`.
+        n_unknown: Violations whose groups are unknown; `between` leaves them out.
         readings: M0 and M7 by floor.
         accuracy: What the rule is known to find.
         state, reason: "ok" where any camera takes part; else why none does.
@@ -292,7 +292,7 @@ def _groups(warehouse: Warehouse, ids: Sequence[str], days: _Days) -> tuple[Grou
 
 
 def _between(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[ShareEstimate, int]:
-    """Return the share of violations between groups, and the number of those of which it cannot be known."""
+    """Return the share of violations between groups, and the number of violations whose groups are unknown."""
     rows = warehouse.rows(
         "select local_date, count(*) filter (where not is_together) as n, count(is_together) as of, "
         "count(*) filter (where is_together is null) as n_unknown from violations "

@@ -22,7 +22,7 @@ COLUMNS: Final = (
 )
 
 
-def without_small(found: FloorHotspots, *, below: int, telling: Collection[str]) -> FloorHotspots:
+def without_small(found: FloorHotspots, *, below: int, revealing: Collection[str]) -> FloorHotspots:
     """Return hotspots for a table that leaves your hands: those of fewer than `below` violations are left out.
 
     So are those that would tell a small count of one week, the cells, whose counts would tell them, and the total.
@@ -30,11 +30,11 @@ def without_small(found: FloorHotspots, *, below: int, telling: Collection[str])
     Args:
         found: The hotspots.
         below: Counts from 1 to just under this are small.
-        telling: Ids of hotspots that would tell a small count (`report.hidden.telling_spots`).
+        revealing: Ids of hotspots that would tell a small count (`report.hidden.revealing_spots`).
     """
-    spots = tuple(s for s in found.spots if s.n >= below and s.spot_id not in telling)
+    spots = tuple(s for s in found.spots if s.n >= below and s.spot_id not in revealing)
     large = (r for r in found.resolved if r.n is None or r.n == 0 or r.n >= below)
-    resolved = tuple(r for r in large if r.spot_id not in telling)
+    resolved = tuple(r for r in large if r.spot_id not in revealing)
     n_held = len(found.spots) + len(found.resolved) - len(spots) - len(resolved)
     notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=below)) if n_held else found.notes
     return replace(found, spots=spots, resolved=resolved, notes=notes, n=None, grid=None, cells=None)
@@ -42,7 +42,7 @@ def without_small(found: FloorHotspots, *, below: int, telling: Collection[str])
 
 def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]:
     """Return everything as dictionaries, lists, texts and numbers; a missing number is None, floats have 6 digits."""
-    told: dict[str, Any] = {
+    content: dict[str, Any] = {
         "floor_id": found.floor_id,
         "floor_name": found.floor_name,
         "first": found.first,
@@ -59,15 +59,15 @@ def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]
         "notes": list(found.notes),
     }
     if with_cells:
-        told["cells"] = cell_rows(found)
-    return {key: _plain(value) for key, value in told.items()}
+        content["cells"] = cell_rows(found)
+    return {key: _plain(value) for key, value in content.items()}
 
 
 def as_geojson(found: FloorHotspots) -> dict[str, Any]:
     """Return a GeoJSON FeatureCollection (RFC 7946 but for its plane: floor metres), one feature per hotspot.
 
-    Properties are those of a row; the hotspots that are gone follow with state "resolved". The plane is told in
-    `coordinate_system`, of the collection and of each feature.
+    Properties are those of a row; the hotspots that are gone follow with state "resolved". `coordinate_system`, of the
+    collection and of each feature, names the plane.
     """
     rows = [(spot_row(s), s.place) for s in found.spots] + [(_resolved_row(r), r.place) for r in found.resolved]
     features = [
@@ -79,16 +79,16 @@ def as_geojson(found: FloorHotspots) -> dict[str, Any]:
         }
         for row, place in rows
     ]
-    told = {"floor_id": found.floor_id, "first": found.first, "last": found.last, "coordinate_system": PLANE}
+    content = {"floor_id": found.floor_id, "first": found.first, "last": found.last, "coordinate_system": PLANE}
     state = {"state": found.state, "reason": found.reason, "notes": list(found.notes)}
-    return {"type": "FeatureCollection", **_plain({**told, **state}), "features": features}
+    return {"type": "FeatureCollection", **_plain({**content, **state}), "features": features}
 
 
 def spot_row(spot: FloorSpot) -> dict[str, Any]:
     """Return a hotspot as one row, keys as in `COLUMNS`."""
-    told = asdict(replace(spot, place=replace(spot.place, polygons=())))
-    place = told.pop("place")
-    row = {**told, **place, "id": spot.spot_id, "place": spot.place.name}
+    content = asdict(replace(spot, place=replace(spot.place, polygons=())))
+    place = content.pop("place")
+    row = {**content, **place, "id": spot.spot_id, "place": spot.place.name}
     return {key: _plain(row[key]) for key in COLUMNS}
 
 
@@ -104,10 +104,10 @@ def cell_rows(found: FloorHotspots) -> list[dict[str, Any]]:
         {
             "cx": found.grid.cx + int(column),
             "cy": found.grid.cy + int(row),
-            **{name: _plain(v) for name, v in zip(names, told, strict=True)},
+            **{name: _plain(v) for name, v in zip(names, content, strict=True)},
             "is_hot": is_hot,
         }
-        for row, column, is_hot, *told in zip(rows, columns, hot, *values, strict=True)
+        for row, column, is_hot, *content in zip(rows, columns, hot, *values, strict=True)
     ]
 
 

@@ -3,9 +3,9 @@
 The windows are walked from the oldest to the newest. A hotspot takes over the id of a known one when they share cells,
 or their middles are at most 2 m apart; most shared cells first, then the nearest, each id once. Ids that were gone are
 known as well. Any other gets a new id: the floor's, and the square metre of its middle, such as `ground-x6-y5` (`-2`
-when taken). A hotspot that falls in two is no news: both stand since the one did, and one keeps its id; where two grow
-into one, none is gone. So an id follows from stored data alone, and stays while windows reach back to it, or it does
-not move.
+when taken). A hotspot that splits in two is not new: both parts have the date of the old one, and one has its id. Where
+two merge into one, none is reported as gone. So an id follows from stored data alone, and stays while windows reach
+back to it, or it does not move.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Where the newest window stands.
+    """The newest window, as an index.
 
     Attributes:
         now: Identity by label of its hotspots.

@@ -82,7 +82,7 @@ class FloorSpot:
 
 @dataclass(frozen=True, slots=True)
 class ResolvedSpot:
-    """A hotspot of the window a week earlier that stands out no more: its own cells then and now.
+    """A hotspot of the window a week earlier that is no hotspot any more: its own cells then and now.
 
     Attributes:
         spot_id: As for `FloorSpot`.
@@ -110,14 +110,14 @@ class FloorHotspots:
     Attributes:
         floor_id, floor_name: The floor.
         first, last: The window.
-        state: "ok", or why nothing can be said.
+        state: "ok", or why there is no result.
         reason: Why not, unless "ok".
         n_days: Days of the window on which a camera recorded enough.
         n: Violations on them; None where they cannot be known.
         exposure_h: Person-hours on them; likewise.
         compared_with: Last day of the window that tells new from persisting; None without one.
         spots: By excess, greatest first.
-        resolved: Hotspots of that window that stand out no more.
+        resolved: Hotspots of that window that are no hotspots any more.
         grid: The cells, None unless "ok".
         cells: What the test says of each; likewise.
         notes: What a reader must know beside.

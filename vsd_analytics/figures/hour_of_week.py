@@ -91,10 +91,10 @@ def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = N
     confidence = float(warehouse.site.settings.confidence)
     violations, people = slots.violations, slots.people
     n_weeks = (violations.x_h > 0).sum(axis=0)
-    is_told = n_weeks >= MIN_PROFILE_WEEKS
-    burden = slot_rates(violations.n, np.where(is_told, violations.x_h, 0), min_weeks=1, confidence=confidence)
+    is_estimated = n_weeks >= MIN_PROFILE_WEEKS
+    burden = slot_rates(violations.n, np.where(is_estimated, violations.x_h, 0), min_weeks=1, confidence=confidence)
     # an hour that was recorded with nobody in view is recorded, but nobody was at risk
-    both = (violations.x_h > 0) & (people.x_h > 0) & is_told
+    both = (violations.x_h > 0) & (people.x_h > 0) & is_estimated
     exposure = np.where(both, people.n * _same_hours(violations.x_h, people.x_h), 0)
     risk = slot_rates(np.where(exposure > 0, violations.n, 0), exposure, min_weeks=1, confidence=confidence)
     why_often, why_risky = slots.why_no_violations, slots.why_no_violations or slots.why_no_people
@@ -127,7 +127,7 @@ def _rows(slots: Slots, burden: SlotRates, risk: SlotRates) -> tuple[HourProfile
     knows_n, knows_p = slots.why_no_violations is None, slots.why_no_people is None
     rows = []
     for s in np.flatnonzero((slots.open_h > 0).any(axis=0)).tolist():
-        is_told = n_weeks[s] >= MIN_PROFILE_WEEKS
+        is_estimated = n_weeks[s] >= MIN_PROFILE_WEEKS
         rows.append(
             HourProfile(
                 weekday=s // 24,
@@ -138,12 +138,12 @@ def _rows(slots: Slots, burden: SlotRates, risk: SlotRates) -> tuple[HourProfile
                 burden=_number(burden.rate[s]),
                 burden_lo=_number(burden.lo[s]),
                 burden_hi=_number(burden.hi[s]),
-                people=float(person_h[s] / people_h[s]) if is_told and people_h[s] > 0 else None,
+                people=float(person_h[s] / people_h[s]) if is_estimated and people_h[s] > 0 else None,
                 violations=float(violations.n[:, s].sum()) if knows_n and n_weeks[s] else None,
                 person_h=float(person_h[s]) if knows_p and people_h[s] > 0 else None,
                 recorded_h=float(max(violations.x_h[:, s].sum(), people_h[s])),
                 n_weeks=int(n_weeks[s]),
-                state="ok" if is_told else "not_enough_data",
+                state="ok" if is_estimated else "not_enough_data",
             )
         )  # fmt: skip
     return tuple(rows)

@@ -1,8 +1,8 @@
 """Maps of a floor as arrays: where people are, are close, are at risk, and are closer than chance (M16 to M19).
 
-All four are sums over the camera-hours that enter rates, cell by cell, from the mart `cell_hours`: where a person
-stands counts, so that time in violation is a part of time in view everywhere. What a camera did not record is in no
-sum and in no denominator.
+All four are sums over the camera-hours that enter rates, cell by cell, from the mart `cell_hours`. Both use the place
+of the person, so time in violation is a part of time in view everywhere. What a camera did not record is in no sum and
+in no denominator.
 """
 
 from __future__ import annotations
@@ -156,10 +156,10 @@ def excess_map(warehouse: Warehouse, **asked: Unpack[MapRange]) -> ExcessMap:
     the sum of person-time in the cell times 1 - exp(-mu). Observed and expected are smoothed by the same Gaussian of
     1 m before they are divided; NaN where fewer than 10 person-seconds are expected.
 
-    1 is what crowd and layout explain; above it people stay together or queue, below they keep apart. With M rather
-    than the mean number of people less one, it also holds for hours with hardly anybody. Hours of the day share one map
-    over the range: the map of a single quiet hour is little else than the ways of those few themselves. Arguments as
-    for `cell_maps`.
+    1 is the value that crowd and layout explain. Above 1, people stay together or queue; below 1, they keep apart. With
+    M rather than the mean number of people less one, it also holds for hours with hardly anybody. Hours of the day
+    share one map over the range: the map of a single quiet hour is little else than the ways of those few themselves.
+    Arguments as for `cell_maps`.
     """
     return _excess(warehouse, asked["floor"], _load(warehouse, **asked))
 
@@ -240,11 +240,11 @@ def _excess(warehouse: Warehouse, floor: Floor, data: _CellHours) -> ExcessMap:
     if data.grid is None:
         return ExcessMap("M19", unit, None, None, None, None, data.state, data.reason, None, None, None)
     cell_m, expected_s = data.grid.cell_m, _expected_s(warehouse, floor, data)
-    is_told = np.isfinite(expected_s)
-    if not is_told.any():
+    is_together_known = np.isfinite(expected_s)
+    if not is_together_known.any():
         return ExcessMap("M19", unit, None, None, None, None, "not_enough_data", UNTOLD, None, None, None)
-    if not is_told.all():  # who was in view together is unknown there: neither observed nor expected
-        data, expected_s = data.where(is_told), expected_s[is_told]
+    if not is_together_known.all():  # who was in view together is unknown there: neither observed nor expected
+        data, expected_s = data.where(is_together_known), expected_s[is_together_known]
     observed, expected = (data.summed(v) for v in (data.violation_s, expected_s))
     near, mixed = (test.smoothed(v, SIGMA_M / cell_m) for v in (observed, expected))
     exposure_h = data.summed(data.exposure_s) / 3600

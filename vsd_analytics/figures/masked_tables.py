@@ -70,15 +70,15 @@ def shared_hours(frame: pd.DataFrame, *, below: int, reports: ReportsHold | None
     few_violations = few_people | _is_any_small(frame, ("violation_records", "n_violations"), below=below)
     others = few_people & False if reports is None else _others(frame, few_violations, reports, below=below)
     is_masked, is_other = few_people & False, few_people & False
-    for columns, is_few, tells in (
+    for columns, is_few, reveals in (
         (_PEOPLE, few_people, few_people & False),
         (_VIOLATIONS, few_violations, others & ~few_violations),
     ):
         for column in (c for c in columns if c in frame):
             is_any = frame[column].fillna(0) > 0
             is_masked |= is_few & is_any
-            is_other |= tells & is_any
-            frame[column] = frame[column].mask((is_few | tells) & is_any)
+            is_other |= reveals & is_any
+            frame[column] = frame[column].mask((is_few | reveals) & is_any)
     return frame.assign(masked=is_masked, held_back=is_other)
 
 

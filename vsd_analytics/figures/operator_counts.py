@@ -56,8 +56,8 @@ def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midp
     Args:
         warehouse: The range; `heat_cell_m` was given when it was opened.
         floor_id: Floor; None when there is only one.
-        at: "midpoint" counts pair records at the middle of the pair; "person" counts person records in violation
-            where the person stands.
+        at: "midpoint" counts pair records at the middle of the pair; "person" counts person records in violation at the
+            place of the person.
 
     Returns:
         Columns cx, cy (floor(x / cell), floor(y / cell)), records, exposure_s (person-seconds spent in the cell); one

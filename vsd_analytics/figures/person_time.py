@@ -84,7 +84,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
 
 
 def _people(period: Period) -> RateEstimate:
-    """Return the mean number of people; person-seconds stand for events, so that rules for small counts do not bite."""
+    """Return the mean number of people. Person-seconds are used as events, so rules for small counts do not apply."""
     data, settings = period.data, period.data.site.settings
     now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
     found = how_often(
@@ -132,13 +132,13 @@ def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
         return not_measured(NO_GROUPS)
     cameras = [c for c, ok in zip(data.ids, able.tolist(), strict=True) if ok]
     rows = data.warehouse.table(_BETWEEN, {"cameras": cameras, "first": period.first, "last": period.last})
-    violation_h, told_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
+    violation_h, all_pairs_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
     camera = np.array([data.ids.index(c) for c in rows["camera_id"].to_pylist()], dtype=np.int64)
     hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
     violation_h[camera, hour] = rows["between_h"].to_numpy()
-    told_h[camera, hour] = rows["all_h"].to_numpy()
+    all_pairs_h[camera, hour] = rows["all_h"].to_numpy()
     counted = data.hours.is_counted & period.is_inside
-    if (data.violation_h * counted)[able].sum() > 1.001 * (told_h * counted)[able].sum() + 1e-6:
+    if (data.violation_h * counted)[able].sum() > 1.001 * (all_pairs_h * counted)[able].sum() + 1e-6:
         return not_measured(PURGED)
     return _close(period, violation_h, able & _knows_distances(period), has_history=False)
 

@@ -55,7 +55,7 @@ class ThresholdSensitivity:
         points: In order of distance.
         left_out: Cameras that recorded without giving both people and distances, throughout the range.
         engine: What the engine's stated error does; None when none is stated or nothing is counted.
-        state: "ok" when the point of the legal distance stands.
+        state: "ok" when the point of the legal distance has a value.
         reason: Why not.
     """
 
@@ -75,7 +75,7 @@ def threshold_sensitivity(
     """Return M26: violation person-hours / person-hours at 0.9, 1.0 and 1.1 times the legal distance.
 
     Sums over the mart `distances` of the range, all recorded hours, of cameras that give both people and
-    distances; each point is what the figures would say if that were the legal distance.
+    distances; each point is the figure for that distance as the legal one.
 
     Args:
         warehouse: Its days.
@@ -92,19 +92,19 @@ def threshold_sensitivity(
     settings = site.settings
     threshold_mm, reach_mm = round(settings.distance_m * 1000), round(settings.pair_max_m * 1000)
     days = {"first": first or warehouse.first, "last": last or warehouse.last}
-    told = warehouse.rows(_TOLD, {"floor": floor_id, **days})
-    used = [t for t in told if t["knows_people"] and t["knows_distances"]]
-    left_out = tuple(t["camera_id"] for t in told if t not in used)
+    inputs = warehouse.rows(_INPUTS, {"floor": floor_id, **days})
+    used = [t for t in inputs if t["knows_people"] and t["knows_distances"]]
+    left_out = tuple(t["camera_id"] for t in inputs if t not in used)
     n_records = sum(t["violation_records"] for t in used)
 
     def refused(state: State, reason: Reason) -> ThresholdSensitivity:
         points = tuple(_unknown(factor * settings.distance_m, state, reason) for factor in FACTORS)
         return ThresholdSensitivity(floor_id, settings.distance_m, None, points, left_out, None, state, reason)
 
-    if not told:
+    if not inputs:
         return refused("not_enough_data", NOTHING)
     if not used:
-        return refused("not_measurable", NO_FLOOR if any(t["knows_people"] for t in told) else NO_POSITIONS)
+        return refused("not_measurable", NO_FLOOR if any(t["knows_people"] for t in inputs) else NO_POSITIONS)
     exposure_h = sum(t["exposure_s"] for t in used) / 3600
     found = warehouse.table(_DISTANCES, {"cameras": [t["camera_id"] for t in used], **days})
     mm, n, n_sent, nearest_s = (found[name].to_numpy() for name in ("distance_mm", "n_pairs", "n_sent", "nearest_s"))
@@ -139,7 +139,7 @@ def threshold_sensitivity(
 
 
 def engine_effect(error: EngineError, *, violation_records: int, moved: Crossings | None) -> EngineEffect:
-    """Return what an engine's stated error does to a count of violation records, with the note to stand beside it.
+    """Return how an engine's stated error changes a count of violation records, and the note to print with it.
 
     Args:
         error: What vsd.toml states.
@@ -178,7 +178,7 @@ def _unknown(distance_m: float, state: State, reason: Reason) -> ThresholdPoint:
     return ThresholdPoint(round(distance_m, 6), None, None, None, state, reason)
 
 
-_TOLD = """
+_INPUTS = """
 select
     camera_id,
     bool_and(exposure_s is not null) as knows_people,

@@ -53,7 +53,7 @@ def read_matrix(path: Path) -> Matrix:
                 code="E403",
                 where=Where(str(path), number, line.strip()[:200]),
                 why="each row needs three numbers",
-                fix=_MATRIX_MEND,
+                fix=_MATRIX_FIX,
             )
         rows.append(row)
     if len(rows) != 3:
@@ -62,7 +62,7 @@ def read_matrix(path: Path) -> Matrix:
             code="E403",
             where=Where(str(path)),
             why=f"it has {len(rows)} rows of numbers instead of 3",
-            fix=_MATRIX_MEND,
+            fix=_MATRIX_FIX,
         )
     matrix = (
         (rows[0][0], rows[0][1], rows[0][2]),
@@ -80,7 +80,7 @@ def read_matrix(path: Path) -> Matrix:
     return matrix
 
 
-_MATRIX_MEND = "write three rows of three numbers: the homography from picture pixels to floor metres"
+_MATRIX_FIX = "write three rows of three numbers: the homography from picture pixels to floor metres"
 
 
 def is_invertible(matrix: Matrix) -> bool:

@@ -154,8 +154,8 @@ def unseen(floor: Floor, *, cameras: Iterable[Camera], bounds: Bounds) -> list[P
 def seen_share(xy: ArrayLike, *, views: Sequence[Polygon], radius_m: float, bounds: Bounds | None = None) -> Array:
     """Return how much of the disc around each point lies in the union of the views.
 
-    At the border of a view, neighbours outside it are missing, so too few pairs are found. A place of which less than
-    `figures.hotspots.SEEN_SHARE` is seen takes no part in a ranking by risk.
+    At the border of a view, neighbours outside it are missing, so too few pairs are found. A place whose seen share is
+    below `figures.hotspots.SEEN_SHARE` is not ranked by risk.
 
     Args:
         xy: Points in floor metres, shape (n, 2).

@@ -171,7 +171,7 @@ def scene_image(
     width_px: int = 640,
     max_bytes: int = 7_000,
 ) -> str:
-    """Return part of an empty camera scene as a grey WebP data URI, toned down so that bands stand out on it.
+    """Return part of an empty camera scene as a grey WebP data URI, toned down so that bands are clearly visible on it.
 
     Args:
         path: PNG or JPG file.

@@ -19,7 +19,7 @@ from vsd_analytics.errors import CalibrationError
 Array = NDArray[np.float64]
 
 NOMINAL_BOTTOM_PX = (1000.0, 2000.0)
-"""Stands for the bottom centre of a picture of unknown size: below the horizon of any camera that looks ahead, and
+"""Replaces the bottom centre of a picture of unknown size: below the horizon of any camera that looks ahead, and
 above the inverted horizon of one that looks straight down within about 25 degrees."""
 
 DEGENERATE_SHARE = 0.01
@@ -116,9 +116,9 @@ def projection(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Array |
 
     (u w, v w, w) = P (x, y, z, 1), w the depth in metres. A homography fixes P when the lens has square pixels and its
     axis meets the middle of the picture: with G = H^-1 shifted to that middle, its first two columns are
-    diag(f, f, 1) times two orthogonal vectors of equal length, two equations for 1/f^2 of which the least-squares
-    solution is taken (Zhang, A flexible new technique for camera calibration, 2000, section 3.1). Of the two normals
-    of the floor, the one with the camera above it is taken.
+    diag(f, f, 1) times two orthogonal vectors of equal length, two equations for 1/f^2, solved by least squares (Zhang,
+    A flexible new technique for camera calibration, 2000, section 3.1). Of the two normals of the floor, the one with
+    the camera above it is taken.
 
     Args:
         homography: 3x3, pixels to metres.

@@ -21,7 +21,7 @@ VOTE_CELLS = 5
 """Side of the square of cells that vote on the owner of their middle."""
 
 PAIR_REACH_M = 1.0
-"""Two people 2 m apart stand this far from their midpoint: a camera that sees so far around it sees both."""
+"""Two people 2 m apart are this far from their midpoint: a camera that sees so far around it sees both."""
 
 CUT_FEET_M = 2.0
 """Engines send boxes that the picture's edge cuts off, with feet up to about this far outside the view."""

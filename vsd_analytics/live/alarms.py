@@ -258,13 +258,13 @@ class _Stream:
         events = [event for silence in self._silences for event in silence.hear(ts_ms)]
         if self._situations:
             frame = people_graph(instant, distance_mm=self._distance_mm)
-            strangers: list[Sighting] = []
+            close_pairs: list[Sighting] = []
             if self._companions is not None:
                 edges = self._companions.see(frame, ts_ms=ts_ms, interval_ms=self._interval_ms())
-                strangers = contacts(frame, edges)
+                close_pairs = contacts(frame, edges)
             clusters = gatherings(frame)
             for situations in self._situations:
-                found = strangers if situations.rule.kind == "contact" else clusters
+                found = close_pairs if situations.rule.kind == "contact" else clusters
                 events += situations.see(self._matching(situations.rule, found, ts_ms), ts_ms, self._tolerated_ms)
         if self._last_ms is not None:
             self._intervals.append(ts_ms - self._last_ms)

@@ -8,8 +8,9 @@ Two people of one camera are together once all of this is true at one instant, o
 * the point between them has moved at least `together_walk_m` since they were first close.
 
 They stay together until one of them has not been seen for `FORGET_MS`. The rule makes two errors: people who came
-together and never walk count as strangers, and strangers who queue closely from their first record on, and move with
-the queue, count as together. Without positions nobody is known to move, so nobody is together.
+together and never walk count as not together, and people who queue closely from their first record on, and move with
+the queue, count as together although they did not come together. Without positions nobody is known to move, so nobody
+is together.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from vsd_analytics.store.durable import publish
 DONE, FAILED, LOCK = "done", "failed", ".vsd-watch.lock"
 UNFINISHED = (".part", ".tmp")
 LOOKED_AT = 10_000
-"""The oldest files, of which size and time are remembered between two listings."""
+"""The oldest files; their size and time are remembered between two listings."""
 NAME_MAX_BYTES = 255
 
 _OWN_FOLDERS = ("store", "facts", "quarantine", "secrets", "status")

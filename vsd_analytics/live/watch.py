@@ -111,7 +111,7 @@ def watch(
     Args:
         site: The site the files belong to.
         folder: The folder; `done/` and `failed/` are made in it.
-        options: What the user said about the files.
+        options: The format options that the user gave for the files.
         clock: The clock; records later than it are quarantined.
         sleep: Waits for so many seconds; may return sooner when `stop` has become true.
         stop: Called between files, and between the batches of a large one, which is then left for the next start.

@@ -1,4 +1,4 @@
-"""What lies where in a week, by camera, cell and hour, with small counts put together (`planner.fives`).
+"""Counts and times of a week by camera, cell and hour, with small counts merged (`planner.rounding`).
 
 Violations lie in cells of half a metre, person-time in squares of a metre; rectangles of the page are made of whole
 squares, so that both are exact in them. Small counts are put together within an area or the rest of the floor, never
@@ -21,7 +21,7 @@ from vsd_analytics.figures.maps import ExcessMap, excess_map
 from vsd_analytics.figures.panels import Flags, Period, positions
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
-from vsd_analytics.planner.rounding import in_fives
+from vsd_analytics.planner.rounding import merge_small_counts
 from vsd_analytics.site.model import Area
 
 Ints = NDArray[np.int64]
@@ -199,7 +199,9 @@ def _fine(
     is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
     n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
     keys = keys[:, is_first]
-    given = in_fives(n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=below).values[0]
+    given = merge_small_counts(
+        n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=below
+    ).values[0]
     kept = np.flatnonzero(given)
     kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
     return np.stack((keys[0][kept], keys[2][kept], given[kept]))
@@ -215,7 +217,9 @@ def _given(
     places: Ints | None = None,
     is_square: bool = False,
 ) -> Rows:
-    """Return rows of which none is small: neighbours in time first, then the square beside, in rows to and fro.
+    """Merge rows until none is small: first with the next row in time, then with the next square.
+
+    The order of squares runs along rows of the floor, to and fro, so that merged squares are neighbours.
 
     Args:
         keys: Camera, slot, column and row of the cell of half a metre, day, compared or not; one column per row.
@@ -224,8 +228,8 @@ def _given(
         across: Cells along a side of a square.
         below: Counts from 1 to just under this are small.
         places: Place of each cell of half a metre; small counts stay in theirs. None: one place.
-        is_square: Add up to squares; the first of `values` are tracks then, of which squares have at least as many as
-            their busiest cell, and which are not returned.
+        is_square: Add the cells up to squares. The first of `values` must be tracks; a square has at least as many as
+            its busiest cell. Tracks are not returned.
     """
     camera, slot, x, y, day, side = keys
     square_x, square_y = x // across, y // across
@@ -248,7 +252,7 @@ def _given(
     of_square = _runs(of_camera, walk)
     of_day = _runs(of_square, day)
     groups = (_runs(of_day, side), of_day, of_square, of_camera, *(() if places is None else (place,)))
-    given = in_fives(summed, groups=groups, below=below).values[int(is_square) :]
+    given = merge_small_counts(summed, groups=groups, below=below).values[int(is_square) :]
     kept = np.flatnonzero(given.any(axis=0))
     kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
     return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])

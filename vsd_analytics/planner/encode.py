@@ -81,7 +81,7 @@ def _walkable_bytes(data: PlannerData) -> list[bytes]:
 
 
 def _runs(flags: Any) -> bytes:
-    """Return flags as lengths of runs, the first of which are false."""
+    """Return flags as run lengths; the first run is of false values."""
     flat = np.concatenate([[False], np.asarray(flags).ravel()])
     changes = np.flatnonzero(flat[1:] != flat[:-1])
     return varints(np.diff(np.concatenate([[0], changes, [flat.size - 1]])))

@@ -10,7 +10,7 @@ import numpy as np
 
 from vsd_analytics.figures.panels import Flags, Ints, Period, Place, TwoPeriods
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.planner.rounding import in_fives
+from vsd_analytics.planner.rounding import merge_small_counts
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -74,7 +74,7 @@ def panel_of(
 ) -> HourPanel:
     """Return the open hours of some days; hours that a week's report holds back are given as one sum, in one of them.
 
-    A camera that counts fewer in a place than may be given is told with the camera that counts most there.
+    A camera with too small a count in a place is merged with the camera that counts most there.
     """
     slots, hours = open_slots(data, days), data.hours
     counted = hours.is_counted[:, slots]
@@ -102,7 +102,7 @@ def panel_of(
             side = np.zeros_like(day) if shared is None else shared[c, slots].astype(np.int64)
             order = np.lexsort((side, day))
             groups = (2 * day[order] + side[order], day[order])
-            given = in_fives(row_n[order][None], groups=groups, below=below)
+            given = merge_small_counts(row_n[order][None], groups=groups, below=below)
             n[k, c, order] = given.values[0]
             left += int(given.n_dropped[0])
         if n[k].any() or left >= below:

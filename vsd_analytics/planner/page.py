@@ -35,7 +35,7 @@ from vsd_analytics.version import VERSION
 UNIT: Final = 100
 """Units of the drawing in a metre of floor."""
 ROUGH_H: Final = 3.0
-"""Selections with fewer recorded hours are told to be rough."""
+"""Selections with fewer recorded hours are marked as rough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,9 +253,9 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
-    told: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     if data.before is not None and data.why_not_compared is None and not any(hidden):
-        told = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
+        changes = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
     return {
         "id": row.place_id,
         "name": row.name,
@@ -263,7 +263,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
-        "report": told,
+        "report": changes,
     }
 
 
@@ -299,18 +299,18 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
         why = reason_text(hidden)
         return PlannerFigureRow(name=row.name, often=fmt.MISSING, often_likely=why, risky=fmt.MISSING, risky_likely="",
                          previous=fmt.MISSING, change="", change_likely="")  # fmt: skip
-    told = hidden_before is None and often.verdict is not None and often.previous is not None
+    changes = hidden_before is None and often.verdict is not None and often.previous is not None
     clear = often.verdict in ("clear_fall", "clear_rise")
-    said = verdict_words(often) if told else ""
+    said = verdict_words(often) if changes else ""
     return PlannerFigureRow(
         name=row.name,
         often=fmt.number(often.value),
         often_likely=fmt.likely_level(often) or reason_text(often.reason),
         risky=fmt.number(risky.value),
         risky_likely=fmt.likely_level(risky) or reason_text(risky.reason),
-        previous=fmt.number(often.previous) if told else fmt.MISSING,
-        change=f"{said}, {fmt.fewer_more(often.change)}" if told and clear else said,
-        change_likely=fmt.likely_change(often) if told else "",
+        previous=fmt.number(often.previous) if changes else fmt.MISSING,
+        change=f"{said}, {fmt.fewer_more(often.change)}" if changes and clear else said,
+        change_likely=fmt.likely_change(often) if changes else "",
     )
 
 

@@ -21,7 +21,7 @@ from vsd_analytics.figures.panels import WEEK, Flags, Period, Place
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week.density import FloorGrid
 from vsd_analytics.figures.week.floor_maps import floor_maps
-from vsd_analytics.figures.week.hidden_hotspots import telling_spots
+from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow, WeekRef
@@ -160,8 +160,8 @@ def planner_pages(
         monday: First day of the week.
         before: First day of the week it is compared with; None = the one before.
         floor_id: Only this floor.
-        on_plan: Told how many hours of facts must be made first; see `build`.
-        on_hours: Told of hours made.
+        on_plan: Called with the number of fact hours to compute first; see `build`.
+        on_hours: Called after computed hours.
 
     Raises:
         StoreError: E301, nothing was ever stored.
@@ -223,7 +223,7 @@ def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: da
         why_no_exposure=data.why_no_exposure,
         shown=shown,
         walkable=_walkable(data, shown),
-        hotspots=without_small(found, below=int(data.site.settings.mask_below), telling=telling_spots(data, found)),
+        hotspots=without_small(found, below=int(data.site.settings.mask_below), revealing=revealing_spots(data, found)),
         is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
     )
 

@@ -1,4 +1,4 @@
-"""How small counts are kept out of a page that leaves the operator's hands without losing a sum.
+"""Merges small counts, so that a page given to others has none and its sums stay right.
 
 Counts from 1 to under `mask_below` (five) are never given. They are put together with the next small ones, in order of
 time and, where a place has too few all week, with those of the place next to it, until they make five; the five is
@@ -30,8 +30,8 @@ class Given:
     n_dropped: Ints
 
 
-def in_fives(values: Ints, *, groups: Sequence[Ints], below: int) -> Given:
-    """Return counts of which none is from 1 to under `below`.
+def merge_small_counts(values: Ints, *, groups: Sequence[Ints], below: int) -> Given:
+    """Return counts without any value from 1 to under `below`.
 
     A count large enough stays as it is. Small ones are summed in order; a sum large enough is put where its middle one
     was. What is left when a group ends joins the last count given in that group (of the innermost group that has one);

@@ -111,8 +111,8 @@ class DemoTruth:
         frame_interval_s: Seconds from frame to frame, per week.
         hotspot: The busiest spot of the last week.
         outage: A camera that is down for most of a day.
-        low_data: An hour of which less than half is recorded, by any camera.
-        missing: An hour of which nothing is recorded.
+        low_data: An hour that no camera recorded for half or more.
+        missing: An hour that no camera recorded.
         redesign: The move of the display.
         areas: Violations by week and area.
         hours: People by open hour.

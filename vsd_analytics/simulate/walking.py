@@ -135,7 +135,7 @@ class Walker:
             self.stand(at_s - self.now_s)
 
     def shuffle(self, place: Point, at_s: float) -> None:
-        """Move up in a line, at `at_s` or as soon as the walker stands still."""
+        """Move up in a line, at `at_s` or as soon as the walker has stopped."""
         self.stand_until(at_s)
         self._knot(place[0], place[1], 0.8)
 
@@ -162,7 +162,7 @@ def serve(
     three who wait, one more station opens.
 
     Args:
-        walkers: Everybody who comes, anywhere in the shop; on return they stand at their station, served.
+        walkers: Everybody who comes, anywhere in the shop; on return they are at their station, served.
         line: The line.
         draw: Source of randomness.
         service_s: Mean time of service (log-normal with coefficient of variation 0.4).

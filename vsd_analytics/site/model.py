@@ -101,7 +101,7 @@ class Fixture:
     Attributes:
         fixture_id: Identifier.
         name: Display name; free text, always escaped.
-        floor_id: Floor it stands on.
+        floor_id: Its floor.
         polygon: Its footprint.
         kind: "shelf" (also counters and displays), "wall" (also closed rooms), "till", or "other".
         is_movable: True when staff could move it, so that a report may ask whether it should.

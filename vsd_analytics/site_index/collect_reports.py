@@ -1,4 +1,4 @@
-"""Puts the reports of several projects where one page can link to them, and takes in what stands there.
+"""Copies the reports of several projects to one folder, so that one page can link to them, and reads that folder.
 
 Reports that lie below the index are linked where they are; others are copied into a folder named after their project.
 Nothing is ever deleted there: a week whose records or report are gone from its project stays listed.
@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from vsd_analytics.errors import UsageError, VsdError, Where
-from vsd_analytics.site_index.read_reports import Shelf, files_in, kind_of, read_shelf, read_twin
+from vsd_analytics.site_index.read_reports import FoundReports, files_in, find_reports, kind_of, read_report_json
 from vsd_analytics.store.durable import publish
 from vsd_analytics.store.page_folders import sweep_pages
 
@@ -86,16 +86,16 @@ def projects_below(root: Path) -> list[Path]:
     return found
 
 
-def gather(sources: Iterable[ReportSource], out: Path) -> Shelf:
+def gather(sources: Iterable[ReportSource], out: Path) -> FoundReports:
     """Return the weeks of all projects, with links relative to `out`; copy what does not lie below it.
 
     Args:
         sources: Projects.
-        out: Folder the index will stand in.
+        out: Folder of the index.
     """
-    shelves = [_gathered(source, out.resolve()) for source in sources]
-    return Shelf(
-        entries=tuple(e for s in shelves for e in s.entries), problems=tuple(p for s in shelves for p in s.problems)
+    folders = [_gathered(source, out.resolve()) for source in sources]
+    return FoundReports(
+        entries=tuple(e for s in folders for e in s.entries), problems=tuple(p for s in folders for p in s.problems)
     )
 
 
@@ -103,7 +103,7 @@ def write_index(out: Path, page: str) -> Path:
     """Put the page at `out/index.html`, wholly or not at all.
 
     Raises:
-        UsageError: E515, an index.html that is not ours stands there.
+        UsageError: E515, the folder has an index.html that this program did not write.
     """
     path = out / "index.html"
     if path.exists() and MARK not in path.read_bytes()[:8192]:
@@ -120,22 +120,22 @@ def write_index(out: Path, page: str) -> Path:
     return path
 
 
-def _gathered(source: ReportSource, out: Path) -> Shelf:
+def _gathered(source: ReportSource, out: Path) -> FoundReports:
     reports = source.reports.resolve()
     if reports.is_relative_to(out):
         prefix = "".join(f"{quote(part)}/" for part in reports.relative_to(out).parts)
-        return read_shelf(reports, project=source.name, prefix=prefix)
-    known = read_shelf(reports, project=source.name)
+        return find_reports(reports, project=source.name, prefix=prefix)
+    known = find_reports(reports, project=source.name)
     target = out / source.name
     target.mkdir(parents=True, exist_ok=True)
     for name in files_in(reports):
         kind = kind_of(name)
-        if kind is not None and (kind != "twin" or _is_readable(reports / name)):
+        if kind is not None and (kind != "json" or _is_readable(reports / name)):
             _copy(reports / name, target / name)
     sweep_pages(target)
-    published = read_shelf(target, project=source.name, prefix=f"{source.name}/")
+    published = find_reports(target, project=source.name, prefix=f"{source.name}/")
     named = {_name(p) for p in known.problems}
-    return Shelf(
+    return FoundReports(
         entries=published.entries,
         problems=(*known.problems, *(p for p in published.problems if _name(p) not in named)),
     )
@@ -143,7 +143,7 @@ def _gathered(source: ReportSource, out: Path) -> Shelf:
 
 def _is_readable(path: Path) -> bool:
     try:
-        return read_twin(path) is not None
+        return read_report_json(path) is not None
     except VsdError:
         return False
 

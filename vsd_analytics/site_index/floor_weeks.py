@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 from vsd_analytics.errors import VsdError, Where
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.site_index.read_reports import Entry, Twin
+from vsd_analytics.site_index.read_reports import Entry, IndexedReport
 
 WEEKS_SHOWN = 10
 
@@ -18,7 +18,7 @@ Standing = Literal["fall", "rise", "same", "none", "not_compared", "incomplete",
 
 
 class FloorKey(NamedTuple):
-    """What tells floors apart.
+    """What identifies a floor.
 
     Attributes:
         project: Name of the project.
@@ -36,9 +36,9 @@ class FloorWeeks:
     """A floor and its weeks.
 
     Attributes:
-        key: What tells it from others.
-        site_name: Display name of the site, of its latest twin.
-        name: Display name of the floor, of its latest twin.
+        key: Identifies the floor among all floors.
+        site_name: Display name of the site, from its latest report.
+        name: Display name of the floor, from its latest report.
         rank: Its place among the floors of its site, as vsd.toml orders them.
         weeks: Reports with figures by Monday, in order.
     """
@@ -59,15 +59,15 @@ class FloorWeeks:
         """Return site and floor."""
         return f"{self.site_name}, {self.name}"
 
-    def twin(self, monday: date) -> Twin | None:
-        """Return the twin of a week, if there is one."""
+    def report(self, monday: date) -> IndexedReport | None:
+        """Return the report of a week, if there is one."""
         entry = self.weeks.get(monday)
-        return entry.twin if entry is not None else None
+        return entry.report if entry is not None else None
 
-    def window(self, monday: date) -> tuple[tuple[date, Twin | None], ...]:
-        """Return the ten weeks that end with a week, each with its twin if there is one."""
+    def window(self, monday: date) -> tuple[tuple[date, IndexedReport | None], ...]:
+        """Return the ten weeks that end with a week, each with its report if there is one."""
         mondays = (monday - timedelta(weeks=back) for back in reversed(range(WEEKS_SHOWN)))
-        return tuple((week, self.twin(week)) for week in mondays)
+        return tuple((week, self.report(week)) for week in mondays)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Catalogue:
     Attributes:
         floors: Floors in the order of projects, then of sites and of their vsd.toml.
         pages: Pages without figures, in order of week.
-        problems: Twins that say the same week of the same floor.
+        problems: JSON files of the same week of the same floor.
     """
 
     floors: tuple[FloorWeeks, ...]
@@ -103,24 +103,24 @@ class Catalogue:
 def catalogue(entries: Iterable[Entry]) -> Catalogue:
     """Return the floors and weeks of all entries.
 
-    Of two twins of one week and floor the one that was made later counts; the other is named as a problem (W514).
+    Of two JSON files of one week and floor, the later one counts; the other is reported as a problem (W514).
     """
     weeks: dict[FloorKey, dict[date, Entry]] = {}
     pages, problems = [], []
     for entry in entries:
-        if entry.twin is None:
+        if entry.report is None:
             pages.append(entry)
             continue
-        twin = entry.twin
-        known = weeks.setdefault(FloorKey(entry.project, twin.site.site_id, twin.site.floor_id), {})
-        other = known.get(twin.week.monday)
-        if other is not None and other.twin is not None:
+        report = entry.report
+        known = weeks.setdefault(FloorKey(entry.project, report.site.site_id, report.site.floor_id), {})
+        other = known.get(report.week.monday)
+        if other is not None and other.report is not None:
             old, entry = sorted((other, entry), key=_made)  # noqa: PLW2901
             problems.append(_twice(old, entry))
-        known[twin.week.monday] = entry
+        known[report.week.monday] = entry
     floors = []
     for key, known in weeks.items():
-        last = known[max(known)].twin
+        last = known[max(known)].report
         if last is not None:
             site, order = last.site, last.site.floors
             rank = order.index(key.floor_id) if key.floor_id in order else len(order)
@@ -131,27 +131,27 @@ def catalogue(entries: Iterable[Entry]) -> Catalogue:
     place = {project: k for k, project in enumerate(dict.fromkeys(f.key.project for f in floors))}
     floors.sort(key=lambda f: (place[f.key.project], f.site_name.casefold(), f.key.site_id, f.rank, f.key))
     return Catalogue(
-        floors=tuple(_told_apart(floors)),
+        floors=tuple(_with_distinct_names(floors)),
         pages=tuple(sorted(pages, key=lambda p: (p.monday, p.project, p.stem))),
         problems=tuple(problems),
     )
 
 
-def standing(twin: Twin | None) -> Standing:
+def standing(report: IndexedReport | None) -> Standing:
     """Return what a week amounts to, by its state and the verdict on how often."""
-    if twin is None:
+    if report is None:
         return "absent"
-    match twin.state:
+    match report.state:
         case "no_data":
             return "no_data"
         case "too_incomplete":
             return "incomplete"
         case "settings_changed" | "first_week":
             return "not_compared"
-    verdict: Standing | None = verdict_of(twin.level.often)
+    verdict: Standing | None = verdict_of(report.level.often)
     if verdict is not None:
         return verdict
-    return "none" if twin.state == "empty" else "not_compared"
+    return "none" if report.state == "empty" else "not_compared"
 
 
 def verdict_of(estimate: Estimate) -> Literal["fall", "rise", "same"] | None:
@@ -170,27 +170,27 @@ def verdict_of(estimate: Estimate) -> Literal["fall", "rise", "same"] | None:
 
 
 def _made(entry: Entry) -> tuple[float, str]:
-    return (entry.twin.generated_at.timestamp() if entry.twin is not None else 0.0, entry.stem)
+    return (entry.report.generated_at.timestamp() if entry.report is not None else 0.0, entry.stem)
 
 
-def _told_apart(floors: list[FloorWeeks]) -> list[FloorWeeks]:
+def _with_distinct_names(floors: list[FloorWeeks]) -> list[FloorWeeks]:
     """Return the floors, with the project or the site's id behind names that several sites have."""
     sites: dict[str, set[tuple[str, str]]] = {}
     for floor in floors:
         sites.setdefault(floor.site_name, set()).add((floor.key.project, floor.key.site_id))
-    told = []
+    named = []
     for floor in floors:
         same = sites[floor.site_name]
         if len(same) > 1:
             mark = floor.key.project if len({project for project, _ in same}) == len(same) else floor.key.site_id
             floor = replace(floor, site_name=f"{floor.site_name} ({mark})")  # noqa: PLW2901
-        told.append(floor)
-    return told
+        named.append(floor)
+    return named
 
 
 def _twice(old: Entry, new: Entry) -> VsdError:
     return VsdError(
-        "two twins report the same week of the same floor",
+        "two JSON files report the same week of the same floor",
         code="W514",
         where=Where(f"{old.stem}.json"),
         why=f"{new.stem}.json was made later and is the one that is listed",

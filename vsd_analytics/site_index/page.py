@@ -1,4 +1,4 @@
-"""The index page: one HTML file with one style, no script, no request, equal bytes for equal twins."""
+"""The index page: one HTML file with one style, no script, no request, equal bytes for equal reports."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Verdict
 from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.floor_weeks import Catalogue, FloorWeeks, standing, verdict_of
-from vsd_analytics.site_index.read_reports import Entry, Twin
+from vsd_analytics.site_index.read_reports import Entry, IndexedReport
 from vsd_analytics.site_index.summary import headline, lead, week_line
 
 LONGEST_NOTE = 110
-LINKS = ("report", "pdf", "planner", "twin")
+LINKS = ("report", "pdf", "planner", "json")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,15 +180,15 @@ def render_index(found: Catalogue) -> str:
 def make_index(found: Catalogue) -> Index:
     """Return what the template shows; see `Index`."""
     latest = found.latest
-    twins = [t for f in found.floors for e in f.weeks.values() if (t := e.twin) is not None]
+    reports = [t for f in found.floors for e in f.weeks.values() if (t := e.report) is not None]
     shown = [t for f in found.floors for _, t in f.window(latest or f.latest)]
-    newest = max(twins, key=lambda t: (t.generated_at, t.site.site_id, t.site.floor_id, t.week.iso), default=None)
+    newest = max(reports, key=lambda t: (t.generated_at, t.site.site_id, t.site.floor_id, t.week.iso), default=None)
     week = "" if latest is None else _week_name(latest)
     said = say("index.without_figures") if latest is None else headline(found.floors, latest)
     footer = say("index.name_week", week=week) if week else say("index.name")
     style = _style(footer)
     window = [latest - timedelta(weeks=k) for k in reversed(range(10))] if latest is not None else []
-    n_made_up = sum(t.provenance.is_made_up for t in twins)
+    n_made_up = sum(t.provenance.is_made_up for t in reports)
     return Index(
         style=Markup(style),
         style_hash=policy_hash(style),
@@ -207,51 +207,51 @@ def make_index(found: Catalogue) -> Index:
         rule=_rule(shown),
         min_coverage=_distinct(fmt.percent(t.rules.min_coverage) for t in shown if t is not None),
         years=_years(found),
-        tag="" if not n_made_up else say("page.made_up") if n_made_up == len(twins) else say("index.partly_made_up"),
+        tag="" if not n_made_up else say("page.made_up") if n_made_up == len(reports) else say("index.partly_made_up"),
         as_of=newest.generated_at if newest is not None else None,
         zone=newest.week.zone if newest is not None else "",
-        versions=tuple(sorted({t.provenance.version for t in twins})),
+        versions=tuple(sorted({t.provenance.version for t in reports})),
     )
 
 
 def _row(floor: FloorWeeks, latest: date) -> Row:
     monday = floor.latest
-    entry, twin = floor.weeks[monday], floor.twin(monday)
-    if twin is None:
-        raise AssertionError("a floor is made of twins")
+    entry, report = floor.weeks[monday], floor.report(monday)
+    if report is None:
+        raise AssertionError("a floor is made of reports")
     window = floor.window(latest)
     weeks = tuple(week_bars.said(t) for _, t in window)
-    risky = twin.level.risky
-    share = twin.coverage.share
-    often = twin.level.often
+    risky = report.level.risky
+    share = report.coverage.share
+    often = report.level.often
     is_current = monday == latest
     return Row(
         site=floor.site_name,
         floor=floor.name,
         link=next(iter(_links(entry, floor.full_name, only="report")), None),
         week="" if is_current else say("index.last_report", week=_week_name(monday)),
-        rate=week_bars.said(twin) if week_bars.bar_kind(twin) == "rough" else fmt.number(often.value),
+        rate=week_bars.said(report) if week_bars.bar_kind(report) == "rough" else fmt.number(often.value),
         risk=say("index.risk", rate=fmt.number(risky.value)) if risky.value is not None and risky.state == "ok" else "",
         bars=week_bars.bars(
             window, label=say("index.bars", weeks=_phrase([m for m, _ in window]), said=", ".join(weeks))
         ),
-        verdict=_verdict(twin),
-        direction=terms.direction(_clear(twin)),
-        details=tuple(d for d in (_why(twin), _note(twin)) if d),
+        verdict=_verdict(report),
+        direction=terms.direction(_clear(report)),
+        details=tuple(d for d in (_why(report), _note(report)) if d),
         recorded=fmt.percent_short(share),
-        is_low=twin.state in ("no_data", "too_incomplete"),
+        is_low=report.state in ("no_data", "too_incomplete"),
         links=tuple(_links(entry, say("index.whose", floor=floor.full_name, week=_week_name(monday)))),
         weeks=weeks,
     )
 
 
-def _clear(twin: Twin) -> Verdict | None:
-    return twin.level.often.verdict if standing(twin) in ("fall", "rise") else None
+def _clear(report: IndexedReport) -> Verdict | None:
+    return report.level.often.verdict if standing(report) in ("fall", "rise") else None
 
 
-def _verdict(twin: Twin) -> str:
-    often = twin.level.often
-    match standing(twin):
+def _verdict(report: IndexedReport) -> str:
+    often = report.level.often
+    match standing(report):
         case "no_data":
             return terms.capital(say("index.no_data"))
         case "incomplete":
@@ -262,7 +262,7 @@ def _verdict(twin: Twin) -> str:
             return say("index.verdict", verdict=terms.verdict_words(often), change=fmt.signed(often.change))
         case "same":
             return terms.verdict_words(often)
-    match twin.state:
+    match report.state:
         case "first_week":
             return terms.capital(say("index.first_week"))
         case "settings_changed":
@@ -271,33 +271,33 @@ def _verdict(twin: Twin) -> str:
             return say("tiles.not_measurable" if often.state == "not_measurable" else "words.too_little_data")
 
 
-def _why(twin: Twin) -> str:
-    often = twin.level.often
-    if verdict_of(often) is not None and standing(twin) in ("fall", "rise", "same"):
+def _why(report: IndexedReport) -> str:
+    often = report.level.often
+    if verdict_of(often) is not None and standing(report) in ("fall", "rise", "same"):
         return fmt.likely_signed(often)
-    match twin.state:
+    match report.state:
         case "no_data":
             return say("index.nothing_received")
         case "too_incomplete":
-            return say("index.below", share=fmt.percent(twin.rules.min_coverage))
+            return say("index.below", share=fmt.percent(report.rules.min_coverage))
         case "first_week":
             return say("index.starts_next")
-        case "settings_changed" if twin.settings_change is not None:
-            change = twin.settings_change
+        case "settings_changed" if report.settings_change is not None:
+            change = report.settings_change
             return _shortened(say("index.setting", name=change.name, before=change.before, after=change.after))
-        case "empty" if twin.coverage.seen_h is not None:
-            return say("index.people_seen", hours=fmt.hours(twin.coverage.seen_h))
+        case "empty" if report.coverage.seen_h is not None:
+            return say("index.people_seen", hours=fmt.hours(report.coverage.seen_h))
         case _:
             return _shortened(reason_text(often.reason))
 
 
-def _note(twin: Twin) -> str:
+def _note(report: IndexedReport) -> str:
     """Return what was logged in the week (not in the one before), else where and when it is busiest."""
-    entries = _entries(twin)
+    entries = _entries(report)
     if entries:
         about_areas = [e for e in entries if e.area_id is not None]
         return _shortened(say("index.logged", text=(about_areas or entries)[-1].text.strip()))
-    spot, hour = twin.busiest_spot, twin.busiest_hour
+    spot, hour = report.busiest_spot, report.busiest_hour
     if spot is None:
         return ""
     busiest = _shortened(say("index.busiest", area=spot.name))
@@ -306,16 +306,16 @@ def _note(twin: Twin) -> str:
     return say("index.busiest_at", busiest=busiest, day=fmt.day_short(hour.start.date()), clock=fmt.clock(hour.start))
 
 
-def _entries(twin: Twin) -> list[LogLine]:
+def _entries(report: IndexedReport) -> list[LogLine]:
     """Return what people logged in the week itself."""
-    return [e for e in twin.log if e.kind == "logged" and e.text.strip() and e.at.date() >= twin.week.monday]
+    return [e for e in report.log if e.kind == "logged" and e.text.strip() and e.at.date() >= report.week.monday]
 
 
 def _logged(found: Catalogue, monday: date) -> Iterator[str]:
     """Yield the last change of an area that was logged on each floor in a week."""
     for floor in found.floors:
-        twin = floor.twin(monday)
-        texts = [e.text.strip() for e in _entries(twin) if e.area_id is not None] if twin is not None else []
+        report = floor.report(monday)
+        texts = [e.text.strip() for e in _entries(report) if e.area_id is not None] if report is not None else []
         if texts:
             is_one = len(found.floors) == 1
             text = texts[-1] if is_one else say("index.logged_at", floor=floor.full_name, text=texts[-1])
@@ -385,7 +385,7 @@ def _phrase(window: Sequence[date]) -> str:
     return terms.capital(say("index.span", first=_week_name(window[0]), last=_week_name(window[-1])))
 
 
-def _rule(shown: Iterable[Twin | None]) -> str:
+def _rule(shown: Iterable[IndexedReport | None]) -> str:
     """Return what a violation is; where sites have different rules, all of them."""
     rules = [t.rules for t in shown if t is not None]
     distances = _distinct(fmt.metres_unbroken(r.distance_m) for r in rules)

@@ -1,7 +1,7 @@
-"""Reads the twins in a folder of reports, and names every file that cannot be listed.
+"""Reads the JSON files in a folder of reports, and names every file that cannot be listed.
 
-A twin is hostile until it has been checked: it is small enough, a plain file, of our schema, about the week and floor
-its name says. Links are made from the names of files that exist, never from what stands in a twin.
+A JSON file is not trusted before these checks: it is small enough, a plain file, of our schema, and about the week and
+floor of its name. Links are made from the names of existing files, never from the content of a JSON file.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ from vsd_analytics.report.model.week import SCHEMA, Span
 from vsd_analytics.report.words.reasons import decode_reason
 
 MAX_BYTES: Final = 20_000_000
-"""A twin is a few hundred kilobytes; what is far larger is no twin and is not read into memory."""
-KINDS: Final = {".html": "report", ".pdf": "pdf", ".json": "twin"}
+"""The JSON file of a report has a few hundred kilobytes. A far larger file is something else and is not read into
+memory."""
+KINDS: Final = {".html": "report", ".pdf": "pdf", ".json": "json"}
 STEM: Final = re.compile(r"(?P<iso>\d{4}-W\d{2})(?:-(?P<floor>[a-z0-9][a-z0-9_-]{0,62}))?")
 """Names of reports: 2026-W46, or 2026-W46-ground where a site has several floors."""
 PLANNER: Final = re.compile(rf"{STEM.pattern}-planner")
@@ -43,7 +44,7 @@ _YEARS: Final = range(1900, 2200)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """The part of a twin's `coverage` that the index shows; same names."""
+    """The part of `coverage` in the JSON file that the index shows; same names."""
 
     share: float
     seen_h: float | None = None
@@ -51,22 +52,22 @@ class Recorded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Levels:
-    """The part of a twin's `level` that the index shows; same names."""
+    """The part of `level` in the JSON file that the index shows; same names."""
 
     often: Estimate
     risky: Estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """The part of a twin's `story` that the index shows; same names."""
+class IndexedStory:
+    """The part of `story` in the JSON file that the index shows; same names."""
 
     headline: str
     lead: tuple[Span, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Twin:
+class IndexedReport:
     """What the index needs of a `report.model.WeekReport`; same names, units and meanings.
 
     Other parts of the file may be there or not: later versions only add to the schema.
@@ -81,7 +82,7 @@ class Twin:
     state: WeekState
     coverage: Recorded
     level: Levels
-    story: Told
+    story: IndexedStory
     busiest_spot: BusiestSpot | None = None
     busiest_hour: BusiestHour | None = None
     log: tuple[LogLine, ...] = ()
@@ -95,13 +96,13 @@ class Entry:
     Attributes:
         project: Name of the project it is of.
         stem: Name of its files without the ending.
-        twin: Its figures; None of a page whose twin is missing.
-        links: Address, relative to the index, by kind: report, pdf, twin, planner.
+        report: Its figures; None for a page without a JSON file.
+        links: Address, relative to the index, by kind: report, pdf, json, planner.
     """
 
     project: str
     stem: str
-    twin: Twin | None
+    report: IndexedReport | None
     links: dict[str, str]
 
     @property
@@ -111,7 +112,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shelf:
+class FoundReports:
     """What a folder of reports holds.
 
     Attributes:
@@ -123,36 +124,36 @@ class Shelf:
     problems: tuple[VsdError, ...] = ()
 
 
-def read_shelf(folder: Path, *, project: str, prefix: str = "") -> Shelf:
+def find_reports(folder: Path, *, project: str, prefix: str = "") -> FoundReports:
     """Return the weeks in a folder of reports.
 
     Args:
         folder: Folder with `2026-W46.json` and its pages; one that does not exist holds nothing.
-        project: Name of the project, to tell sites of one name apart.
+        project: Name of the project, to distinguish sites of one name.
         prefix: Address of `folder` relative to the index, ending in "/" unless empty.
     """
     problems: list[VsdError] = []
     names = files_in(folder)
-    twins: dict[str, Twin] = {}
+    reports: dict[str, IndexedReport] = {}
     for name in (n for n in names if n.endswith(".json")):
         try:
-            twins[name.removesuffix(".json")] = read_twin(folder / name)
+            reports[name.removesuffix(".json")] = read_report_json(folder / name)
         except VsdError as problem:
             problems.append(problem)
-    stems = sorted({Path(n).stem for n in names if kind_of(n) in ("report", "twin")} | twins.keys())
+    stems = sorted({Path(n).stem for n in names if kind_of(n) in ("report", "json")} | reports.keys())
     entries = []
     for stem in stems:
-        if stem not in twins and f"{stem}.html" not in names:
-            continue  # a twin that could not be read and nothing beside it: named above
+        if stem not in reports and f"{stem}.html" not in names:
+            continue  # a JSON file that could not be read, without a page: reported above
         links = {kind: prefix + quote(f"{stem}{end}") for end, kind in KINDS.items() if f"{stem}{end}" in names}
         if f"{stem}-planner.html" in names:
             links["planner"] = prefix + quote(f"{stem}-planner.html")
-        if stem not in twins:
-            links.pop("twin", None)
+        if stem not in reports:
+            links.pop("json", None)
             if f"{stem}.json" not in names:
                 problems.append(_without_figures(folder / f"{stem}.html"))
-        entries.append(Entry(project=project, stem=stem, twin=twins.get(stem), links=links))
-    return Shelf(entries=tuple(entries), problems=tuple(problems))
+        entries.append(Entry(project=project, stem=stem, report=reports.get(stem), links=links))
+    return FoundReports(entries=tuple(entries), problems=tuple(problems))
 
 
 def files_in(folder: Path) -> list[str]:
@@ -175,11 +176,11 @@ def monday_of(stem: str) -> date:
 
 
 def kind_of(name: str) -> str | None:
-    """Return what a file of a week is by its name: report, pdf, twin, planner, or None for any other file.
+    """Return the kind of a week's file from its name: report, pdf, json, planner, or None for any other file.
 
     Example:
         >>> kind_of("2026-W46.html"), kind_of("2026-W46-ground.json"), kind_of("2026-W46-planner.html")
-        ('report', 'twin', 'planner')
+        ('report', 'json', 'planner')
     """
     stem, _, end = name.rpartition(".")
     if end == "html" and PLANNER.fullmatch(stem):
@@ -194,15 +195,15 @@ def _is_report(stem: str) -> bool:
         return False
 
 
-def read_twin(path: Path) -> Twin:
-    """Return a twin.
+def read_report_json(path: Path) -> IndexedReport:
+    """Return the parts of a report's JSON file that the index shows.
 
     Raises:
         VsdError: W510, it is damaged; W511, it is something else; W512, a newer version wrote it. Warnings: the others
             can still be listed.
     """
     if path.lstat().st_size > MAX_BYTES:
-        raise _foreign(path, why=f"it is larger than {MAX_BYTES // 1_000_000} MB; a twin has a fraction of one")
+        raise _foreign(path, why=f"it is larger than {MAX_BYTES // 1_000_000} MB; a report has a fraction of that")
     data = path.read_bytes()
     try:
         head = msgspec.json.decode(data)
@@ -210,19 +211,19 @@ def read_twin(path: Path) -> Twin:
         raise _damaged(path, why=f"it is no whole JSON text: {_said(error)}") from None
     _check_schema(head.get("schema") if isinstance(head, dict) else None, path)
     try:
-        needed = {f.name: head[f.name] for f in fields(Twin) if f.name in head}
-        twin = msgspec.convert(_cleaned(needed), Twin, dec_hook=decode_reason)
-        is_week = _is_week(twin.week)
+        needed = {f.name: head[f.name] for f in fields(IndexedReport) if f.name in head}
+        report = msgspec.convert(_cleaned(needed), IndexedReport, dec_hook=decode_reason)
+        is_week = _is_week(report.week)
     except (msgspec.ValidationError, RecursionError, ValueError, OverflowError) as error:
         raise _damaged(path, why=_said(error)) from None
-    if twin.generated_at.tzinfo is None:
+    if report.generated_at.tzinfo is None:
         raise _damaged(path, why="its instants have no offset")
     if not is_week:
         raise _damaged(path, why="its week, its Monday and its Sunday do not fit together")
     name = STEM.fullmatch(path.name.removesuffix(".json"))
-    if name is None or name["iso"] != twin.week.iso or name["floor"] not in (None, twin.site.floor_id):
+    if name is None or name["iso"] != report.week.iso or name["floor"] not in (None, report.site.floor_id):
         raise _foreign(path, why="its name and the week and floor in it differ, so that it may be of another page")
-    return twin
+    return report
 
 
 def _check_schema(schema: Any, path: Path) -> None:
@@ -232,7 +233,7 @@ def _check_schema(schema: Any, path: Path) -> None:
         raise _foreign(path, why=f"it does not say that it is of {family}")
     if int(match[1]) > int(version):
         raise VsdError(
-            "a twin was written by a newer version and is not listed",
+            "a JSON file was written by a newer version and is not listed",
             code="W512",
             where=Where(str(path)),
             why=f"it is {match[0]}; this version reads up to {SCHEMA}",
@@ -268,7 +269,7 @@ def _said(error: BaseException) -> str:
 
 def _damaged(path: Path, *, why: str) -> VsdError:
     return VsdError(
-        "a twin is damaged and is not listed",
+        "the JSON file of a report is damaged and is not listed",
         code="W510",
         where=Where(str(path)),
         why=why,
@@ -278,7 +279,7 @@ def _damaged(path: Path, *, why: str) -> VsdError:
 
 def _foreign(path: Path, *, why: str) -> VsdError:
     return VsdError(
-        "a JSON file among the reports is no twin of a weekly report and is not listed",
+        "a JSON file among the reports is not that of a weekly report and is not listed",
         code="W511",
         where=Where(str(path)),
         why=why,
@@ -288,7 +289,7 @@ def _foreign(path: Path, *, why: str) -> VsdError:
 
 def _without_figures(page: Path) -> VsdError:
     return VsdError(
-        "a page has no twin, so that it is listed without its figures",
+        "a page has no JSON file, so it is listed without its figures",
         code="W513",
         where=Where(str(page)),
         why=f"{page.stem}.json is missing, and the records of today would give another page or none",

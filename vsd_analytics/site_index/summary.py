@@ -1,7 +1,7 @@
 """The sentences of the index: the headline over all floors, its lead, and one line for each earlier week.
 
-Pure functions of the twins, one branch each for what floors can amount to. Numbers of floors and sites are words, so
-that every figure on the page is a twin's.
+Pure functions of the reports, one branch for each case. Numbers of floors and sites are words, so that every figure on
+the page comes from a report.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.terms import capital, sentence, verdict_words
 from vsd_analytics.site_index.floor_weeks import FloorWeeks, Standing, standing, verdict_of
-from vsd_analytics.site_index.read_reports import Twin
+from vsd_analytics.site_index.read_reports import IndexedReport
 
 _NUMBERS: Final = tuple(say("index.numbers").split())
 NAMED: Final = 3
@@ -32,10 +32,10 @@ def headline(floors: Sequence[FloorWeeks], monday: date) -> str:
         floors: All floors.
         monday: First day of the week.
     """
-    only = floors[0].twin(monday) if len(floors) == 1 else None
+    only = floors[0].report(monday) if len(floors) == 1 else None
     if only is not None:
         return only.story.headline.strip().rstrip(".")
-    found = [standing(f.twin(monday)) for f in floors]
+    found = [standing(f.report(monday)) for f in floors]
     n_changed, n_unchanged = (sum(s in kind for s in found) for kind in (_CHANGED, _UNCHANGED))
     n_unknown = len(found) - n_changed - n_unchanged
     if all(s in _WITHOUT_DATA for s in found):
@@ -61,14 +61,14 @@ def lead(floors: Sequence[FloorWeeks], monday: date) -> tuple[Span, ...]:
 
     Those of a single floor are its report's.
     """
-    only = floors[0].twin(monday) if len(floors) == 1 else None
+    only = floors[0].report(monday) if len(floors) == 1 else None
     if only is not None:
         return only.story.lead
-    said = [(f, standing(f.twin(monday))) for f in floors]
+    said = [(f, standing(f.report(monday))) for f in floors]
     spans = [Span(text=sentence(_places(floors)))]
-    changed = [(f, t) for f, s in said if s in _CHANGED and (t := f.twin(monday)) is not None]
-    for floor, twin in changed[:NAMED]:
-        spans += [Span(text=" "), Span(text=f"{floor.full_name}:", is_strong=True), Span(text=f" {_change(twin)}.")]
+    changed = [(f, t) for f, s in said if s in _CHANGED and (t := f.report(monday)) is not None]
+    for floor, report in changed[:NAMED]:
+        spans += [Span(text=" "), Span(text=f"{floor.full_name}:", is_strong=True), Span(text=f" {_change(report)}.")]
     if len(changed) > NAMED:
         spans += [Span(text=" "), Span(text=capital(say("index.more_changed", n=in_words(len(changed) - NAMED))))]
     return (*spans, *(Span(text=f" {text}") for text in _lacking(said)))
@@ -77,10 +77,10 @@ def lead(floors: Sequence[FloorWeeks], monday: date) -> tuple[Span, ...]:
 def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
     """Return the one line an earlier week gets: which floors changed clearly and which lack data, if any."""
     if len(floors) == 1:
-        only = floors[0].twin(monday)
+        only = floors[0].report(monday)
         return "" if only is None else only.story.headline.strip().rstrip(".")
-    there = [(f, t, standing(t)) for f in floors if (t := f.twin(monday)) is not None]
-    told = [
+    there = [(f, t, standing(t)) for f in floors if (t := f.report(monday)) is not None]
+    named = [
         say(
             "index.changed",
             floor=f.full_name,
@@ -90,10 +90,10 @@ def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
         for f, t, s in there
         if s in _CHANGED
     ]
-    told += [f"{f.full_name}: {short_reason(t)}" for f, t, s in there if s in ("no_data", "incomplete")]
-    if told:
-        rest = len(told) - NAMED
-        return _and_more("; ".join(told[:NAMED]), rest)
+    named += [f"{f.full_name}: {short_reason(t)}" for f, t, s in there if s in ("no_data", "incomplete")]
+    if named:
+        rest = len(named) - NAMED
+        return _and_more("; ".join(named[:NAMED]), rest)
     if there and all(s == "none" for _, _, s in there):
         return say("index.headline.none")
     if any(s in _UNCHANGED for _, _, s in there):
@@ -101,13 +101,13 @@ def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
     return say("index.nothing_compared") if there else ""
 
 
-def short_reason(twin: Twin) -> str:
+def short_reason(report: IndexedReport) -> str:
     """Return in a few words what an abnormal week is: no data, 38% of open hours recorded, first week."""
-    match twin.state:
+    match report.state:
         case "no_data":
             return say("index.no_data")
         case "too_incomplete":
-            return say("index.recorded", share=fmt.percent(twin.coverage.share))
+            return say("index.recorded", share=fmt.percent(report.coverage.share))
         case "first_week":
             return say("index.first_week")
         case "settings_changed":
@@ -115,7 +115,7 @@ def short_reason(twin: Twin) -> str:
         case "empty":
             return say("index.no_violations")
         case _:
-            return say("index.not_compared") if verdict_of(twin.level.often) is None else ""
+            return say("index.not_compared") if verdict_of(report.level.often) is None else ""
 
 
 def in_words(n: int) -> str:
@@ -133,8 +133,8 @@ def _places(floors: Sequence[FloorWeeks]) -> str:
     return say("index.places", plural=n_sites, floors=in_words(len(floors)), sites=in_words(n_sites))
 
 
-def _change(twin: Twin) -> str:
-    often = twin.level.often
+def _change(report: IndexedReport) -> str:
+    often = report.level.often
     likely = fmt.likely_change(often)
     if likely:
         return say("index.change_likely", change=fmt.fewer_more(often.change), likely=likely)

@@ -17,30 +17,30 @@ from markupsafe import Markup
 from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, el
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.site_index.read_reports import Twin
+from vsd_analytics.site_index.read_reports import IndexedReport
 
 STEP, WIDTH, HEIGHT = 16, 12, 36
 NOW: Final = "#e76f3f"
 BarKind = Literal["full", "rough", "no_data", "absent", "zero", "unknown"]
 
 
-def bar_kind(twin: Twin | None) -> BarKind:
+def bar_kind(report: IndexedReport | None) -> BarKind:
     """Return how a week is drawn."""
-    if twin is None:
+    if report is None:
         return "absent"
-    value = twin.level.often.value
-    if twin.state == "no_data":
+    value = report.level.often.value
+    if report.state == "no_data":
         return "no_data"
     if value is None or not math.isfinite(value) or value < 0:
         return "unknown"
-    if twin.state == "too_incomplete":
+    if report.state == "too_incomplete":
         return "rough"
     return "zero" if value == 0 else "full"
 
 
-def said(twin: Twin | None) -> str:
+def said(report: IndexedReport | None) -> str:
     """Return a week's figure, or why there is none, for the table and for those who do not see the bars."""
-    match bar_kind(twin):
+    match bar_kind(report):
         case "absent":
             return say("index.no_report")
         case "no_data":
@@ -48,26 +48,26 @@ def said(twin: Twin | None) -> str:
         case "unknown":
             return say("index.no_figure")
         case "rough":
-            return say("index.about", rate=fmt.number(twin.level.often.value if twin else None))
+            return say("index.about", rate=fmt.number(report.level.often.value if report else None))
         case _:
-            return fmt.number(twin.level.often.value if twin else None)
+            return fmt.number(report.level.often.value if report else None)
 
 
-def bars(window: Sequence[tuple[date, Twin | None]], *, label: str) -> Markup:
+def bars(window: Sequence[tuple[date, IndexedReport | None]], *, label: str) -> Markup:
     """Draw the weeks of a row, the last one in the warm colour.
 
     Args:
-        window: Monday and twin, or None, of each week.
+        window: Monday and report, or None, of each week.
         label: What the drawing says in words.
     """
     values = [t.level.often.value or 0.0 for _, t in window if t is not None and bar_kind(t) in ("full", "rough")]
     largest = max(values, default=0.0) or 1.0
     parts: list[Markup] = []
-    for k, (_, twin) in enumerate(window):
+    for k, (_, report) in enumerate(window):
         x, is_now = k * STEP, k == len(window) - 1
-        if twin is not None and twin.state == "settings_changed" and k:
+        if report is not None and report.state == "settings_changed" and k:
             parts.append(el("line", class_="wkc", stroke=INK, x1=x - 2, x2=x - 2, y1=0, y2=HEIGHT))
-        parts.append(_bar(twin, x=x, largest=largest, is_now=is_now))
+        parts.append(_bar(report, x=x, largest=largest, is_now=is_now))
     ground = el("line", class_="wkg", stroke=MUTED, x1=0, x2=len(window) * STEP - 4, y1=HEIGHT + 0.5, y2=HEIGHT + 0.5)
     return el(
         "svg",
@@ -79,9 +79,9 @@ def bars(window: Sequence[tuple[date, Twin | None]], *, label: str) -> Markup:
     )
 
 
-def _bar(twin: Twin | None, *, x: float, largest: float, is_now: bool) -> Markup:
-    kind = bar_kind(twin)
-    if kind == "absent" or twin is None:
+def _bar(report: IndexedReport | None, *, x: float, largest: float, is_now: bool) -> Markup:
+    kind = bar_kind(report)
+    if kind == "absent" or report is None:
         return el("circle", class_="wkd", fill=MUTED, cx=x + WIDTH / 2, cy=HEIGHT - 3, r=1.5)
     if kind in ("no_data", "unknown"):
         fill = "url(#hat)" if kind == "no_data" else "none"
@@ -98,7 +98,7 @@ def _bar(twin: Twin | None, *, x: float, largest: float, is_now: bool) -> Markup
     if kind == "zero":
         fill = NOW if is_now else HATCH
         return el("rect", class_="wkn" if is_now else "wkb", fill=fill, x=x, y=HEIGHT - 2, width=WIDTH, height=2)
-    height = max(2.0, HEIGHT * (twin.level.often.value or 0.0) / largest)
+    height = max(2.0, HEIGHT * (report.level.often.value or 0.0) / largest)
     place = {"x": x, "y": HEIGHT - height, "width": WIDTH, "height": height}
     if kind == "rough":
         inner = {"x": x + 0.5, "y": HEIGHT - height + 0.5, "width": WIDTH - 1, "height": height - 1}

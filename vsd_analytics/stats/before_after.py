@@ -161,7 +161,7 @@ def before_after(
     Args:
         before: Whole weeks before the change; the caller leaves out the days around it.
         after: Whole weeks after it, with the same comparison areas in the same order.
-        history: Days before the change whose trend is told, with the same comparison areas; None = `before`.
+        history: Days before the change whose trend is computed, with the same comparison areas; None = `before`.
         confidence: Confidence level.
         min_days: Days each period needs, on which the changed and a comparison area were recorded.
         min_events: Violations the changed area, and the comparison areas together, need in each period.
@@ -339,11 +339,11 @@ def _placebo(b: PeriodDays, a: PeriodDays, *, confidence: float) -> tuple[tuple[
         ]  # fmt: skip
         if all(p.n.sum() > 0 and p.comparison_n.sum() > 0 for p in fake):
             thetas.append(_ratio(fake[1]) - _ratio(fake[0]))
-    told = tuple(math.exp(t) for t in thetas)
+    changes = tuple(math.exp(t) for t in thetas)
     if len(thetas) < MIN_PLACEBO_AREAS:
-        return told, None
+        return changes, None
     n = len(thetas)
-    return told, t_quantile(n - 2, confidence=confidence) * float(np.std(thetas, ddof=1)) * math.sqrt(1 + 1 / n)
+    return changes, t_quantile(n - 2, confidence=confidence) * float(np.std(thetas, ddof=1)) * math.sqrt(1 + 1 / n)
 
 
 def _trend(b: PeriodDays, *, confidence: float) -> PriorTrend | None:

@@ -238,7 +238,7 @@ def _history(n: npt.ArrayLike | None, x_h: npt.ArrayLike | None) -> tuple[Floats
 
 
 def _one_small_side(a: DayCounts, b: DayCounts, *, confidence: float, min_days: int) -> ChangeEstimate:
-    """Return a change of which one side has fewer than `MIN_EVENTS` violations (Bonferroni over the two limits)."""
+    """Return a change where one side has fewer than `MIN_EVENTS` violations (Bonferroni over the two limits)."""
     (lo_a, hi_a), (lo_b, hi_b) = (
         _limits(counts, confidence=(1 + confidence) / 2, min_days=min_days) for counts in (a, b)
     )

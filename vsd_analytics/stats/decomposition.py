@@ -10,8 +10,8 @@ Time that pairs spend closer than the legal distance is V = P L B:
 
 Each camera is a room of its own, as nobody measures distances between people of two cameras: V and P are sums over
 cameras, L = sum_c P_c L_c / P. Doubling people makes P about four times as large and leaves L and B as they are. The
-interval of B is that of a ratio, V over P L, from how days differ; L itself is taken as known. One map stands for all
-hours of a period, so a crowd that stands elsewhere at noon than at night counts as behaviour.
+interval of B is that of a ratio, V over P L, from how days differ; L itself is taken as known. One map is used for all
+hours of a period, so a crowd that has another place at noon than at night counts as behaviour.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def closeness(*, cell_m: float, distance_m: float) -> Floats:
 
 
 def nearby(maps: npt.ArrayLike, kernel: Floats) -> Floats:
-    """Return f(c) = sum over c' of K(c - c') x(c') for each map x: what stands around each cell, by fast transforms.
+    """Return f(c) = sum over c' of K(c - c') x(c') for each map x: the surroundings of each cell, by fast transforms.
 
     Args:
         maps: Shape (n_maps, n_rows, n_columns); nothing beyond the edges.

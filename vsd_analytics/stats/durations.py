@@ -60,7 +60,7 @@ class Durations:
         n_days: Days with any.
         cut_share: Share that was seen in part only; None when not known.
         is_at_least: Every duration is "at least", because more than `CUT_SHARE` were seen in part only.
-        state, reason: "ok" when the figures stand with their intervals.
+        state, reason: "ok" when the figures have values and intervals.
     """
 
     median: QuantileEstimate

@@ -22,7 +22,7 @@ class RateEstimate:
         n_days: Days with exposure, on any camera.
         df: Degrees of freedom of Student's t; None without an interval or where t was not used.
         log_se: Standard error of ln rate; likewise.
-        state: "ok" when the figure with its interval stands.
+        state: "ok" when the figure has a value and an interval.
         reason: Why not, or what is special.
         is_conservative: The interval is wider than it need be: differences between weekdays are in it, because
             there are not yet four weeks of history, or it reaches to the usual rate with the weekdays a camera missed.
@@ -106,7 +106,7 @@ class ChangeSplit:
     """How a change in how often splits into more people and more risk per person.
 
     ln theta_often = ln theta_people + ln theta_risk + rest. The rest is 0 when every camera recorded equally long;
-    otherwise it is what the two figures' different weighting of cameras makes.
+    otherwise it comes from the different weights that the two figures give to cameras.
 
     Attributes:
         people: Change of people in view per open hour (mean number of people in view).

@@ -95,7 +95,7 @@ class Chances:
 
 @dataclass(frozen=True, slots=True)
 class ForecastScore:
-    """How good a forecast was, beside the seasonal naive one, over the hours that both told and that were recorded.
+    """How good a forecast was, compared with the seasonal naive one, over the recorded hours that both predict.
 
     Attributes:
         wape: Sum of absolute errors / sum of what happened; None when nothing happened.
@@ -141,7 +141,7 @@ def forecast_week(
         n: What was counted, shape (n_weeks, 168), oldest first.
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded, which is never 0.
         is_count: True for counts of events; False for amounts such as person-hours.
-        open_h: Open hours of each slot of the week to come, shape (168,): nothing is forecast where it is 0. None = 1.
+        open_h: Open hours of each slot of the next week, shape (168,): nothing is forecast where it is 0. None = 1.
         share: Share of hours the range is to hold.
         min_weeks: Recorded weeks the forecast, and each hour of it, needs.
         max_weeks: Recorded weeks of an hour that are used at most.
@@ -155,8 +155,8 @@ def forecast_week(
     weeks = as_weeks(n, x_h)
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
     k = np.minimum((weeks.x_h > 0).sum(axis=0), max_weeks)
-    is_told = (k >= min_weeks) & (hours > 0)
-    if (reason := _why_not(weeks, is_told, min_weeks=min_weeks)) is not None:
+    is_estimated = (k >= min_weeks) & (hours > 0)
+    if (reason := _why_not(weeks, is_estimated, min_weeks=min_weeks)) is not None:
         nothing = np.full(SLOTS, np.nan)
         unknown = Spread(0.0, 0.0)
         return WeekForecast(
@@ -165,12 +165,12 @@ def forecast_week(
         )  # fmt: skip
     usual_week, levels = _levelled(weeks, is_count=is_count, max_weeks=max_weeks)
     level = _late_level(levels)
-    mean = np.where(is_told, usual_week * level, np.nan)
+    mean = np.where(is_estimated, usual_week * level, np.nan)
     varies = spread(weeks.latest(max_weeks), is_count=is_count, min_weeks=min_weeks)
     more = 1 + np.pi / 2 / np.maximum(k, 1)
     lo, hi = _range(mean, varies, open_h=hours, more=more, share=share, is_count=is_count)
     return WeekForecast(
-        mean=mean, lo=lo, hi=hi, naive=np.where(is_told, _last(weeks.rate), np.nan), n_weeks=k, level=level,
+        mean=mean, lo=lo, hi=hi, naive=np.where(is_estimated, _last(weeks.rate), np.nan), n_weeks=k, level=level,
         scale=_scale(weeks.rate), spread=varies, share=share, n_recorded_weeks=weeks.n_recorded,
         state="ok", reason=None,
     )  # fmt: skip
@@ -192,7 +192,7 @@ def chances(
     Args:
         n: Events, shape (n_weeks, 168), oldest first.
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded.
-        open_h: Open hours of each slot of the week to come, shape (168,); None = 1.
+        open_h: Open hours of each slot of the next week, shape (168,); None = 1.
         min_weeks: Recorded weeks the forecast, and each hour of it, needs.
         max_weeks: Recorded weeks of an hour that are used at most.
 
@@ -206,11 +206,11 @@ def chances(
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
     late = weeks.latest(max_weeks)
     k = (late.x_h > 0).sum(axis=0)
-    is_told = (k >= min_weeks) & (hours > 0)
+    is_estimated = (k >= min_weeks) & (hours > 0)
     nothing = np.full(SLOTS, np.nan)
-    if (reason := _why_not(weeks, is_told, min_weeks=min_weeks)) is not None:
+    if (reason := _why_not(weeks, is_estimated, min_weeks=min_weeks)) is not None:
         return Chances(nothing, nothing, k, weeks.n_recorded, "not_enough_data", reason)
-    events, exposure = late.n.sum(axis=0)[is_told], late.x_h.sum(axis=0)[is_told]
+    events, exposure = late.n.sum(axis=0)[is_estimated], late.x_h.sum(axis=0)[is_estimated]
     m = float(events.sum() / exposure.sum())
     rate, chance = nothing.copy(), nothing.copy()
     if m == 0:  # never seen at all: at most the rule of three, and no reason to tell hours apart
@@ -218,8 +218,8 @@ def chances(
     else:
         prior = max(between_hours(events, exposure, m), 1e-6 * m * m)
         a, b = m * m / prior + events, m / prior + exposure
-    rate[is_told] = a / b
-    chance[is_told] = -np.expm1(-a * np.log1p(hours[is_told] / b))
+    rate[is_estimated] = a / b
+    chance[is_estimated] = -np.expm1(-a * np.log1p(hours[is_estimated] / b))
     return Chances(rate, chance, k, weeks.n_recorded, "ok", None)
 
 
@@ -261,10 +261,10 @@ def _no_score(forecast: WeekForecast, reason: Reason | None) -> ForecastScore:
     return ForecastScore(None, None, None, forecast.share, None, None, 0, "not_enough_data", reason)
 
 
-def _why_not(weeks: Weeks, is_told: Bools, *, min_weeks: int) -> Reason | None:
+def _why_not(weeks: Weeks, is_estimated: Bools, *, min_weeks: int) -> Reason | None:
     if weeks.n_recorded < min_weeks:
         return Reason("forecast.weeks", least=min_weeks, has=weeks.n_recorded)
-    if not is_told.any():
+    if not is_estimated.any():
         return Reason("forecast.hours", least=min_weeks)
     return None
 
@@ -285,18 +285,20 @@ def _levels(weeks: Weeks, week: Floats, *, is_count: bool) -> Floats:
     expected = (np.nan_to_num(week) * weeks.x_h).sum(axis=1)
     whole = float(np.nansum(week))
     more = LEVEL_EVENTS if is_count else 0.0
-    is_told = (expected > 0) & (expected >= LEVEL_SHARE * whole)
+    is_estimated = (expected > 0) & (expected >= LEVEL_SHARE * whole)
     # recorded hours of a closed or half recorded week are fewer, so the comparison is with what those would have
-    level = np.divide(weeks.n.sum(axis=1) + more, expected + more, out=np.full(len(weeks.n), np.nan), where=is_told)
+    level = np.divide(
+        weeks.n.sum(axis=1) + more, expected + more, out=np.full(len(weeks.n), np.nan), where=is_estimated
+    )
     return np.where(level > 0, level, np.nan)
 
 
 def _late_level(levels: Floats) -> float:
-    told = ~np.isnan(levels)
-    if not told.any():
+    known = ~np.isnan(levels)
+    if not known.any():
         return 1.0
-    weights = LEVEL_DECAY ** np.arange(len(levels))[::-1][told]
-    return float(np.exp(LEVEL_TRUST * (weights @ np.log(levels[told])) / weights.sum()))
+    weights = LEVEL_DECAY ** np.arange(len(levels))[::-1][known]
+    return float(np.exp(LEVEL_TRUST * (weights @ np.log(levels[known])) / weights.sum()))
 
 
 def _range(

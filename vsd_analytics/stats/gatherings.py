@@ -64,7 +64,7 @@ def size_distribution(
 
     Args:
         size: People in each cluster, at least 2, shape (n,).
-        weight_s: How long it was there: the time its frame stands for, or a sum of such, same shape.
+        weight_s: How long it was there in seconds: the time of its frame, or a sum of such times, same shape.
         min_cluster_s: Shares need so much time in all.
     """
     n, weight = np.asarray(size, dtype=np.int64), np.asarray(weight_s, dtype=np.float64)

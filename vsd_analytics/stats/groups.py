@@ -90,7 +90,7 @@ class ShareEstimate:
         n: Counted things that have the property.
         of: Counted things.
         n_days: Days with any.
-        state: "ok" when the share with its interval stands.
+        state: "ok" when the share has a value and an interval.
         reason: Why not, or what is special.
     """
 

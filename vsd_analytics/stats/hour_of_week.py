@@ -195,7 +195,7 @@ def usual(weeks: Weeks, *, is_count: bool) -> Floats:
     """Return what is usual in each slot: the median of the weeks' rates; NaN for slots never recorded, shape (168,).
 
     The median of small counts is too coarse (0 for what happens every third week): where it is under 5, and the numbers
-    are counts, the mean of the weeks stands in its place.
+    are counts, the mean of the weeks replaces it.
     """
     rate = weeks.rate
     is_known = (weeks.x_h > 0).any(axis=0)
@@ -271,31 +271,31 @@ def slot_rates(
     """
     weeks = as_weeks(n, x)
     n_weeks = (weeks.x_h > 0).sum(axis=0)
-    is_told = n_weeks >= min_weeks
+    is_estimated = n_weeks >= min_weeks
     counted, exposure = weeks.n.sum(axis=0), weeks.x_h.sum(axis=0)
     raw = np.divide(counted, exposure, out=np.full(SLOTS, np.nan), where=exposure > 0)
     empty = np.full(SLOTS, np.nan)
-    if not is_told.any():
+    if not is_estimated.any():
         reason = Reason("hours.weeks", least=min_weeks)
         return SlotRates(empty, empty, empty, raw, counted, exposure, n_weeks, "not_enough_data", reason)
-    told_n, told_x = counted[is_told], exposure[is_told]
-    m = float(told_n.sum() / told_x.sum())
+    estimated_n, estimated_x = counted[is_estimated], exposure[is_estimated]
+    m = float(estimated_n.sum() / estimated_x.sum())
     if m == 0:
         reason = Reason("hours.nothing")
         return SlotRates(empty, empty, empty, raw, counted, exposure, n_weeks, "not_enough_data", reason)
-    shared = _exposure_spread(weeks, is_told) * (weeks.x_h**2).sum(axis=0)[is_told] / told_x
-    expected = np.full(told_x.shape, m)
+    shared = _exposure_spread(weeks, is_estimated) * (weeks.x_h**2).sum(axis=0)[is_estimated] / estimated_x
+    expected = np.full(estimated_x.shape, m)
     for _ in range(2):  # busy hours lose more to what their crowd shares: the second pass knows which are busy
         lost = 1 + shared * expected
-        worth_x, worth_n = told_x / lost, told_n / lost
+        worth_x, worth_n = estimated_x / lost, estimated_n / lost
         between = max(between_hours(worth_n, worth_x, m), 1e-6 * m * m)
         a, b = m * m / between + worth_n, m / between + worth_x
         expected = a / b
     tail = (1 - confidence) / 2
     rate, lo, hi = empty.copy(), empty.copy(), empty.copy()
-    rate[is_told] = a / b
-    lo[is_told] = gammaincinv(a, tail) / b
-    hi[is_told] = gammaincinv(a, 1 - tail) / b
+    rate[is_estimated] = a / b
+    lo[is_estimated] = gammaincinv(a, tail) / b
+    hi[is_estimated] = gammaincinv(a, 1 - tail) / b
     return SlotRates(rate, lo, hi, raw, counted, exposure, n_weeks, "ok", None)
 
 
@@ -338,13 +338,13 @@ def between_hours(n: Floats, x: Floats, m: float) -> float:
     return max(scatter / weight, 0.0) if weight > 0 else 0.0
 
 
-def _exposure_spread(weeks: Weeks, is_told: Bools) -> float:
+def _exposure_spread(weeks: Weeks, is_estimated: Bools) -> float:
     """Return the dispersion of counts around the slot's own rate, given exposures that differ from week to week.
 
     E (n - r x)^2 = r x (1 - x / X) + dispersion r^2 x^2 (1 - 2 x / X + sum x^2 / X^2), summed over weeks and slots and
     solved for the dispersion; r = slot's n / X.
     """
-    n, x = weeks.n[:, is_told], weeks.x_h[:, is_told]
+    n, x = weeks.n[:, is_estimated], weeks.x_h[:, is_estimated]
     total = x.sum(axis=0)
     r = n.sum(axis=0) / total
     chance = r * x * (1 - x / total)

@@ -1,4 +1,4 @@
-"""How much each day moves a rate: the one piece of arithmetic all intervals of rates stand on.
+"""How much each day moves a rate: the intervals of all rates are computed from it.
 
 The rate of a place is r = sum_c n_c / x_c: violations n_c that camera c owns over its exposure x_c (analytics: M0; with
 one "camera" it is the ratio estimator of M7). The relative influence of day d on it is
@@ -219,7 +219,7 @@ def weekday_profile(
     weekday weighted by its usual exposure, over its usual rate on what it recorded.
 
     Args:
-        counts: The period, all cameras of which are in `history` too.
+        counts: The period; `history` has all its cameras too.
         history: The weeks before, same cameras in the same order, shape (n_cameras, n_history_days).
         weekday: Weekday of each day of the period.
         history_weekday: Weekday of each day of the history.

@@ -1,6 +1,6 @@
 """Tails and limits of counts that vary more than chance alone: the negative binomial, by mean and dispersion.
 
-N is gamma-Poisson: var N = mean + dispersion mean^2, of which dispersion 0 is Poisson. P(N <= k) = I_p(1/dispersion,
+N is gamma-Poisson: var N = mean + dispersion mean^2; dispersion 0 is Poisson. P(N <= k) = I_p(1/dispersion,
 k + 1) with p = 1 / (1 + dispersion mean), I the regularised incomplete beta function: `scipy.special.nbdtr` wants whole
 parameters, `betainc` does not. Source: Johnson, Kemp, Kotz, Univariate Discrete Distributions, 3rd ed., chapter 5.
 """

@@ -23,7 +23,7 @@ class ThresholdPoint:
         violation_records: Pair records nearer than it; None when unknown.
         violation_h: Person-hours with a neighbour nearer than it; None when unknown.
         share: violation_h / person-hours in view (M6), 0 to 1; None when either is unknown.
-        state: "ok" when the share stands.
+        state: "ok" when the share has a value.
         reason: Why not.
     """
 

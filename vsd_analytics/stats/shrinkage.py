@@ -32,7 +32,7 @@ class Pulled:
     Attributes:
         rate: The rate, in the unit it came in.
         lo, hi: Its interval.
-        weight: How much of its own it kept, 0 to 1.
+        weight: Weight of its own rate in the shrunken one, 0 to 1.
     """
 
     rate: float

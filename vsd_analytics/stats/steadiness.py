@@ -40,10 +40,11 @@ def usual_variance(
         history_n: Violations (or person-hours) of the weeks before, shape (n_weeks, n_cameras, n_days), the same
             weekdays as the comparison has.
         history_x_h: Exposure in hours, same shape; 0 or NaN = not recorded.
-        of: One of the periods compared, for which cameras were kept.
+        of: One of the periods compared, limited to the cameras that are compared.
 
     Returns:
-        None with fewer than `MIN_WEEKS` weeks in which every camera kept recorded every day and anything was counted.
+        None with fewer than `MIN_WEEKS` weeks in which every compared camera recorded every day and anything was
+        counted.
 
     Raises:
         ValueError: As for `as_history`.

@@ -77,7 +77,7 @@ def list_parts(
 
 
 def list_days(root: Path, table: str, site_id: str) -> list[int]:
-    """Return the UTC day numbers (days since 1970) of which a table has files, in order; see `list_parts`."""
+    """Return the UTC day numbers (days since 1970) that have files of a table, in order; see `list_parts`."""
     return sorted(midnight // 24 for day, midnight in _days(root / table / f"site={site_id}") if any(day.iterdir()))
 
 

@@ -311,7 +311,7 @@ class _Files:
         return any(low <= h and (high is None or h <= high) for h in hours)
 
     def missing(self, unit: Unit) -> list[str]:
-        """Return the facts of which a unit has no complete fresh file."""
+        """Return the facts with a unit that has no complete fresh file."""
         return [name for name in self.names if not is_whole(self.path(name, unit))]
 
     def inputs(self, name: str, unit: Unit) -> InputHashes:

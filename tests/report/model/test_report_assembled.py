@@ -97,7 +97,7 @@ def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:
     assert report.level.often.value is None
     assert {c.violations for c in report.when.cells} == {None}
     page = text_of(render_html(report))
-    assert "All cameras stopped at the same minute" in page
+    assert "All cameras stopped in the same minute" in page
     assert "Sun 8 Nov, 11:59" in page
 
 

@@ -75,7 +75,7 @@ def test_other_cameras_than_the_week_before_forbid_a_comparison_and_are_named(tm
     if report.state == "settings_changed":
         assert report.settings_change is not None
         assert (report.settings_change.before, report.settings_change.after) == ("Camera 1", "Camera 2")
-        assert "none recorded both weeks" in render_html(report)
+        assert "No camera recorded both weeks" in render_html(report)
     else:
         assert report.state == "too_incomplete"  # half of the cameras are silent
 

@@ -95,9 +95,9 @@ def test_a_row_that_is_held_back_says_so() -> None:
     areas = (replace(report.areas[0], is_held_back=True, counted=None, share=None, often=held), *report.areas[1:])
     page = render_html(replace(report, areas=areas, story=None))
     row = page.split('<table class="cmp"')[1].split("</tr>")[1]
-    assert "Held back" in row
+    assert "Hidden" in row
     assert re.findall(r'<td role="cell" class="n"[^>]*>([^<]*)<', row) == ["–", "–"]
-    assert "…: held back" in page
+    assert "…: hidden" in page
 
 
 @pytest.mark.parametrize(

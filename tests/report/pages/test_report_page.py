@@ -237,7 +237,7 @@ def test_the_package_names_no_rainbow() -> None:
 def test_a_report_without_cameras_or_areas_still_renders() -> None:
     report = weeks.no_data()
     bare = replace(report, coverage=replace(report.coverage, cameras=(), outages=()), areas=(), log=())
-    assert "No camera looks at this floor" in render_html(bare)
+    assert "No camera covers this floor" in render_html(bare)
     never = tuple(replace(c, last_record=None) for c in report.coverage.cameras)
     silent = replace(report, coverage=replace(report.coverage, cameras=never))
     assert "No record of any camera was found" in render_html(silent)

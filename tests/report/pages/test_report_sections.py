@@ -114,7 +114,7 @@ def test_the_first_week_has_no_chart_but_a_table() -> None:
     report = replace(weeks.first_week(), trend=sections.trend(weeks.first_week(), n=1))
     page = render_html(report)
     assert 'class="tr ' not in page
-    assert "The first week has nothing to be set beside" in page
+    assert "This is the first week" in page
     assert "Weeks so far" in page
 
 
@@ -209,7 +209,7 @@ def test_a_card_says_how_sure_with_dots_a_word_and_the_reason() -> None:
     assert made is not None
     assert [sum(c.dots) for c in made.cards] == [3, 2, 1]
     assert [c.sure for c in made.cards] == ["High.", "Medium.", "Low."]
-    assert made.cards[0].reason == "Seen on 7 of 7 days, 96% of hours recorded, positions to 0.31 m."
+    assert made.cards[0].reason == "Seen on 7 of 7 days, 96% of hours recorded, positions accurate to 0.31 m."
     assert made.cards[1].reason == "Seen on 1 day of this week, 96% of hours recorded, position error not known."
     assert made.cards[2].reason == "Camera “Aisles” missed 10 hours of its usual hours."
     assert made.cards[0].when == "Half of them from 11:00 to 18:00, most on Saturday"
@@ -239,7 +239,7 @@ def test_the_site_log_is_there_once_and_names_the_letters_of_the_charts() -> Non
     page = make_page(report)
     assert page.log_section == "trend"
     assert [r.label for r in page.log if r.label] == ["A", "B"]
-    assert [r.about for r in page.log if r.text == "Camera off."] == ["Detected, not logged."]
+    assert [r.about for r in page.log if r.text == "Camera off."] == ["Found in the data, not logged."]
     texts = [r.text for r in page.log]
     assert len(texts) == len(set(texts)), "what is marked and logged stands once"
     assert render_html(report).count(">Logged at the site<") == 1
@@ -275,7 +275,7 @@ def test_where_there_is_no_second_reading_the_page_says_why() -> None:
     page = make_page(sections.refused())
     assert page.tiles[0].also == ""
     assert page.readings_note == (
-        "Violations between groups cannot be told apart: track ids are cut: 38% end where another begins."
+        "Violations between groups cannot be counted: track ids are cut: 38% end where another begins."
     )
     assert "Of these between groups" not in seen(render_html(sections.refused()))
 
@@ -302,14 +302,15 @@ def test_causes_are_factors_of_the_whole_change() -> None:
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ((-0.3, 0.01, 0.0), "People spent 31% less time closer than 2 m. Mostly, that is fewer people."),
+        ((-0.3, 0.01, 0.0), "People spent 31% less time closer than 2 m. The largest part: fewer people came."),
         (
             (0.02, 0.3, 0.0),
-            "People spent 31% more time closer than 2 m. Mostly, that is people gathering in fewer places.",
+            "People spent 31% more time closer than 2 m. The largest part: people gathered in fewer places.",
         ),
         (
             (0.0, 0.0, -0.2),
-            "People spent 31% less time closer than 2 m. Mostly, that is how people kept apart where they were.",
+            "People spent 31% less time closer than 2 m. "
+            "The largest part: people kept farther apart in the same places.",
         ),
     ],
 )
@@ -326,7 +327,7 @@ def test_what_hardly_moved_is_not_explained() -> None:
     causes = m.Causes(close=-0.01, people=-0.02, layout=0.01, behaviour=0.0)
     table = page_sections.causes(replace(weeks.normal(), causes=causes))
     assert table is not None
-    assert table.sentence.endswith("No part of it moved much.")
+    assert table.sentence.endswith("No single part changed much.")
 
 
 def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -> None:
@@ -345,13 +346,13 @@ def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -
         "likely −42% to −18%",
     )
     assert head.note.startswith(
-        "Checkout queue, Wed 7 Oct. Beside End of aisle 2 and Pharmacy counter, 4 weeks before and after. "
+        "Checkout queue, Wed 7 Oct. Compared with End of aisle 2 and Pharmacy counter, 4 weeks before and after. "
         "People there: 4% more."
     )
-    assert "What speaks against it: another entry" in head.note
+    assert "Reasons for doubt: another entry" in head.note
     assumed, refused = table.notes
-    assert "only if its area and those beside it would otherwise have moved alike" in assumed
-    assert refused == "Main entrance: not yet told. Needs a whole week after the change, and 1 day is stored."
+    assert "its area and the comparison areas would have moved alike" in assumed
+    assert refused == "Main entrance: no result yet. Needs a whole week after the change, and 1 day is stored."
 
 
 # ---- outlook and unusual hours ----
@@ -373,7 +374,7 @@ def test_the_three_highest_hours_are_forecast_and_scored_beside_the_naive_foreca
     listed = page_sections.outlook(replace(weeks.normal(), outlook=made))
     assert listed is not None
     assert listed.title == "Tuesday 11:00 is likely to be the busiest hour of week 47"
-    assert "missed by 20% on average; repeating the week before would have missed by 30%" in " ".join(listed.notes)
+    assert "was off by 20% on average. Repeating the week before would have been off by 30%" in " ".join(listed.notes)
 
 
 def test_an_hour_the_timetable_holds_back_is_held_back_among_the_unusual_ones() -> None:
@@ -392,11 +393,11 @@ def test_what_is_refused_is_said_in_a_line_and_not_in_a_section() -> None:
     text = seen(page)
     assert 'id="next"' not in page
     assert "Week 47 cannot be forecast yet: a forecast needs 4 recorded weeks, has 2." in text
-    assert "Unusual hours cannot be told yet: what is usual needs 4 recorded weeks before, has 1." in text
+    assert "Unusual hours cannot be found yet: a usual value needs 4 earlier recorded weeks, has 1." in text
     assert (
-        "Whether it is people, the room or behaviour cannot be told: needs at least 20 person-hours, has 4.2." in text
+        "The change cannot be split into people, room and behaviour: needs at least 20 person-hours, has 4.2." in text
     )
-    assert "To call it a trend takes three recorded weeks." in text
+    assert "A trend needs three recorded weeks." in text
 
 
 # ---- units ----
@@ -431,6 +432,6 @@ def test_further_figures_are_reported_by_the_catalogue_and_refused_with_their_re
     assert rows["How long violations last: 30 s or longer"].likely == "29% and 36%"
     assert rows["Of the time too close, nearest person at 0 m to 0.5 m"].value == "4%"
     assert rows["Of the time in company, 8+ people close together"].value == "5%"
-    assert rows["Share of time too close, were the limit 1.8 m"].value == "46%"
+    assert rows["Share of time too close if the limit were 1.8 m"].value == "46%"
     refused = rows["Gatherings: three or more people who stay together"]
     assert (refused.value, refused.reason) == ("", "The engine sends no track ids.")

@@ -173,7 +173,7 @@ def test_sent_once_to_each_and_again_only_when_asked(project: Path, capsys: pyte
         assert vsd(project, *WEEK, "--send") == 0
         assert "has 2026-W46 already" in capsys.readouterr().err
         assert vsd(project, *WEEK, "--send", "--subject", "Another") == 0
-        assert "--again sends it anew" in capsys.readouterr().err
+        assert "--again sends it again" in capsys.readouterr().err
         assert len(inbox.mails) == 1
         assert vsd(project, *WEEK, "--send", "--to", "chief@example.org") == 0
         assert vsd(project, *WEEK, "--send", "--again", "--to", "chief@example.org") == 0

@@ -18,7 +18,7 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.headline import OFTEN, RISKY, tell
+from vsd_analytics.report.words.headline import OFTEN, RISKY, story_of
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.result import Reason
 
@@ -99,7 +99,7 @@ def recalibrated_one() -> page_model.WeekReport:
     """Return a week in which one of four cameras was calibrated anew and is left out of the comparison."""
     report = weeks.normal()
     first, *rest = report.coverage.cameras
-    apart = replace(first, not_compared=read_reason("it was calibrated anew on Wed 11 Nov, 09:00"))
+    apart = replace(first, not_compared=read_reason("it was recalibrated on Wed 11 Nov, 09:00"))
     return replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
 
 
@@ -148,7 +148,7 @@ CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
 
 def text_of(report: page_model.WeekReport) -> str:
     """Return the words of a week as plain text: rule, headline, lead, notes, things, question."""
-    story = tell(report)
+    story = story_of(report)
     lines = [f"[{story.rule}]", story.headline, "", "".join(s.text for s in story.lead)]
     lines += [f"! {n}" for n in story.notes]
     lines += ["", *(f"- {t.title}. {t.text} ({t.target})" for t in story.things), "", story.question]

@@ -6,7 +6,7 @@ import pytest
 from report.words.golden_cases import CASES, FOLDER, text_of
 
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.headline import MAX_WORDS, tell
+from vsd_analytics.report.words.headline import MAX_WORDS, story_of
 
 
 @pytest.mark.parametrize("name", list(CASES))
@@ -21,7 +21,7 @@ def test_no_fragment_is_left_of_a_case_that_is_gone() -> None:
 @pytest.mark.parametrize("name", list(CASES))
 def test_a_headline_has_at_most_fifteen_words_and_no_unfilled_place(name: str) -> None:
     text = text_of(CASES[name]())
-    assert terms.n_words(tell(CASES[name]()).headline) <= MAX_WORDS
+    assert terms.n_words(story_of(CASES[name]()).headline) <= MAX_WORDS
     assert terms.forbidden_in(text) == []
     for slip in ("{", "}", "  ", " .", " ,", "..", "None", "()", "–"):
         assert slip not in text, slip
@@ -29,4 +29,4 @@ def test_a_headline_has_at_most_fifteen_words_and_no_unfilled_place(name: str) -
 
 def test_no_two_branches_share_their_headline_and_lead_by_accident() -> None:
     said = {name: text_of(case()) for name, case in CASES.items()}
-    assert len({tell(CASES[n]()).rule for n in said}) >= 30
+    assert len({story_of(CASES[n]()).rule for n in said}) >= 30

@@ -14,7 +14,7 @@ from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has
-from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, tell
+from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
 
 VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
@@ -82,7 +82,7 @@ def all_words(story: Story) -> str:
 
 @pytest.mark.parametrize("keys", list(product(VERDICTS, (*VERDICTS, "not_measurable"))), ids="/".join)
 def test_each_pair_of_verdicts_has_its_sentence(keys: tuple[str, str]) -> None:
-    story = tell(with_verdicts(*keys))
+    story = story_of(with_verdicts(*keys))
     assert story.headline == GOLDEN[keys]
     assert terms.n_words(story.headline) <= MAX_WORDS
     assert story.rule == "/".join(k.removeprefix("clear_") for k in keys)
@@ -96,7 +96,7 @@ def test_the_table_is_complete() -> None:
 
 @pytest.mark.parametrize("keys", list(GOLDEN), ids="/".join)
 def test_a_change_that_is_not_clear_is_never_called_one(keys: tuple[str, str]) -> None:
-    lead = "".join(s.text for s in tell(with_verdicts(*keys)).lead)
+    lead = "".join(s.text for s in story_of(with_verdicts(*keys)).lead)
     first = lead.split(". ")[0]
     assert ("fewer than in" in first or "more than in" in first) == keys[0].startswith("clear")
 
@@ -112,21 +112,21 @@ def test_a_change_that_is_not_clear_is_never_called_one(keys: tuple[str, str]) -
     ],
 )
 def test_abnormal_weeks_say_first_what_is_known(week, headline: str) -> None:  # type: ignore[no-untyped-def]
-    assert tell(week()).headline == headline
+    assert story_of(week()).headline == headline
 
 
 @pytest.mark.parametrize(
     "week", [weeks.no_data, weeks.too_incomplete, weeks.empty, weeks.first_week, weeks.settings_changed]
 )
 def test_abnormal_weeks_name_no_change(week) -> None:  # type: ignore[no-untyped-def]
-    said = all_words(tell(week()))
+    said = all_words(story_of(week()))
     assert not any(w in said for w in ("% fewer", "% more", "clearly fell", "clearly rose", " fell by", " rose by"))
 
 
 def test_after_needs_an_entry_in_the_area_that_moved_before_most_of_it() -> None:
     report = weeks.normal()
     entry = report.log[1]
-    assert tell(report).headline == "Violations fell by about a seventh after the change at Main entrance"
+    assert story_of(report).headline == "Violations fell by about a seventh after the change at Main entrance"
     for other in (
         replace(entry, moved_after=0.5),
         replace(entry, moved_after=None),
@@ -136,47 +136,49 @@ def test_after_needs_an_entry_in_the_area_that_moved_before_most_of_it() -> None
     ):
         changed = replace(report, log=(other,))
         assert change_to_name(changed) is None
-        assert " after " not in tell(changed).headline
+        assert " after " not in story_of(changed).headline
 
 
 def test_a_short_log_entry_is_quoted() -> None:
     report = weeks.normal()
     entry = replace(report.log[1], text="Display moved.")
-    assert tell(replace(report, log=(entry,))).headline == "Violations fell by about a seventh after “Display moved”"
+    assert (
+        story_of(replace(report, log=(entry,))).headline == "Violations fell by about a seventh after “Display moved”"
+    )
 
 
 def test_after_is_not_said_of_the_other_direction() -> None:
     report = with_verdicts("clear_rise", "not_measurable")
-    assert " after " not in tell(replace(report, log=weeks.normal().log)).headline
+    assert " after " not in story_of(replace(report, log=weeks.normal().log)).headline
 
 
 def test_the_legal_distance_comes_from_the_setting() -> None:
     for week in (weeks.normal, weeks.empty):
         report = week()
         six_feet = replace(report, rules=replace(report.rules, distance_m=1.83))
-        said = all_words(tell(six_feet))
+        said = all_words(story_of(six_feet))
         assert "1.83 m" in said
         assert "2 m" not in said
 
 
 def test_all_cameras_at_once_points_to_the_network() -> None:
     report = weeks.no_data()
-    assert "network or the engine" in tell(report).notes[0]
+    assert "network or the engine" in story_of(report).notes[0]
     first, *rest = report.coverage.cameras
     apart = replace(first, last_record=datetime(2026, 11, 6, 9, tzinfo=weeks.ROME))
     apart_report = replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
-    assert "different times" in tell(apart_report).notes[0]
+    assert "different times" in story_of(apart_report).notes[0]
 
 
 def test_a_week_closed_throughout_is_not_called_an_outage() -> None:
     report = weeks.no_data()
     closed = replace(report, coverage=replace(report.coverage, scheduled_h=0.0, open_h=0.0, outages=()))
-    story = tell(closed)
+    story = story_of(closed)
     assert (story.rule, story.headline) == ("closed", "The site was closed in week 46")
     said = all_words(story)
     assert not any(w in said for w in ("network", "stopped", "No camera", "no data"))
     figures = render_html(closed).partition("</style>")[2].partition("<h2")[0]
-    assert "None was due" in figures
+    assert "No recording due" in figures
     assert "0%" not in figures
 
 
@@ -185,7 +187,7 @@ def test_records_at_closed_hours_only_point_to_the_opening_hours_not_to_the_netw
     cameras = tuple(
         replace(c, last_record=datetime(2026, 11, 10, 3, tzinfo=weeks.ROME)) for c in report.coverage.cameras
     )
-    notes = tell(replace(report, coverage=replace(report.coverage, cameras=cameras))).notes
+    notes = story_of(replace(report, coverage=replace(report.coverage, cameras=cameras))).notes
     assert "opening hours" in notes[0]
     assert "network" not in notes[0]
 
@@ -193,35 +195,35 @@ def test_records_at_closed_hours_only_point_to_the_opening_hours_not_to_the_netw
 def test_a_floor_without_a_camera_says_so() -> None:
     report = weeks.no_data()
     bare = replace(report, coverage=replace(report.coverage, cameras=(), scheduled_h=0.0, outages=()))
-    assert tell(bare).headline == "No camera looks at this floor"
+    assert story_of(bare).headline == "No camera covers this floor"
 
 
 def test_a_normal_week_has_one_that_worked_one_to_watch_one_not_to_trust() -> None:
-    assert [t.kind for t in tell(weeks.normal()).things] == ["worked", "watch", "distrust"]
+    assert [t.kind for t in story_of(weeks.normal()).things] == ["worked", "watch", "distrust"]
 
 
 def test_a_weak_camera_is_named_as_not_to_trust_and_its_own_spot_is_not_asked_about() -> None:
     report = weeks.normal()
-    assert tell(report).things[2].title == "Camera “Aisles” recorded 85% of its open hours"
+    assert story_of(report).things[2].title == "Camera “Aisles” recorded 85% of its open hours"
     spot = replace(report.busiest_spot, area_id="a2", name="End of aisle 2")
-    assert tell(replace(report, busiest_spot=spot)).question == "What would keep Camera “Aisles” recording all week?"
+    assert story_of(replace(report, busiest_spot=spot)).question == "How can Camera “Aisles” record all week?"
 
 
 def test_an_area_of_a_weak_camera_is_not_to_be_trusted_unless_its_change_is_clear() -> None:
     report = weeks.normal()
-    assert tell(report).things[2].text.endswith("It sees End of aisle 2: do not read a trend there.")
+    assert story_of(report).things[2].text.endswith("It sees End of aisle 2: do not read a trend there.")
     clear = tuple(
         replace(a, often=replace(a.often, verdict="clear_fall")) if a.name == "End of aisle 2" else a
         for a in report.areas
     )
-    text = tell(replace(report, areas=clear)).things[2].text
-    assert text.endswith("It sees End of aisle 2: the change there stands on the hours recorded in both weeks only.")
+    text = story_of(replace(report, areas=clear)).things[2].text
+    assert text.endswith("It sees End of aisle 2: the change there uses only hours recorded in both weeks.")
 
 
 @pytest.mark.parametrize("name", list(weeks.ALL))
 def test_every_week_asks_one_question_and_uses_no_forbidden_word(name: str) -> None:
     report = weeks.ALL[name]()
-    story = tell(report)
+    story = story_of(report)
     assert story.question.endswith("?")
     assert story.question.count("?") == 1
     if name != "hostile":

@@ -118,9 +118,9 @@ def redesigns(asked: Asked) -> Figure:
     if not found:
         return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))
     rows = [_redesign(asked, one) for one in found]
-    told = [r for r in rows if r["state"] == "ok"]
-    if told:
-        return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(told))
+    computed = [r for r in rows if r["state"] == "ok"]
+    if computed:
+        return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(computed))
     state = found[-1].state if found[-1].state != "ok" else "not_enough_data"
     return Figure(unit=REDESIGNS, rows=tuple(rows), state=state, reason=found[-1].reason)
 
@@ -132,9 +132,9 @@ def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
         state, reason = "not_enough_data", too_few(asked.below)
     elif state == "ok" and (ratio is None or ratio.theta is None):
         state, reason = "not_enough_data", None if ratio is None else ratio.reason
-    is_told = state == "ok"
-    ratio = ratio if is_told else None
-    effect, often = (e if is_told else None for e in (found.effect, found.often))
+    is_printed = state == "ok"
+    ratio = ratio if is_printed else None
+    effect, often = (e if is_printed else None for e in (found.effect, found.often))
     shrunken = None if effect is None else effect.shrunken
     return {
         "entry": found.number,
@@ -153,7 +153,7 @@ def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
         "placebo_hi": None if effect is None else effect.placebo_hi,
         "shrunken": None if shrunken is None else shrunken.theta,
         "comparison_areas": len(found.comparison_areas),
-        "is_credible": found.is_credible if is_told else None,
+        "is_credible": found.is_credible if is_printed else None,
         "doubts": Reason("joined", reasons=found.doubts) if found.doubts else None,
         "assumes": Reason("joined", reasons=found.assumptions) if found.assumptions else None,
         "state": state,

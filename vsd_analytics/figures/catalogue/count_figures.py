@@ -34,7 +34,7 @@ def count(asked: Asked) -> Figure:
     """Return the violations counted in the hours that enter rates."""
     n = asked.level.violations
     if n is None:
-        return asked.not_told(COUNT)
+        return asked.not_printed(COUNT)
     data = asked.data
     n_all = data.warehouse.rows(
         "select count(*) as n from episodes inner join cameras using (camera_id) "
@@ -54,7 +54,7 @@ def between(asked: Asked) -> Figure:
     """Return the share of violations that are between groups, and both readings as rows."""
     found, data = asked.found.groups, asked.data
     if not asked.is_counted:
-        return asked.not_told(BETWEEN)
+        return asked.not_printed(BETWEEN)
     own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
     if found.state != "ok" or own is None:
         here = {c.camera_id: c.lives for c in found.cameras if c.camera_id in data.ids}
@@ -95,7 +95,7 @@ def durations(asked: Asked) -> Figure:
     """Return how long violations last: median, 90th percentile, share of 30 s and longer."""
     found = asked.found.episodes.durations
     if not asked.is_counted:
-        return asked.not_told(DURATION)
+        return asked.not_printed(DURATION)
     if found.median.value_s is None:
         return missing(DURATION, found.state, found.reason)
     rows: list[Row] = [
@@ -103,14 +103,14 @@ def durations(asked: Asked) -> Figure:
         for what, q in (("median", found.median), ("90 % last at most", found.p90))
     ]
     share = found.long_share
-    is_told = not asked.small(share.n, share.of - share.n)
+    is_printed = not asked.small(share.n, share.of - share.n)
     rows.append(
         {
             "what": f"{asked.data.site.settings.sustained_s:g} s or longer",
             "unit": "share",
-            "value": share.value if is_told else None,
-            "lo": share.lo if is_told else None,
-            "hi": share.hi if is_told else None,
+            "value": share.value if is_printed else None,
+            "lo": share.lo if is_printed else None,
+            "hi": share.hi if is_printed else None,
         }
     )
     note = None

@@ -26,7 +26,7 @@ DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """One week of one floor, ready to be told.
+    """One week of one floor, with everything its figures need.
 
     Attributes:
         data: The week.
@@ -48,7 +48,7 @@ class Asked:
 
     @property
     def below(self) -> int:
-        """Return the count below which none is told."""
+        """Return the smallest count that is printed."""
         return int(self.data.site.settings.mask_below)
 
     @property
@@ -58,15 +58,15 @@ class Asked:
 
     @property
     def is_counted(self) -> bool:
-        """Tell whether the week's violations may be told at all."""
+        """Return whether the week's violations may be printed at all."""
         return self.level.violations is not None
 
     def small(self, *counts: float | None) -> bool:
-        """Tell whether any of some counts is too small to be told."""
+        """Return whether any of the counts is too small to print."""
         return any(n is not None and is_small(n, below=self.below) for n in counts)
 
-    def not_told(self, unit: str) -> Figure:
-        """Return a figure of violations in a week whose violations may not be told."""
+    def not_printed(self, unit: str) -> Figure:
+        """Return a figure of violations for a week whose violations may not be printed."""
         return missing(unit, self.level.often.state, self.level.often.reason)
 
     def not_ranked(self, unit: str) -> Figure:
@@ -155,5 +155,5 @@ def of_estimate(
 
 
 def held_back(unit: str, below: int, *, is_other: bool = False) -> Figure:
-    """Return a figure that is too small to be told, or would tell one that is."""
+    """Return a figure without value: its count is too small to print, or would reveal such a count."""
     return missing(unit, "not_enough_data", GIVES_AWAY if is_other else too_few(below))

@@ -25,8 +25,8 @@ _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_h
 def profile(asked: Asked) -> Figure:
     """Return rates and people in view by hour of the week."""
     found = asked.found.profile
-    is_told = any(h.state == "ok" for h in found.rows)
-    if not is_told:
+    is_printed = any(h.state == "ok" for h in found.rows)
+    if not is_printed:
         return missing(PROFILE, found.state, found.reason)
     hidden = _hidden_slots(asked)
     rows = []
@@ -40,7 +40,7 @@ def profile(asked: Asked) -> Figure:
 
 
 def _hidden_slots(asked: Asked) -> set[tuple[int, int]]:
-    """Return the hours of the week of which one in the profile's four weeks is held back in its own week's report."""
+    """Return the hours of the week that the report of one of the profile's four weeks hides."""
     hours, weeks = asked.data.hours, range(PROFILE_WEEKS)
     held = (asked.data.hidden_in(asked.data.monday - k * WEEK).hours for k in weeks)
     return {(int(hours.weekday[i]), int(hours.hour[i])) for week in held for i in (*week.small, *week.others)}
@@ -87,10 +87,10 @@ def unusual(asked: Asked) -> Figure:
     hidden = {(c.day, c.hour) for c in asked.when.cells if c.is_masked or c.is_held_back}
     rows = []
     for hour in found.rows:
-        told = row(hour, "day", "hour", "violations", "recorded_h", "usual", "lo", "hi", "ratio", "q", "n_weeks")
+        values = row(hour, "day", "hour", "violations", "recorded_h", "usual", "lo", "hi", "ratio", "q", "n_weeks")
         if asked.small(hour.violations) or (hour.day, hour.hour) in hidden:
-            told = {**told, "violations": None, "ratio": None, "q": None}
-        rows.append({"weekday": DAYS[hour.weekday], **told})
+            values = {**values, "violations": None, "ratio": None, "q": None}
+        rows.append({"weekday": DAYS[hour.weekday], **values})
     return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
 
 
@@ -99,7 +99,7 @@ def outlook(asked: Asked) -> Figure:
     """Return the forecast of next week by hour."""
     found = asked.found.outlook
     series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
-    if not found.is_told:
+    if not found.has_forecast:
         worst = found.people if found.people.state != "not_measurable" else found.violations
         return missing(OUTLOOK, worst.state, worst.reason)
     rows: list[Row] = []

@@ -77,9 +77,16 @@ def close(asked: Asked) -> Figure:
         return missing(unit, level.state, level.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for name, reading in (("all", found.close), ("between groups", found.close_between)):
-        told = asked.rate(reading)
-        state = "ok" if told.value is not None else told.state
+        values = asked.rate(reading)
+        state = "ok" if values.value is not None else values.state
         rows.append(
-            {"reading": name, "value": told.value, "lo": told.lo, "hi": told.hi, "state": state, "reason": told.reason}
+            {
+                "reading": name,
+                "value": values.value,
+                "lo": values.lo,
+                "hi": values.hi,
+                "state": state,
+                "reason": values.reason,
+            }
         )
     return of_estimate(unit, level, found.close.exposure_h, rows=rows)

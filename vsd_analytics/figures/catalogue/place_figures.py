@@ -18,7 +18,7 @@ AREAS: Final = "violations per open hour and per person-hour, by area"
 SPOTS: Final = "places where a person-hour is riskier than elsewhere on the floor"
 NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
 MIN_CELL_S: Final = 60.0
-"""Person-seconds a square metre needs to be told: of less, it would be the way of a few people."""
+"""Person-seconds a square metre needs to be printed: with less, it could show the way of a few people."""
 
 _OF_SPOT: Final = ("ratio", "lo", "hi", "n", "expected", "excess_per_week", "excess_lo", "excess_hi", "q")
 _NO_CELL: Final = {
@@ -115,10 +115,10 @@ def _map(found: CellMap) -> Figure:
     """Return a map as a row for each square metre on which people spent a minute or more."""
     if found.grid is None or found.values is None or found.exposure_h is None:
         return missing(found.unit, found.state, found.reason)
-    is_told = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
-    if not is_told.any():
+    is_printed = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
+    if not is_printed.any():
         return missing(found.unit, "not_enough_data", _NO_CELL[found.metric])
-    at = list(zip(*np.nonzero(is_told), strict=True))
+    at = list(zip(*np.nonzero(is_printed), strict=True))
     clear = found.is_clear if isinstance(found, ExcessMap) else None
     rows: list[Row] = []
     for r, c in at:
@@ -158,10 +158,10 @@ def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
 
 def _figures_of(asked: Asked, spot: FloorSpot | ResolvedSpot, names: Sequence[str]) -> Row:
     """Return where a spot is, and its figures unless they would tell a small count."""
-    is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
+    is_printed = not asked.small(spot.n) and spot.spot_id not in asked.found.revealing_spots
     at = {"spot_id": spot.spot_id, "place": spot.place.name, "area": spot.place.area_id}
     return {
         **at,
         **row(spot.place, "x_m", "y_m", "area_m2"),
-        **(row(spot, *names) if is_told else dict.fromkeys(names)),
+        **(row(spot, *names) if is_printed else dict.fromkeys(names)),
     }

@@ -54,29 +54,29 @@ def quality(asked: Asked) -> Figure:
     data, coverage = asked.data, asked.coverage
     tracks = asked.found.episodes.tracks
     first, end = data.this.span_ms
-    told = data.warehouse.rows(
+    sums = data.warehouse.rows(
         "select sum(person_records)::double as n, sum(n_doubled)::double as n_doubled, "
         "sum(n_unlocated)::double as n_unlocated from exposure inner join cameras using (camera_id) "
         "where floor_id = $floor and quarter * 900000 >= $first and quarter * 900000 < $end",
         {"floor": data.floor.floor_id, "first": first, "end": end},
     )[0]
-    n_seen = (told["n"] or 0) + (told["n_doubled"] or 0)
+    n_seen = (sums["n"] or 0) + (sums["n_doubled"] or 0)
 
     def share(part: float | None) -> float | None:
         return (part or 0) / n_seen if n_seen else None
 
     nobody = Reason("nobody.seen")
-    n_told = None if asked.small(n_seen) else n_seen
+    n_shown = None if asked.small(n_seen) else n_seen
     rows: list[Row] = [
-        _row("person records", n_told, "records", Reason("hidden.records", least=asked.below)),
+        _row("person records", n_shown, "records", Reason("hidden.records", least=asked.below)),
         _row("without a track id", tracks.without_id_share, "share of person records", tracks.reason),
         _row("median life of a track id", tracks.median_life_s, "s", tracks.reason),
-        _row("seen by two cameras, counted once", share(told["n_doubled"]), "share of person records", nobody),
-        _row("without a place on the floor", share(told["n_unlocated"]), "share of person records", nobody),
+        _row("seen by two cameras, counted once", share(sums["n_doubled"]), "share of person records", nobody),
+        _row("without a place on the floor", share(sums["n_unlocated"]), "share of person records", nobody),
         _row("messages that never arrived", coverage.missing_messages, "messages", Reason("engine.no_numbers")),
         _row("gaps these are in", coverage.message_gaps, "gaps", None),
         _row("recorded time is concluded from silences", coverage.is_inferred, "yes or no", None),
-        _row("cameras calibrated anew since the week before", len(data.pair.recalibrated), "cameras", None),
+        _row("cameras recalibrated since the week before", len(data.pair.recalibrated), "cameras", None),
         _row("purged hours computed by other rules", len(data.warehouse.other_rules()), "stretches", None),
         _row(
             "frame intervals in the week",

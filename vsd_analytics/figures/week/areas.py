@@ -58,7 +58,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
             often, risky = (estimates.without_change(e, why) for e in (often, risky))
-        elif is_compared and data.is_told_by_comparing:
+        elif is_compared and data.is_revealed_by_comparing:
             often, risky = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky))
         weights = camera_weights(data, place)
         is_known = bool(data.panel(place, data.week_days).x_h.any())
@@ -109,7 +109,7 @@ def busiest_spot(data: WeekData, rows: Sequence[AreaRow]) -> BusiestSpot | None:
 def camera_weights(data: WeekData, place: Place) -> Mapping[str, float]:
     """Return how much of a place each camera counts, the largest part first: person-time per recorded hour, sum 1.
 
-    All loaded weeks are used, so that a camera that was down this week keeps its weight; violations stand in where
+    All loaded weeks are used, so that a camera that was down this week keeps its weight; violations are used where
     person-time is unknown.
     """
     recorded_h = data.hours.recorded_s.sum(axis=1) / 3600

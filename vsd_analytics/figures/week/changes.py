@@ -31,7 +31,7 @@ def recorded_cameras(data: WeekData, monday: date) -> set[str]:
 def since_instant(data: WeekData, place: Place, ms: int) -> tuple[Estimate | None, float | None]:
     """Return a place since an instant against the same hours of the week before, and the share of its change.
 
-    Nothing is told where a count of before or after the instant, in either week, is too small to print.
+    Nothing is reported where a count before or after the instant, in either week, is too small to print.
     """
     if data.why_no_violations is not None or data.why_no_places is not None:
         return None, None

@@ -71,7 +71,7 @@ class WeekData(FloorHours):
         return self._hidden[monday]
 
     @cached_property
-    def is_told_by_comparing(self) -> bool:
+    def is_revealed_by_comparing(self) -> bool:
         """Tell whether a count of the hours compared would tell an hour that is held back, in either week.
 
         The count of all hours less that of the hours compared is the count of those left out, such as a day on which a

@@ -169,5 +169,5 @@ def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags
 
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:
-    """Return what stands on the floor, as vsd.toml says."""
+    """Return the fixtures of the floor that vsd.toml lists."""
     return tuple(f for f in data.site.fixtures if f.floor_id == data.floor.floor_id)

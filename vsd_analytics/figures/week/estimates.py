@@ -64,7 +64,7 @@ def people(data: WeekData, *, is_compared: bool) -> Estimate:
 
 
 def without_figures(estimate: Estimate, reason: Reason) -> Estimate:
-    """Return an estimate of which nothing is told but why."""
+    """Return an estimate that has only a reason."""
     if estimate.state == "not_measurable":
         return estimate
     verdict: Verdict | None = None if estimate.verdict is None else "too_little_data"
@@ -117,7 +117,7 @@ def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, hours_c
     )
     if change is None:
         return plain
-    if level.rate is None:  # without a level no change is told either
+    if level.rate is None:  # without a level there is no change either
         return replace(plain, verdict="too_little_data")
     return replace(
         plain,

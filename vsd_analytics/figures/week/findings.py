@@ -25,7 +25,7 @@ from vsd_analytics.figures import hour_of_week as week_hours
 from vsd_analytics.figures import unusual as unusual_hours
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.hidden_hotspots import telling_spots
+from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 
@@ -58,9 +58,9 @@ class Findings:
         return hotspots.hotspots(self._long, floor_id=self._floor_id, until=self._days[1])
 
     @cached_property
-    def telling_spots(self) -> frozenset[str]:
+    def revealing_spots(self) -> frozenset[str]:
         """Ids of hotspots whose figures would tell a small count."""
-        return telling_spots(self._data, self.hotspots)
+        return revealing_spots(self._data, self.hotspots)
 
     @cached_property
     def groups(self) -> groups.Groups:
@@ -74,7 +74,7 @@ class Findings:
 
     @cached_property
     def outlook(self) -> forecast.FloorForecast:
-        """The week to come, and how good the last forecast was (M25)."""
+        """The next week, and how good the last forecast was (M25)."""
         asked = self._long, self._data.monday
         found = forecast.forecast(*asked, floor_id=self._floor_id)
         if found.people.state != "ok" or self.gatherings.state != "ok":

@@ -99,7 +99,7 @@ def floor_extent(data: WeekData) -> Extent | None:
 
 
 def _at_least(bounds: Extent) -> Extent:
-    """Return bounds widened around their middle to `SIDE_MIN_M`, so that a still week has a floor to stand on."""
+    """Return bounds widened around their middle to `SIDE_MIN_M`, so that a floor can always be drawn."""
     x0, y0, x1, y1 = bounds
     dx, dy = (max(0.0, SIDE_MIN_M - side) / 2 for side in (x1 - x0, y1 - y0))
     return x0 - dx, y0 - dy, x1 + dx, y1 + dy
@@ -115,7 +115,7 @@ def plan_of(data: WeekData) -> MapImage | None:
 
 
 def map_fixtures(data: WeekData) -> tuple[MapFixture, ...]:
-    """Return what stands on the floor, for drawing."""
+    """Return the fixtures of the floor, for drawing."""
     return tuple(
         MapFixture(fixture_id=f.fixture_id, name=f.name, kind=f.kind, is_movable=f.is_movable, ring=f.polygon)
         for f in floor_fixtures(data)

@@ -18,7 +18,7 @@ from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Calibration, Camera
 
 MIN_TRACKS: Final = 5
-"""A cell is shown when at least this many different tracks stood in it (house plan, 7.7)."""
+"""A cell is shown when at least this many different tracks were in it."""
 SMALLEST_M2: Final = 0.01
 """Smaller pieces of a view are rounding of its cut."""
 LABEL_M: Final = 0.8
@@ -65,7 +65,7 @@ def views(data: WeekData, *, extent: Extent, labels: Mapping[str, str]) -> MapVi
     """Return what each camera sees of the floor drawn, and what two or more see.
 
     Args:
-        data: The week; cameras stand as calibrated at its end.
+        data: The week; cameras have the positions of their calibration at its end.
         extent: Floor that is drawn.
         labels: Short label of each camera.
 

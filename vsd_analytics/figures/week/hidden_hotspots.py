@@ -12,7 +12,7 @@ from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
 
 
-def telling_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
+def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
     """Return the ids of hotspots whose figures would tell a small count of one week.
 
     A window of four weeks and the one before it differ by one week, so a hotspot's figures are held back as long as its
@@ -34,7 +34,7 @@ def telling_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
     drawn = {a.area_id: shapely.Polygon(a.polygon) for a in data.areas}
     every = shapely.union_all(list(drawn.values()))
 
-    def tells(spot: FloorSpot | ResolvedSpot) -> bool:
+    def reveals(spot: FloorSpot | ResolvedSpot) -> bool:
         if is_floor_hidden or any(is_small(n, below=below) for n in spot.by_week):
             return True
         shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in spot.place.polygons])
@@ -43,4 +43,4 @@ def telling_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
         return any(key in touched if key is not None else is_on_rest for key in hidden)
 
     spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved]
-    return frozenset(s.spot_id for s in spots if tells(s))
+    return frozenset(s.spot_id for s in spots if reveals(s))

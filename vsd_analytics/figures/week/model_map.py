@@ -55,7 +55,7 @@ class MapFixture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapCamera:
-    """Where a camera stands, if known."""
+    """Position of a camera, if known."""
 
     label: str = _f("Short label.")
     at: Point = _f("Position in the map's unit.")
@@ -132,7 +132,7 @@ class MapViews:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpotPicture:
-    """What stands around a numbered spot, with its bands: an empty scene, or that part of the floor."""
+    """The surroundings of a numbered spot, with its bands: an empty scene, or that part of the floor."""
 
     number: int = _f("Number of the spot.")
     camera_id: str | None = _f("The camera that shows it most finely; None for a part of the floor.", default=None)

@@ -188,7 +188,7 @@ class Causes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutlookHour:
-    """One open hour of the week to come."""
+    """One open hour of the next week."""
 
     day: date = _f("Local date.")
     hour: int = _f("Local hour, 0 to 23.")
@@ -209,7 +209,7 @@ class OutlookScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """The week to come."""
+    """The next week."""
 
     iso: str = _f("ISO week forecast.")
     number: int = _f("Its number in the year.")

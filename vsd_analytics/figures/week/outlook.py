@@ -1,4 +1,4 @@
-"""The week to come (M25) and hours of this one far from usual (M24)."""
+"""The next week (M25) and hours of this one far from usual (M24)."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
         why = here[0].reason if here and found.state == "ok" else found.reason
         is_unknown = any(lives.state == "not_measurable" for lives in here[:1])
         return Readings(state="not_measurable" if is_unknown else "not_enough_data", reason=why, left_out=left_out)
-    if level.often.value is None or _is_told_apart(own, below=below):
+    if level.often.value is None or _would_reveal(own, below=below):
         return Readings(state="not_enough_data", reason=too_few(below), left_out=left_out)
     share = found.between
     is_floor = len(data.site.floors) == 1
@@ -51,7 +51,7 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
     )
 
 
-def _is_told_apart(own: Found, *, below: int) -> bool:
+def _would_reveal(own: Found, *, below: int) -> bool:
     """Tell whether the count between or within groups is too small to print."""
     n, n_between = own.often.n_events or 0, own.often_between.n_events or 0
     return any(is_small(v, below=below) for v in (n, n_between, n - n_between))

@@ -20,8 +20,8 @@ SHOWN_DAYS: Final = 63
 def redesigns(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[Redesign, ...]:
     """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
 
-    A change is told as long as its weeks after hold a day of this week, or it lies in the last nine weeks: then it is
-    said what is still missing.
+    A change is reported as long as its weeks after include a day of this week, or it lies in the last nine weeks. In
+    the second case the report says what is still missing.
     """
     return tuple(
         _redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < SHOWN_DAYS

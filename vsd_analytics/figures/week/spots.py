@@ -69,7 +69,7 @@ def spots(
     data: WeekData,
     found: FloorHotspots,
     *,
-    telling: Collection[str],
+    revealing: Collection[str],
     areas: Sequence[AreaRow],
     maps: Sequence[FloorMap],
     coverage: Coverage,
@@ -79,7 +79,7 @@ def spots(
     Args:
         data: The week; its warehouse holds the hotspots' window.
         found: The hotspots of the analysis room.
-        telling: Ids of those whose figures would tell a small count; they are shown without.
+        revealing: Ids of those whose figures would tell a small count; they are shown without.
         areas: The areas, busiest first.
         maps: The maps, whose numbers the busiest areas take over.
         coverage: What was recorded.
@@ -88,7 +88,7 @@ def spots(
     why = None if is_tested else Reason("hotspots.none_stand_out") if found.state == "ok" else found.reason
     if is_tested:
         cards = [_tested(data, s, areas, coverage, found) for s in found.spots[:SPOTS_MAX]]
-        cards = [_without_figures(c) if s.spot_id in telling else c for c, s in zip(cards, found.spots, strict=False)]
+        cards = [_without_figures(c) if s.spot_id in revealing else c for c, s in zip(cards, found.spots, strict=False)]
     else:
         cards = [_busiest(data, n, a, at, coverage) for n, (a, at) in enumerate(_areas(areas, maps), 1)]
     return Spots(
@@ -235,7 +235,7 @@ def _evidence(
 
 
 def _usual(seen: _Seen, data: WeekData) -> UsualHours | None:
-    """Return the fewest hours in a row with half of the violations, and the weekday that stands out."""
+    """Return the shortest run of hours with half of the violations, and the weekday clearly above others."""
     n = len(seen.day)
     if n < max(USUAL_MIN, int(data.site.settings.mask_below)):
         return None

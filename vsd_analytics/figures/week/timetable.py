@@ -47,7 +47,7 @@ def timetable(data: WeekData) -> Timetable:
 
 
 def hour_state(share: float, data: WeekData, *, is_open: bool) -> HourState:
-    """Return the state of an hour of which `share` of the opening time was recorded (house plan, section 7.6)."""
+    """Return the state of an hour with this recorded `share` of its opening time."""
     settings = data.site.settings
     if not is_open:
         return "closed"

@@ -20,7 +20,7 @@ WEEKS: Final = 10
 def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
     """Return the last ten weeks.
 
-    The last of them is the week of the report itself, so that no figure stands on the page twice with two values. A
+    The last of them is the week of the report itself, so that the page never has two values for one figure. A
     week whose own report holds the floor's figures back has none here either.
 
     Args:

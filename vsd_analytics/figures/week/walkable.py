@@ -58,7 +58,7 @@ class Walkable:
     def on_floor(self, values: Array) -> Array:
         """Return values with those of blocked cells added to the nearest free cell; the sum stays the same.
 
-        What lies in a fixture is the middle of a pair that stands around it, or a position a little off.
+        A position inside a fixture is the middle of a pair around it, or a position with a small error.
         """
         from scipy.ndimage import distance_transform_edt
 

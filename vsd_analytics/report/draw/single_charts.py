@@ -305,7 +305,7 @@ def weeks(page: Page, *, width: float) -> Drawing | None:
 
 
 def placed(drawing: Markup, *, x: float, y: float, width: float, height: float) -> Markup:
-    """Return a small drawing of the page at a place, without classes: its colours stand in attributes already."""
+    """Return a small drawing of the page at a place, without classes: its colours are attributes already."""
     at = f'<svg x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" '
     return Markup(_CLASS.sub("", str(drawing)).replace("<svg ", at, 1))
 

@@ -1,8 +1,8 @@
 """Small drawings of a floor, as inline SVG: heat, difference, footsteps, views of cameras, and the scene of a spot.
 
-Each can be shown several times beside another, so none has labels to read; names stand in titles, text alternatives
-and tables. With `is_alone` a drawing carries the plan itself and can be a file; without, it shows the plan of the
-page's map again, which costs no bytes.
+Each can be shown several times beside another, so none has labels to read; names are in titles, text alternatives and
+tables. With `is_alone` a drawing carries the plan itself and can be a file; without, it shows the plan of the page's
+map again, which costs no bytes.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str, is_al
 def scene(
     picture: SpotPicture, floor: FloorMap, *, rules: Rules, name: str, label: str, is_alone: bool = False
 ) -> Markup:
-    """Draw what stands around a spot, with its bands and a scale bar.
+    """Draw the surroundings of a spot, with its bands and a scale bar.
 
     In a camera's picture the bar holds at the spot, as far from the camera as that.
 
@@ -243,7 +243,7 @@ def _mini(
     *,
     is_over: bool = False,
 ) -> Markup:
-    """Put a drawing between the floor and what stands on it; `is_over` puts it over the fixtures."""
+    """Put a drawing between the floor and the fixtures on it; `is_over` puts it over the fixtures."""
     hatch, clip = f"{name}-hat", f"{name}-clip"
     below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
     fixed = [*_plan(floor, frame, is_alone=is_alone), *draw.fixtures(floor.fixtures, frame, is_named=False)]

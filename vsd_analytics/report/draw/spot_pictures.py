@@ -1,4 +1,4 @@
-"""What stands around a numbered spot: the empty scene of the camera that shows it best, else that part of the floor.
+"""The surroundings of a numbered spot: the empty scene of the camera that shows it best, else that part of the floor.
 
 Either is cut to the spot and carries the spot's own bands. A camera's picture ends somewhere: a spot at its very edge
 is shown on the floor, where there is something on all its sides.
@@ -104,7 +104,7 @@ def spot_picture(
 
     The camera is the one that shows the peak with most pixels per metre of floor (`ground_resolution`) among those
     with a picture and a view that holds it, and that show at least `SEEN_SHARE` of the spot's floor within `AROUND_M`;
-    not shown is what lies out of the picture's frame and behind fixtures of known height.
+    floor outside the picture's frame, or behind fixtures of known height, counts as not shown.
 
     Args:
         data: The week.
@@ -185,7 +185,7 @@ def own_bands(bands: Sequence[MapBand], at: Point) -> tuple[MapBand, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """How a camera shows a spot: pixels per metre at its peak, and the share of its floor that is to be seen."""
+    """How a camera shows a spot: pixels per metre at its peak, and the share of its floor that it shows."""
 
     camera: Camera
     calibration: Calibration

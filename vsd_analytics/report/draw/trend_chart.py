@@ -162,7 +162,7 @@ def _marks(axes: _Axes, weeks: Sequence[TrendWeek], marks: Sequence[TrendMark]) 
 
 
 def _noon(week: TrendWeek) -> datetime:
-    """Return the local middle of a week, where its dot stands."""
+    """Return the local middle of a week, the place of its dot."""
     return datetime.combine(week.monday, time()) + timedelta(days=3.5)
 
 

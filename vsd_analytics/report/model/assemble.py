@@ -60,11 +60,11 @@ def week_report(
         monday: First day of the week.
         floor_id: Floor; None = the first.
         now: Instant to print as the time of making; None = the last record's.
-        on_plan: Told how many hours of facts must be made first; see `build`.
-        on_hours: Told of hours made.
+        on_plan: Called with the number of fact hours to compute first; see `build`.
+        on_hours: Called after computed hours.
 
     Returns:
-        The report with its story told; a week without data is a report too.
+        The report with its story; a week without data has a report too.
 
     Raises:
         StoreError: E301, nothing was ever stored.
@@ -184,15 +184,15 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     often, risky = measured.often, measured.risky
-    is_told = True
+    is_printed = True
     if (why := data.hidden.why_floor) is not None:
         often, risky = (estimates.without_figures(e, why) for e in (often, risky))
-        is_told = False
+        is_printed = False
     elif is_compared and (
         is_small(measured.n_before, below=below)
         or not areas.is_before_safe
         or data.hidden_before.why_floor
-        or data.is_told_by_comparing
+        or data.is_revealed_by_comparing
     ):
         is_few = is_small(measured.n_before, below=below)
         why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
@@ -204,7 +204,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
         risky=risky,
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
-        violations=measured.n if is_told and is_known and data.why_no_violations is None else None,
+        violations=measured.n if is_printed and is_known and data.why_no_violations is None else None,
     )
 
 

@@ -37,7 +37,7 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
     numbers = spots.spots(
         data,
         found.hotspots,
-        telling=found.telling_spots,
+        revealing=found.revealing_spots,
         areas=report.areas,
         maps=report.maps,
         coverage=report.coverage,

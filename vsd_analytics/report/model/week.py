@@ -1,6 +1,6 @@
 """What a weekly report knows: one frozen dataclass per section, raw numbers only.
 
-`WeekReport` is the one object behind the page, its JSON twin, the CSV files and the notebook. Nothing in it is
+The page, its JSON file, the CSV files and the notebook are all made from one `WeekReport`. Nothing in it is
 formatted: numbers are floats, ints or None, instants are aware datetimes in the site's zone, names are the free text of
 `vsd.toml`. A missing number is None and its `state` says why; it is never 0.
 
@@ -76,7 +76,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Story:
-    """The words of the page, made by rule from the figures (`headline.tell`)."""
+    """The words of the page, made by rule from the figures (`headline.story_of`)."""
 
     headline: str = _f("One sentence, at most 15 words where names allow.")
     rule: str = _f("Name of the rule that made it, such as fall/fall or no_data.")
@@ -118,7 +118,7 @@ class WeekReport:
     redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
     causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
     trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
-    outlook: Outlook | None = _f("The week to come.", metric="M25", default=None)
+    outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
-    story: Story | None = _f("Filled by `headline.tell`; None until then.", default=None)
+    story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)

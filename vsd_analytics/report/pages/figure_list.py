@@ -21,7 +21,7 @@ SHARE: Final = "share"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FigureRow:
-    """One figure: texts; `reason` stands instead of a value where there is none."""
+    """One figure: texts; `reason` replaces the value where there is none."""
 
     name: str
     value: str

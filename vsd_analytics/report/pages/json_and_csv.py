@@ -1,4 +1,4 @@
-"""The twins of the page: JSON with every figure on it, its JSON Schema, and tidy CSV tables."""
+"""The machine-readable forms of the page: JSON with every figure, its JSON Schema, and CSV tables."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ HOTSPOTS_COLUMNS: Final = (
 
 
 def rounded(report: WeekReport) -> WeekReport:
-    """Return the report with every float rounded to 6 significant digits, as the JSON twin writes them."""
+    """Return the report with every float rounded to 6 significant digits, as the JSON file has them."""
     reasons: list[Reason] = []
 
     def put(value: Any) -> Any:
@@ -66,21 +66,21 @@ def rounded(report: WeekReport) -> WeekReport:
 
 
 def to_json(report: WeekReport) -> bytes:
-    """Return the JSON twin: sorted keys, floats with 6 significant digits, one trailing newline.
+    """Return the JSON text of the report: sorted keys, floats with 6 significant digits, one trailing newline.
 
-    A missing number is null beside a `state`, never 0. The words of the page stand under `story`.
+    A missing number is null beside a `state`, never 0. The sentences of the page are under `story`.
     """
     data = _round(_builtins(finish(rounded(report))))
     return (json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
 
 
 def from_json(data: bytes) -> WeekReport:
-    """Return the report a JSON twin was made from; rendering it gives the same page."""
+    """Return the report that a JSON text was made from; rendering it gives the same page."""
     return msgspec.json.decode(data, type=WeekReport, dec_hook=decode_reason)
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (2020-12) of the twin; each property carries its help, unit and catalogue id."""
+    """Return the JSON Schema (2020-12) of the JSON text; each property has its help, unit and catalogue id."""
     schema = msgspec.json.schema(WeekReport, schema_hook=reason_schema)
     kinds = ChainMap(*(vars(m) for m in (week, results, model_estimate, model_map, model_recording, model_sections)))
     for name, definition in schema["$defs"].items():
@@ -97,7 +97,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def to_csv(report: WeekReport) -> dict[str, str]:
-    """Return the tidy tables by file name: one row per hour of the floor, per area, per numbered spot.
+    """Return the CSV tables by file name: one row per hour of the floor, per area, per numbered spot.
 
     `hours.csv` has one row per local hour with the area `all`; a count too small to print is empty with the state
     `masked`, one that would tell such a count with the state `held_back`. Times are ISO 8601 with offset. Names that a

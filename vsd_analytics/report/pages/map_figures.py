@@ -16,7 +16,7 @@ from vsd_analytics.report.words.figure_titles import changed_places
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapPanel:
-    """One small drawing and what stands above it."""
+    """One small drawing and the lines above it."""
 
     title: str
     drawing: Markup

@@ -95,7 +95,7 @@ def print_pdf(html: str, *, chromium: Path, made_at: datetime, timeout_s: float 
     Args:
         html: The page; its `@page` rule says the paper.
         chromium: The browser.
-        made_at: Aware instant to stand in the PDF as its date, in place of the clock.
+        made_at: Aware instant that the PDF has as its date, instead of the clock's.
         timeout_s: Longest wait; the browser and its children are killed then.
 
     Raises:
@@ -142,7 +142,7 @@ def n_pages(pdf: bytes) -> int:
 
 
 def _run(command: list[str], *, environ: Mapping[str, str], timeout_s: float) -> str:
-    """Run the browser and return the last thing it said; it and its children are gone afterwards."""
+    """Run the browser and return the last line of its output. It and its children have ended afterwards."""
     try:
         process = subprocess.Popen(
             command,

@@ -24,7 +24,7 @@ SMALL_MOVE = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrendPanel:
-    """One measure over the weeks: its title, what stands below it, and the drawing in two widths."""
+    """One measure over the weeks: its title, the line below it, and the drawing in two widths."""
 
     title: str
     sub: str
@@ -69,7 +69,7 @@ class TrendView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BarRow:
-    """A change with its bar: texts. A head stands above the rows of one subject: its name and a note."""
+    """A change with its bar: texts. The head above the rows of one subject: its name and a note."""
 
     name: str
     bar: Markup = NO_BAR
@@ -138,7 +138,7 @@ def trend(report: WeekReport) -> TrendView | None:
 
 
 def trend_title(report: WeekReport, measure: Measure) -> str:
-    """Return what one measure of the weeks shows: whether this week stands out of them, by its interval."""
+    """Return the title of one measure over the weeks: whether this week's interval lies outside the weeks before."""
     weeks = report.trend.weeks if report.trend is not None else ()
     now = _value(weeks[-1], measure) if weeks else None
     if now is None or now.value is None:
@@ -160,7 +160,7 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
 
 
 def causes(report: WeekReport) -> BarTable | None:
-    """Return what moved the time spent close, as one sentence with three bars; None where it is not told."""
+    """Return what moved the time spent close, as one sentence with three bars; None where it is not computed."""
     found = report.causes
     if found is None or report.previous is None or not report.level.often.value:
         return None
@@ -196,25 +196,25 @@ def redesigns(report: WeekReport) -> BarTable | None:
     found = report.redesigns
     if not found:
         return None
-    told = [r for r in found if r.effect is not None and r.state == "ok"]
-    limit = svg.change_limit(e for r in told for e in (r.often, r.effect) if e is not None)
-    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in told)
+    computed = [r for r in found if r.effect is not None and r.state == "ok"]
+    limit = svg.change_limit(e for r in computed for e in (r.often, r.effect) if e is not None)
+    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in computed)
     refused = [
         say("redesign.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
         for r in found
-        if r not in told
+        if r not in computed
     ]
     return BarTable(
         title=say("redesign.title"),
-        sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if told else "",
+        sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if computed else "",
         axis=svg.change_axis(limit),
-        rows=tuple(row for r in told for row in _redesign(r, limit)),
+        rows=tuple(row for r in computed for row in _redesign(r, limit)),
         notes=(*assumed, *refused),
     )
 
 
 def outlook(report: WeekReport) -> Listed | None:
-    """Return the week to come; None where violations cannot be counted."""
+    """Return the section on the next week's forecast; None where violations cannot be counted."""
     found = report.outlook
     if found is None or report.level.often.state == "not_measurable":
         return None

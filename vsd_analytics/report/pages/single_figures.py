@@ -45,7 +45,7 @@ _ON_PICTURE: Final = dict.fromkeys(
 
 
 def figure_svg(report: WeekReport, name: str) -> str:
-    """Return one figure as an SVG file that stands by itself.
+    """Return one figure as a complete SVG file.
 
     Args:
         report: The finished week.
@@ -107,7 +107,7 @@ def to_png(svg: str, *, width_px: int = PNG_WIDTH_PX) -> bytes:
 
 
 def literal(drawing: str) -> Markup:
-    """Return a drawing of the page without classes: what the page's style gives them stands in attributes."""
+    """Return a drawing of the page without classes: the page's style is written into attributes."""
     is_picture = 'class="map-pic"' in drawing
     known = _LITERAL | (_ON_PICTURE if is_picture else {})
 

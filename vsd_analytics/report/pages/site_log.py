@@ -31,7 +31,7 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
 
     Args:
         report: The report.
-        with_weeks: The list stands below the charts of the weeks, so it names what they mark too.
+        with_weeks: The list is below the charts of the weeks, so it also explains their marks.
     """
     marks = report.trend.marks if with_weeks and report.trend is not None else ()
     rows = [(m.at, m.label, m.text, m.area_name, False) for m in marks]

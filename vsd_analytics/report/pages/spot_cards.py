@@ -35,7 +35,7 @@ class Card:
         sure: high, medium or low, in words.
         reason: Why.
         ask: What to ask about the room.
-        picture: What stands around the spot, with its bands; empty for none.
+        picture: The surroundings of the spot, with its bands; empty for none.
     """
 
     number: int
@@ -56,7 +56,7 @@ class Card:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cards:
-    """The cards and what stands above them.
+    """The cards and the lines above them.
 
     Attributes:
         title: What the spots are.
@@ -180,7 +180,7 @@ def _reason(evidence: Evidence, report: WeekReport) -> str:
 
 
 def spot_scene(report: WeekReport, number: int, *, is_alone: bool = False) -> Markup:
-    """Draw what stands around a numbered spot; empty without a picture of it.
+    """Draw the surroundings of a numbered spot; empty without a picture of it.
 
     Args:
         report: The report.

@@ -26,7 +26,7 @@ class Cell:
 
     Attributes:
         style: CSS classes: colour step, part, low, hatch, cl, hb (held back).
-        text: What stands in it; empty for no data.
+        text: Text of the cell; empty for no data.
         note: What only screen readers hear.
     """
 

@@ -122,9 +122,9 @@ class Page:
         causes: What moved the time spent close.
         redesigns: What logged changes did.
         trend: The last weeks.
-        outlook: The week to come.
+        outlook: The next week.
         log: What happened at the site.
-        log_section: Where that list stands: "trend" below charts that mark it, else "changed".
+        log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
         more_figures: Rows of the table of further figures.
     """
@@ -179,7 +179,7 @@ class Page:
 def render_html(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the page of a week as one self-contained HTML file.
 
-    Floats are rounded as in the JSON twin first, so that both say the same.
+    Floats are rounded as in the JSON file first, so that both have the same numbers.
 
     Args:
         report: The figures; its story is made here when it has none.

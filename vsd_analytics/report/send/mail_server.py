@@ -1,7 +1,7 @@
-"""A mail leaves the house: by SMTP or by the machine's mail program. Encrypted where it logs in, or not at all.
+"""Sends a mail by SMTP or by the machine's mail program. Encrypted where it logs in, or not at all.
 
 What is tried again is only what is known not to have arrived. A server that took the whole mail and then did not answer
-may have delivered it or not; that is told (E807) and never tried again by itself.
+may have delivered it or not. The error E807 reports this, and the mail is not sent again automatically.
 """
 
 from __future__ import annotations

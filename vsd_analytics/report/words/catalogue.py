@@ -36,7 +36,7 @@ def say(key: str, /, *, plural: float | None = None, **values: object) -> str:
 
 
 def say_html(key: str, /, *, plural: float | None = None, **values: object) -> Markup:
-    """Return a sentence as HTML: its values are escaped, and what stands between backticks in it is set as code."""
+    """Return a sentence as HTML: its values are escaped, and text between backticks is set as code."""
     safe = _CODE.sub(r"<code>\1</code>", str(escape(template(key, plural=plural))))
     return Markup(safe).format(**values)
 

@@ -28,10 +28,10 @@ RISKY: Final = (*OFTEN, "not_measurable")
 
 def finish(report: WeekReport) -> WeekReport:
     """Return the report with its story filled in."""
-    return report if report.story is not None else replace(report, story=tell(report))
+    return report if report.story is not None else replace(report, story=story_of(report))
 
 
-def tell(report: WeekReport) -> Story:
+def story_of(report: WeekReport) -> Story:
     """Make the words of the page.
 
     Args:
@@ -69,8 +69,8 @@ def _headline(report: WeekReport) -> tuple[str, str]:
     week, often = report.week, report.level.often
     match report.state:
         case "no_data":
-            told = nothing(report)
-            return told.rule, told.headline
+            texts = nothing(report)
+            return texts.rule, texts.headline
         case "too_incomplete":
             return "too_incomplete", say("headline.too_incomplete", week=week.number)
         case "empty":
@@ -144,8 +144,8 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     often = report.level.often
     match report.state:
         case "no_data":
-            told = nothing(report)
-            return [Span(text=told.lead)], list(told.notes)
+            texts = nothing(report)
+            return [Span(text=texts.lead)], list(texts.notes)
         case "too_incomplete":
             share, limit = fmt.percent(coverage.share), fmt.percent(rules.min_coverage)
             return [Span(text=say("lead.too_incomplete", share=share, limit=limit))], _missing_notes(report)
@@ -184,7 +184,7 @@ def _unknown_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     if level.people.value is not None:
         parts.append(say("lead.in_view", people=fmt.number(level.people.value)))
     code = "" if often.reason is None else often.reason.code
-    notes = {NO_IDS.code: [say("lead.mend_ids")], NO_FLOOR.code: [say("lead.mend_floor")]}.get(code, [])
+    notes = {NO_IDS.code: [say("lead.fix_ids")], NO_FLOOR.code: [say("lead.fix_floor")]}.get(code, [])
     return [Span(text=" ".join(terms.sentence(p) for p in parts))], notes
 
 

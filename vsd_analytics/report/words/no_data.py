@@ -37,13 +37,13 @@ class Nothing:
 def nothing(report: WeekReport) -> Nothing:
     """Return the words of a week whose state is no_data; a closed week is not called an outage."""
     if not report.coverage.cameras:
-        return _told(report, "no_camera", notes=(say("nothing.no_camera_note"),))
+        return _texts(report, "no_camera", notes=(say("nothing.no_camera_note"),))
     if report.coverage.scheduled_h == 0:
-        return _told(report, "closed", notes=(say("nothing.closed_note"),))
-    return _told(report, "no_data", notes=(_likely_cause(report),))
+        return _texts(report, "closed", notes=(say("nothing.closed_note"),))
+    return _texts(report, "no_data", notes=(_likely_cause(report),))
 
 
-def _told(report: WeekReport, rule: str, *, notes: tuple[str, ...]) -> Nothing:
+def _texts(report: WeekReport, rule: str, *, notes: tuple[str, ...]) -> Nothing:
     first, last = fmt.date_span(report.week.monday, report.week.sunday)
     week = report.week.number
     return Nothing(

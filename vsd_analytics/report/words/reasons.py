@@ -59,7 +59,7 @@ def verdict_text(verdict: Verdict) -> str:
 
 
 def read_reason(text: str) -> Reason:
-    """Return the reason that stands for a sentence read from a JSON report; its code is lost."""
+    """Return a reason for a sentence read from a JSON report; its code is lost."""
     return Reason(TEXT, text=text)
 
 

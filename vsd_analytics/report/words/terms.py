@@ -13,7 +13,7 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.result import Verdict
 
-# Words and phrases that must not stand on a page, in a message or in a template.
+# Words and phrases that no page, message or template may use.
 FORBIDDEN: Final = (
     *("infringement", "incident", "offender", "normalised rate", "normalized rate", "per observation"),
     *("sigma", "p-value", "statistically significant", "significant", "significantly", "improved", "worse"),
@@ -36,7 +36,7 @@ _FRACTIONS: Final = tuple(
 
 
 def forbidden_in(text: str) -> list[str]:
-    """Return the forbidden words that stand in `text`, whole words only, in the order of the list."""
+    """Return the forbidden words of `text`, whole words only, in the order of the list."""
     found = []
     for word in FORBIDDEN:
         start = r"(?<!\w)" if word[0].isalnum() else ""

@@ -27,8 +27,8 @@ def weakest_camera(report: WeekReport) -> CameraRecord | None:
 def things(report: WeekReport) -> tuple[Thing, ...]:
     """Return what worked, what to watch and what not to trust, each with the anchor of its proof."""
     if report.state == "no_data":
-        told = nothing(report)
-        return (Thing(kind="distrust", title=told.title, text=told.text, target="data"),)
+        texts = nothing(report)
+        return (Thing(kind="distrust", title=texts.title, text=texts.text, target="data"),)
     recorded = say("things.recorded", share=fmt.percent(report.coverage.share))
     if report.state == "too_incomplete":
         return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
@@ -128,8 +128,10 @@ def _distrust(report: WeekReport) -> Thing:
         text = say("things.not_compared_text", reason=terms.sentence(reason_text(apart[0].not_compared)))
         return _doubt(title, text, "changed")
     camera = weakest_camera(report)
-    is_told = report.state != "normal" and len(report.coverage.cameras) == 1  # the first thing says what it recorded
-    if camera is not None and not is_told:
+    is_reported = (
+        report.state != "normal" and len(report.coverage.cameras) == 1
+    )  # the first thing says what it recorded
+    if camera is not None and not is_reported:
         return _weak(camera, report)
     if report.coverage.is_inferred:
         return _doubt(say("things.inferred"), say("things.inferred_text"), "data")
