@@ -11,6 +11,7 @@ import shapely
 
 from vsd_analytics.figures.borders import UNKNOWN, area_borders
 from vsd_analytics.geometry import camera_views
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 
 
@@ -37,7 +38,7 @@ def test_areas_along_the_edge_are_border_and_those_inside_are_not(site: Site) ->
     assert list(found) == ["inside", "edge", "unseen", "mixed"]
     assert (found["inside"].share, found["inside"].is_border, found["inside"].note) == (0, False, None)
     assert (found["edge"].share, found["unseen"].share) == (1, 1)
-    assert "100%" in (found["edge"].note or "")
+    assert found["edge"].note == Reason("border.risk_low", share=1.0)
     assert 0 < (found["mixed"].share or 0) < 0.5
     assert found["mixed"].note is None
 

@@ -71,7 +71,7 @@ def test_only_camera_calibrated_anew_is_the_headline(tmp_path: Path) -> None:
     assert report.settings_change is not None
     assert report.settings_change.at == w.rome(3, 8)
     page = text_of(render_html(report))
-    assert "A camera was calibrated anew on Thursday" in page
+    assert "A camera was recalibrated on Thursday" in page
     assert (
         "A camera was recalibrated on Thursday 12 November 2026, 08:00, so positions and distances are measured "
         "differently. Figures before and after cannot be compared, so the change column is empty." in page

@@ -23,6 +23,7 @@ from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.reasons import reason_text
 
 DOOR = 2
 BUSY = {
@@ -76,7 +77,7 @@ def test_a_hotspot_with_a_small_week_is_shown_without_figures(world: hidden.Worl
     assert (card.ratio.value if card.ratio else 0, card.excess_per_week) == (None, None)
     [row] = [r for r in csv.DictReader(io.StringIO(to_csv(report)["hotspots.csv"])) if r["area"] == "door"]
     assert (row["ratio"], row["ratio_lo"], row["excess_per_week"]) == ("", "", "")
-    assert GIVES_AWAY in render_html(report)
+    assert reason_text(GIVES_AWAY) in render_html(report)
 
 
 def test_the_planner_s_cells_sum_to_their_area_and_never_to_more(

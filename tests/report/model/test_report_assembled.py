@@ -149,7 +149,7 @@ def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -
     assert report.level.often.change is None
     assert {a.often.verdict for a in report.areas} == {None}
     page = text_of(render_html(report))
-    assert "A camera was calibrated anew on Thursday" in page
+    assert "A camera was recalibrated on Thursday" in page
     assert "No clear change" not in page
 
 
