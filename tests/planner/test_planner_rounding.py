@@ -46,7 +46,8 @@ def test_sums_are_exact_where_no_day_or_place_is_small(rows: list[tuple[int, boo
         true, told = np.bincount(group, weights=counts), np.bincount(group, weights=lead)
         if not ((true > 0) & (true < BELOW)).any():
             np.testing.assert_array_equal(told, true)
-        assert (np.abs(np.cumsum(told) - np.cumsum(true)) < 2 * BELOW).all()
+        # a sum given at its middle one, what waited at the end of a day, and of a place: each is under BELOW
+        assert (np.abs(np.cumsum(told) - np.cumsum(true)) < 3 * BELOW).all()
 
 
 def test_ones_are_given_at_the_middle_one_of_five() -> None:

@@ -150,7 +150,7 @@ def render(answers: Answers) -> str:
         "# for_s = 60",
         '# area = "checkout-queue"',
     ]
-    if answers.distance_m > DEFAULTS.pair_max_m:  # pairs must be kept a little beyond the distance
+    if answers.distance_m > DEFAULTS.pair_max_m:  # pairs a little beyond the distance must be stored, too
         lines += ["", "[rule]", f"pair_max_m = {answers.distance_m + 0.5:g}"]
     text = "\n".join(lines) + "\n"
     tomllib.loads(text)  # every answer is quoted: this cannot fail

@@ -123,7 +123,7 @@ class PeakHour:
 
 @dataclass(frozen=True, slots=True)
 class PeakHours:
-    """The highest hours of the week, and which cannot be told apart from the highest.
+    """The highest hours of the week, and the hours that may be as high as the highest.
 
     Attributes:
         top: At most three hours, highest first.
@@ -300,7 +300,7 @@ def slot_rates(
 
 
 def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARSE) -> PeakHours:
-    """Return the highest hours of the week, and the hours that cannot be told apart from the first (M14).
+    """Return the highest hours of the week, and the hours that may be as high as the first (M14).
 
     Args:
         rates: Shrunk rates: a raw rate puts the hour with least data on top.

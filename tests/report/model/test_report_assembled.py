@@ -285,7 +285,7 @@ def test_site_without_areas_has_a_map_and_says_how_to_name_them(tmp_path: Path) 
     assert report.busiest_spot is None
     assert report.maps[0].bands
     page = text_of(render_html(report))
-    assert "Name some in vsd.toml" in page
+    assert "This floor has no areas. Add areas to" in page
     assert "Whole floor: clear fall" in page
 
 

@@ -279,7 +279,7 @@ def test_no_small_count_is_printed_anywhere(small: WeekReport) -> None:
     assert not {"1", "2", "3", "4"} & set(re.findall(r">([^<>]*)<", table))
     assert "&lt;5" in table
     assert "…" in table
-    assert "take &lt;5 as 2.5" in page
+    assert "count &lt;5 as 2.5" in page
     hours_csv = list(csv.DictReader(io.StringIO(to_csv(small)["hours.csv"])))
     assert {r["state"] for r in hours_csv if r["violations"] == ""} == {"masked", "held_back"}
     areas_csv = list(csv.DictReader(io.StringIO(to_csv(small)["areas.csv"])))

@@ -187,7 +187,7 @@ SHELVES = tuple(Fixture(f"s{k}", f"Shelf {k}", "ground", rectangle(x, 1, x + 0.8
         ("Hall", rectangle(0, 0, 3, 2), (PILLAR, STAND), "“Stand” be moved"),
         ("Hall", rectangle(0, -3, 4, 0.5), SHELVES, "one direction"),
         ("Hall", rectangle(0, 0, 4, 9), SHELVES, "spread out"),
-        ("Front door", rectangle(0, 0, 3, 2), (PILLAR,), "kept free"),
+        ("Front door", rectangle(0, 0, 3, 2), (PILLAR,), "free of things that make people stop"),
         ("Aisle 4", rectangle(0, 0, 3, 2), (), "one direction"),
     ],
 )

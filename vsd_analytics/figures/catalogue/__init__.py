@@ -1,4 +1,4 @@
-"""The catalogue of a report: its figures by id, M0 onwards, as the JSON twin gives them.
+"""The catalogue of a report: its figures by id, M0 onwards, as the JSON report gives them.
 
 Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. docs/figures.md
 defines them all; it is made from the headers of the SQL files. A figure with a sentence `more.M30_all` has its line

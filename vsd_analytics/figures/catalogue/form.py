@@ -78,7 +78,7 @@ class Asked:
         return missing(unit, "not_enough_data", why)
 
     def rate(self, rate: RateEstimate | None) -> Estimate:
-        """Return a rate as an estimate without what is too small to be told."""
+        """Return a rate as an estimate without values that are too small to print."""
         none = Estimate(value=None, state="not_enough_data", reason=NOTHING_OPEN)
         return page_estimates.level(rate, below=self.below) or none
 
