@@ -14,7 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from vsd_analytics.stats.before_after import BeforeAfter, PeriodDays, before_after
+from vsd_analytics.stats.before_after import BeforeAfter, before_after
+from vsd_analytics.stats.period_days import PeriodDays
 
 N_AREAS = 12
 AREA_SD, WEEKDAY_SD = 0.3, 0.15

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.stats.before_after import PeriodDays, before_after
+from vsd_analytics.stats.before_after import before_after
+from vsd_analytics.stats.period_days import PeriodDays
 
 
 def period(
