@@ -185,7 +185,9 @@ def test_the_trend_may_be_told_over_more_weeks_than_are_compared() -> None:
     found = before_after(b, a, history=history)
     assert found.trend is not None
     assert found.trend.n_weeks == 8
-    assert replace(found, trend=None) == before_after(b, a)
+    assert found.line_lo is not None, "eight weeks have a line that can be continued"
+    without = replace(found, trend=None, line_lo=None, line_hi=None, lo=None, hi=None)
+    assert without == replace(before_after(b, a), lo=None, hi=None)
 
 
 def test_too_few_person_hours_are_refused_with_the_rule() -> None:

@@ -37,7 +37,7 @@ def own_weeks_variance(history: PeriodDays) -> tuple[float, float]:
     """
     week, changed, others = weekly_log_rates(history)
     logs = np.vstack([changed, others])
-    usable = np.isfinite(logs).all(axis=1)
+    usable = np.asarray(np.isfinite(logs).all(axis=1))
     n_areas, n_weeks = int(usable.sum()), len(week)
     if n_areas < MIN_WEEKS or n_weeks < MIN_WEEKS:
         return PRIOR_SD**2, PRIOR_DF

@@ -8,7 +8,7 @@ and sigma (Gonen et al., The American Statistician 59, 2005),
 
     e_n = (1 + k g)^(-1/2) [ (1 + t^2/v) / (1 + t^2 / (v (1 + k g))) ]^((v+1)/2).
 
-The e_n of n = 1, 2, ... form a test martingale (Perez-Ortiz, Lardy, de Heide & Grunwald, Annals of Statistics 52, 2024):
+The e_n of n = 1, 2, ... form a test martingale (Perez-Ortiz, Lardy, de Heide & Grunwald, Annals of Statistics, 2024):
 without an effect the chance that any of them ever reaches 20 is at most 1/20, however often they are read. The running
 interval holds the effects that e < 20 does not reject; it holds the truth in all weeks at once with 95 %.
 """
