@@ -10,6 +10,7 @@ from vsd_analytics.report.words.reasons import reason_text, verdict_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure
+    from vsd_analytics.figures.experiments import PlanScore
     from vsd_analytics.stats.before_after import BeforeAfter
     from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 
@@ -92,6 +93,22 @@ def change_text(found: BeforeAfterFigure) -> str:
         lines += ["", f"compared with: {', '.join(found.comparison_areas)}"]
     lines += [*_left_out(found), "", "this holds if:", *(f"  {reason_text(a)}" for a in found.assumptions)]
     return "\n".join([*lines, *(f"note: {reason_text(note)}" for note in found.notes)])
+
+
+def score_text(scored: PlanScore) -> str:
+    """Return how a plan came out."""
+    plan = scored.plan
+    weeks = "no number of weeks" if plan.weeks_after is None else f"{plan.weeks_after} weeks after"
+    lines = [
+        f"planned on {plan.made}: {percent(plan.effect)} in {plan.weeks_before} weeks before and {weeks}, "
+        f"then measured as {percent(plan.theta_lo - 1)} to {percent(plan.theta_hi - 1)}"
+    ]
+    if scored.theta is not None:
+        place = "inside" if scored.is_inside else "outside"
+        clear = "clear" if scored.is_clear else "not clear"
+        due = "" if scored.is_due else "; the weeks planned are not over yet"
+        lines.append(f"measured after {scored.n_weeks} weeks: {ratio(scored.theta)}, {place} of that, {clear}{due}")
+    return "\n".join(lines)
 
 
 def _effect(found: BeforeAfterFigure) -> list[str]:

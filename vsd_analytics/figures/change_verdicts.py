@@ -84,13 +84,15 @@ def log_ratios(data: FloorHours, area: Area, others: Sequence[Area], span: Days)
     Returns:
         Shape (n_weeks,); NaN in a week that recorded too little of the open hours, or in which nothing was counted.
     """
-    logs = []
-    for group in ((area,), tuple(others)):
-        panels = [data.panel(timed(data, a.area_id), days_of(span)) for a in group]
-        n, x_h = (by_week(np.sum([getattr(p, name).sum(axis=0) for p in panels], axis=0)) for name in ("n", "x_h"))
-        known = (n > 0) & (x_h >= data.site.settings.min_coverage * x_h.max(initial=0.0)) & (x_h > 0)
-        logs.append(np.where(known, np.log(np.where(known, n, 1.0) / np.where(known, x_h, 1.0)), np.nan))
-    return np.asarray(logs[0] - logs[1])
+    return log_rates(data, [area], span) - log_rates(data, others, span)
+
+
+def log_rates(data: FloorHours, areas: Sequence[Area], span: Days) -> Array:
+    """Return by week the log of the violation time per open hour of some areas together; NaN as for `log_ratios`."""
+    panels = [data.panel(timed(data, a.area_id), days_of(span)) for a in areas]
+    n, x_h = (by_week(np.sum([getattr(p, name).sum(axis=0) for p in panels], axis=0)) for name in ("n", "x_h"))
+    known = (n > 0) & (x_h > 0) & (x_h >= data.site.settings.min_coverage * x_h.max(initial=0.0))
+    return np.log(np.divide(n, x_h, out=np.full_like(n, np.nan), where=known))
 
 
 def history_of(data: FloorHours, area: Area, others: Sequence[Area], span: Days) -> PeriodDays:
