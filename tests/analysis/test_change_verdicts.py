@@ -90,7 +90,7 @@ def test_time_that_moved_to_other_areas_at_any_distance_is_no_fall_of_the_floor(
 
 
 def test_the_slope_that_would_have_shown_is_given_and_a_small_effect_is_cautioned_with_it(tmp_path: Path) -> None:
-    figure = found(tmp_path, rate=from_change(0.97))
+    figure = found(tmp_path, rate=from_change(1.0))
     assert figure.burden is not None
     assert figure.burden.trend is not None
     assert figure.burden.trend.n_weeks == 12
