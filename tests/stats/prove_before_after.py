@@ -1,4 +1,4 @@
-"""Prove effect, day interval and placebo interval of before/after: python tests/stats/prove_before_after.py --sites 2000.
+"""Prove effect, day and placebo interval of before/after: python tests/stats/prove_before_after.py --sites 2000.
 
 Each site has twelve areas. An area's rate per person-hour is its own (log sd .3), times a shock of the site's day,
 times a shock of its own day, times a profile of weekdays of its own; violations are Poisson on top. Nothing else
