@@ -70,7 +70,7 @@ class Neighbours:
 
 
 @dataclass(frozen=True, slots=True)
-class Routes:
+class EffectRoutes:
     """The two ways in which a change lowered or raised the time too close in its area; both are its own doing.
 
     Attributes:
@@ -131,7 +131,7 @@ class BeforeAfterFigure:
     windows: Windows | None = None
     burden: test.BeforeAfter | None = None
     close: test.BeforeAfter | None = None
-    routes: Routes | None = None
+    routes: EffectRoutes | None = None
     running: RunningVerdict | None = None
     floor: FloorEffect | None = None
     effect: test.BeforeAfter | None = None
@@ -315,11 +315,11 @@ def _effect(
     )  # fmt: skip
 
 
-def _routes(burden: test.BeforeAfter | None, close: test.BeforeAfter | None) -> Routes | None:
+def _routes(burden: test.BeforeAfter | None, close: test.BeforeAfter | None) -> EffectRoutes | None:
     """Return the parts of people and of closeness in the effect on the burden: its ratio is the product of theirs."""
     if burden is None or close is None or burden.theta is None or close.theta is None:
         return None
-    return Routes(*additive_parts((burden.theta / close.theta, close.theta)))
+    return EffectRoutes(*additive_parts((burden.theta / close.theta, close.theta)))
 
 
 def _cautions(

@@ -17,7 +17,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import nnls
 
 from vsd_analytics.stats.period_days import Floats, Ints, PeriodDays
 
@@ -37,6 +36,8 @@ def synthetic_weights(changed: npt.ArrayLike, others: npt.ArrayLike, *, weeks_af
     Returns:
         Shape (n_areas,), none negative, sum 1.
     """
+    from scipy.optimize import nnls  # takes a tenth of a second to import, and few sites have ten weeks
+
     y, z = np.asarray(changed, dtype=np.float64), np.asarray(others, dtype=np.float64)
     y, z = y - y.mean(), z - z.mean(axis=1, keepdims=True)
     n_areas, n_weeks = z.shape
