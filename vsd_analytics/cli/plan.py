@@ -109,7 +109,7 @@ def _row(plan: Plan) -> tuple[str, ...]:
 
 def _text(found: ExperimentPlan) -> str:
     lines = [
-        f"{found.area_name}: {percent(found.effect)} time too close per open hour, to be seen with {found.power:.0%}"
+        f"{found.area_name}: {percent(found.effect)} time too close per open hour, with a power of {found.power:.0%}"
     ]
     left_out = [f"does not serve: {area_id}: {reason_text(why)}" for area_id, why in found.areas_left_out]
     if found.state != "ok" or found.variation is None or found.known is None:
