@@ -22,6 +22,7 @@ from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Site
 from vsd_analytics.stats.experiment import Variation, WeeksNeeded, choices, variation_of
+from vsd_analytics.stats.running_verdict import MIN_REFERENCE_WEEKS
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -142,11 +143,12 @@ def plan_experiment(
         n_weeks = min(n_weeks, days // WEEK.days)
         known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
     if not chosen or n_weeks == 0:
-        reason = Reason("redesign.no_comparison") if not chosen else Reason("redesign.week_before", days=0)
+        few = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
+        reason = few if chosen else Reason("redesign.no_comparison")
         return _refused(area, effect, power, weeks_max, known, reason, left_out)
     variation = variation_of(history_of(data, area, chosen, known), None)
     if variation is None:
-        reason = Reason("redesign.reference_weeks", least=4, has=n_weeks)
+        reason = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
         return _refused(area, effect, power, weeks_max, known, reason, left_out)
     ways = choices(variation, 1 + effect, power=power, weeks_max=weeks_max, confidence=site.settings.confidence)
     serve = [_served(data, area, other, known) for other in chosen]
