@@ -198,3 +198,15 @@ def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest
         assert "not measurable: recalibrated between the periods: cam-1" in out
     finally:
         calibrate(project, (1.0, "2026-10-01T00:00:00+00:00"))
+
+
+def test_a_plan_needs_weeks_and_says_how_many(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out = vsd(project, capsys, "plan", "--area", "queue", "--effect", "-15", "--json")
+    found = json.loads(out)
+    assert (code, found["state"], found["stored"]) == (1, "not_enough_data", None)
+    assert "needs at least 4 weeks before the change" in found["reason"]
+    assert not (project / "plans.jsonl").exists()
+    code, _ = vsd(project, capsys, "plan", "--area", "queue")
+    assert code == 2
+    code, out = vsd(project, capsys, "plan", "--json")
+    assert (code, json.loads(out)) == (0, {"plans": []})

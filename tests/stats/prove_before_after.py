@@ -1,4 +1,4 @@
-"""Prove the before/after estimate on simulated sites: python tests/stats/prove_before_after.py --sites 2000.
+"""Prove effect, day and placebo interval of before/after: python tests/stats/prove_before_after.py --sites 2000.
 
 Each site has twelve areas. An area's rate per person-hour is its own (log sd .3), times a shock of the site's day,
 times a shock of its own day, times a profile of weekdays of its own; violations are Poisson on top. Nothing else
@@ -14,7 +14,8 @@ from functools import partial
 
 import numpy as np
 
-from vsd_analytics.stats.before_after import BeforeAfter, PeriodDays, before_after
+from vsd_analytics.stats.before_after import BeforeAfter, before_after
+from vsd_analytics.stats.period_days import PeriodDays
 
 N_AREAS = 12
 AREA_SD, WEEKDAY_SD = 0.3, 0.15
@@ -85,9 +86,9 @@ def hash_of(world: World) -> int:
 def row(world: World, n_sites: int) -> str:
     """Return the table's row of one world."""
     found = [e for e in (estimate(world, s) for s in range(n_sites)) if e.theta is not None]
-    lo, hi = (np.array([getattr(e, k) for e in found]) for k in ("lo", "hi"))
+    lo, hi = (np.array([getattr(e, k) for e in found]) for k in ("day_lo", "day_hi"))
     covered = np.mean((lo <= world.effect) & (world.effect <= hi))
-    clear = np.mean([e.verdict == "clear_fall" for e in found])
+    clear = np.mean(hi < 1)
     placebo = np.mean([e.placebo_lo <= world.effect <= e.placebo_hi for e in found if e.placebo_lo is not None])
     naive = np.exp(np.mean(np.log([e.theta for e in found]))) - 1
     shrunken = np.exp(np.mean([np.log(e.shrunken.theta) for e in found if e.shrunken is not None])) - 1

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.stats.decomposition import closeness, compare_mixing, concentration, mixing, nearby
+from vsd_analytics.stats.decomposition import additive_parts, closeness, compare_mixing, concentration, mixing, nearby
 
 CELL_M, DISTANCE_M = 0.25, 2.0
 FLOOR_M = (12.0, 8.0)
@@ -212,3 +212,36 @@ def test_what_cannot_be_pair_time_is_refused() -> None:
         mixing([[1.0]], [[1.0, 2.0]], [[[1.0]]], cell_m=1, distance_m=1)
     with pytest.raises(ValueError, match="some positive"):
         concentration([[0.0]], cell_m=1, distance_m=1)
+
+
+@given(st.lists(st.floats(0.05, 20), min_size=1, max_size=5))
+def test_parts_of_a_change_add_up_to_it_exactly(factors: list[float]) -> None:
+    parts = additive_parts(factors)
+    assert math.fsum(parts) == pytest.approx(math.prod(factors) - 1, rel=1e-9, abs=1e-12)
+    assert all((part >= 0) == (factor >= 1) or part == 0 for part, factor in zip(parts, factors, strict=True))
+
+
+def test_parts_are_the_integral_of_each_factors_growth_along_a_steady_path() -> None:
+    """Oracle: let all factors grow at constant rates from 1; factor k adds the integral of V d ln f_k."""
+    factors = (0.5, 1.2, 0.9)
+    at = np.linspace(0, 1, 200_001)
+    whole = np.prod(factors) ** at
+    expected = [np.trapezoid(whole * math.log(f), at) for f in factors]
+    assert additive_parts(factors) == pytest.approx(expected, abs=1e-9)
+
+
+def test_parts_that_move_against_each_other_have_no_shares_that_exceed_the_whole() -> None:
+    """Twice the people who keep apart: crowding adds 300 points, behaviour takes most of them away again."""
+    exposure = [np.ones((20, 20))]
+    days = np.ones((1, 7))
+    found = compare_mixing((days, days * 1.2), (days * 20, days * 80), (exposure, exposure), cell_m=0.5, distance_m=2.0)
+    assert found.close == pytest.approx(1.2)
+    assert found.crowding_part == pytest.approx(0.2 / math.log(1.2) * math.log(4))
+    assert found.behaviour_part == pytest.approx(0.2 - found.crowding_part)
+    assert found.layout_part == pytest.approx(0)
+    assert (found.crowding_share, found.layout_share, found.behaviour_share) == (None, None, None)
+
+
+def test_a_factor_of_nothing_has_no_part() -> None:
+    with pytest.raises(ValueError, match="above 0"):
+        additive_parts([0.0, 2.0])

@@ -19,7 +19,7 @@ from vsd_analytics.version import VERSION
 
 COMMANDS = (
     *("demo", "init", "calibrate", "log", "check", "ingest", "quarantine", "listen", "alarms", "build"),
-    *("coverage", "hours", "heatmap", "hotspots", "groups", "compare", "forecast", "report", "planner", "site"),
+    *("coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "forecast", "report", "planner", "site"),
     *("export", "purge", "sql", "schema", "verify", "doctor", "explain"),
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""

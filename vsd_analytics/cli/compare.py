@@ -49,7 +49,8 @@ def compare(
     the change.
 
     With --change N, compares the area of entry N of the log before and after, relative to areas that were left
-    alone (difference in differences), so that a change of the whole site does not look like an effect.
+    alone (difference in differences), so that a change of the whole site does not look like an effect. Beside it: a
+    verdict that may be read every week, what became of the whole floor, and how a plan (vsd plan) came out.
 
     Exit code 1: the periods cannot be compared; the message says why.
 
@@ -84,9 +85,11 @@ def _two_periods(
 
 
 def _change_of_log(project: Project, number: int, area_id: str | None, weeks: int, *, as_json: bool) -> int:
-    from vsd_analytics.cli.compare_text import change_text
+    from vsd_analytics.cli.compare_text import change_text, score_text
+    from vsd_analytics.config.plans import read_plans
     from vsd_analytics.figures.before_after import before_after
     from vsd_analytics.figures.change_weeks import days_needed
+    from vsd_analytics.figures.experiments import score
 
     warn_of_broken_log_lines(project)
     first, last = days_needed(project.site, number, weeks=weeks)
@@ -94,7 +97,13 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
         warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
         found = before_after(warehouse, number, area_id=area_id, weeks=weeks)
         rules = purged_hours_notes(warehouse)
-    _print(found, change_text(found), rules, as_json=as_json)
+    scored = score(found, read_plans(project.site), zone_day=found.at.astimezone(project.site.zone).date())
+    text = change_text(found) if scored is None else f"{change_text(found)}\n\n{score_text(scored)}"
+    if as_json:
+        made = {**_spelled(asdict(found)), "plan": None if scored is None else asdict(scored)}
+        emit_json(rounded({**made, "notes": [*found.notes, *rules]}))
+    else:
+        _print(found, text, rules, as_json=False)
     return 0 if found.state == "ok" else 1
 
 

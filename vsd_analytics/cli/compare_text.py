@@ -10,6 +10,7 @@ from vsd_analytics.report.words.reasons import reason_text, verdict_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure
+    from vsd_analytics.figures.experiments import PlanScore
     from vsd_analytics.stats.before_after import BeforeAfter
     from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 
@@ -73,6 +74,8 @@ def change_text(found: BeforeAfterFigure) -> str:
     if found.doubts:
         lines.append("")
     lines += _effect(found)
+    lines += _running(found)
+    lines += _floor(found)
     rows = [("violations per person-hour", "after against before", "verdict")]
     for name, estimate in (("the area alone", found.alone), ("the comparison areas", found.comparison)):
         if estimate is not None:
@@ -92,26 +95,90 @@ def change_text(found: BeforeAfterFigure) -> str:
     return "\n".join([*lines, *(f"note: {reason_text(note)}" for note in found.notes)])
 
 
+def score_text(scored: PlanScore) -> str:
+    """Return how a plan came out."""
+    plan = scored.plan
+    weeks = "no number of weeks" if plan.weeks_after is None else f"{plan.weeks_after} weeks after"
+    lines = [
+        f"planned on {plan.made}: {percent(plan.effect)} in {plan.weeks_before} weeks before and {weeks}, "
+        f"then measured as {percent(plan.theta_lo - 1)} to {percent(plan.theta_hi - 1)}"
+    ]
+    if scored.theta is not None:
+        place = "inside" if scored.is_inside else "outside"
+        clear = "clear" if scored.is_clear else "not clear"
+        due = "" if scored.is_due else "; the weeks planned are not over yet"
+        lines.append(f"measured after {scored.n_weeks} weeks: {ratio(scored.theta)}, {place} of that, {clear}{due}")
+    return "\n".join(lines)
+
+
 def _effect(found: BeforeAfterFigure) -> list[str]:
     if found.effect is None or found.often is None:
         return []
     word = "effect" if found.is_credible else "for what it is worth, effect"
     n = found.effect.n_areas
     lines = [f"{word}, relative to {n} comparison area{'' if n == 1 else 's'}:"]
-    for name, effect in (("violations per person-hour", found.effect), ("violations per open hour", found.often)):
+    measured = (
+        ("time too close per open hour", found.burden),
+        ("share of their time that people are too close", found.close),
+        ("violations per person-hour", found.effect),
+        ("violations per open hour", found.often),
+    )
+    for name, effect in measured:
+        if effect is None:
+            continue
         if effect.theta is None:
             lines.append(f"  {name}: too little data: {reason_text(effect.reason)}")
             continue
         verdict = f": {verdict_text(effect.verdict)}" if found.is_credible else ""
         lines.append(f"  {name}: {ratio(effect.theta, effect.lo, effect.hi)}{verdict}")
         lines += [f"    {text}" for text in _robustness(effect)]
-    if (trend := found.effect.trend or found.often.trend) is not None:
+    if found.routes is not None and found.burden is not None and found.burden.theta is not None:
+        people, closeness = percent(found.routes.people), percent(found.routes.closeness)
+        lines.append(
+            f"  of the change in time too close ({percent(found.burden.theta - 1)}), people who went elsewhere or came "
+            f"make {people}, people who keep another distance {closeness}"
+        )
+    if (trend := (found.burden or found.effect).trend or found.often.trend) is not None:
         per_week = ratio(1 + trend.per_week, 1 + trend.lo, 1 + trend.hi)
         lines.append(f"  before the change, against the comparison areas: {per_week} a week over {trend.n_weeks} weeks")
-    if found.people is not None and found.people.verdict in ("clear_fall", "clear_rise"):
-        fewer = "fewer" if found.people.verdict == "clear_fall" else "more"
-        lines.append(f"  there were {fewer} people ({ratio(found.people.theta)}), which is no safer or riskier layout")
+        if trend.detectable_per_week is not None:
+            lines.append(f"    slower than {trend.detectable_per_week:.0%} a week would probably not have shown")
+    lines += [f"  but: {reason_text(caution)}" for caution in found.cautions]
     return [*lines, ""]
+
+
+def _running(found: BeforeAfterFigure) -> list[str]:
+    """Return the verdict that may be read every week."""
+    if (so_far := found.running) is None:
+        return []
+    name = "verdict that may be read every week"
+    if so_far.theta is None or so_far.e_value is None:
+        return [f"{name}: too little data: {reason_text(so_far.reason)}", ""]
+    weeks = f"{so_far.n_weeks} week{'' if so_far.n_weeks == 1 else 's'} beside {so_far.n_reference} before"
+    bounds = "any effect is possible" if so_far.hi is None else ratio(so_far.theta, so_far.lo, so_far.hi)
+    since = "" if so_far.clear_since is None else f", clear for the first time after week {so_far.clear_since}"
+    verdict = f": {verdict_text(so_far.verdict)}" if found.is_credible else ""
+    return [
+        f"{name}, time too close per open hour, {weeks}:",
+        f"  {bounds}{verdict} (evidence {so_far.e_value:.3g}, clear from 20 on{since})",
+        "",
+    ]
+
+
+def _floor(found: BeforeAfterFigure) -> list[str]:
+    """Return what became of the whole floor."""
+    if found.floor is None:
+        return []
+    net = found.floor.net
+    name = "the whole floor, time too close per open hour, by itself"
+    if net.theta is None:
+        return [f"{name}: too little data: {reason_text(net.reason)}", ""]
+    own = net.contributions[found.floor.places.index(found.area_id)]
+    return [
+        f"{name}: {ratio(net.theta, net.lo, net.hi)}: {verdict_text(net.verdict)}",
+        f"  of which {found.area_name} makes {percent(own)}, the rest of the floor {percent(net.theta - 1 - own)}",
+        "",
+    ]
 
 
 def _robustness(effect: BeforeAfter) -> list[str]:
@@ -121,6 +188,12 @@ def _robustness(effect: BeforeAfter) -> list[str]:
         lines.append(f"each comparison area, as if changed: {lowest} to {highest}")
     if effect.placebo_lo is not None:
         lines[-1] += f"; interval by that spread: {ratio(effect.theta, effect.placebo_lo, effect.placebo_hi)}"
+    parts = (
+        ("how days differ", effect.day_lo, effect.day_hi),
+        ("how areas' own weeks differ", effect.week_lo, effect.week_hi),
+        ("the area's own trend, continued", effect.line_lo, effect.line_hi),
+    )
+    lines += [f"interval by {name}: {percent(lo - 1)} to {percent(hi - 1)}" for name, lo, hi in parts if lo and hi]
     if (pulled := effect.shrunken) is not None:
         text = f"{ratio(pulled.theta, pulled.lo, pulled.hi)}, as part of what is bad by chance passes by itself"
         lines.append(f"if the area was chosen because it was bad: {text}")

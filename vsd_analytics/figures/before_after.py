@@ -2,14 +2,15 @@
 
 The arithmetic is `vsd_analytics.stats.before_after`, the weeks are those of `change_weeks`. This file finds the areas
 to compare with and refuses what would be no comparison: another calibration, engine or rule, too little recorded. Days
-are paired by weekday over the camera-hours recorded in both (`vsd_analytics.figures.panels`).
+are paired by weekday over the camera-hours recorded in both (`vsd_analytics.figures.panels`). The leading rate is
+person-time in violation per open hour; its share of person-time says how much of it is not people who left.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, datetime
+from datetime import datetime
 from typing import Final, Literal
 
 import numpy as np
@@ -17,18 +18,31 @@ import shapely
 
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
-from vsd_analytics.figures.change_weeks import WEEKS, Windows, changed_areas, log_entry, other_changes, windows_of
-from vsd_analytics.figures.compare import Days, known_area, known_floor, span, why_not
-from vsd_analytics.figures.panels import FloorHours, Ints, Panel, Period, Place, TwoPeriods, positions
+from vsd_analytics.figures.change_verdicts import FloorEffect, by_day, floor_effect, running, timed
+from vsd_analytics.figures.change_weeks import (
+    WEEKS,
+    Windows,
+    changed_areas,
+    changes_elsewhere,
+    log_entry,
+    other_changes,
+    windows_of,
+)
+from vsd_analytics.figures.compare import known_area, known_floor, span, why_not
+from vsd_analytics.figures.panels import FloorHours, Ints, Period, Place, TwoPeriods, positions
 from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.stats import before_after as test
+from vsd_analytics.stats.decomposition import additive_parts
 from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.stats.running_verdict import RunningVerdict
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 RING_M: Final = (2.0, 5.0)
 """How far around the changed area people are looked for who only moved on."""
+MOVED: Final = 0.5
+"""Share of the area's fall that the rest of the floor took up, from which on it is said."""
 
 DESIGNS: Final[Mapping[Design, str]] = {"beside": "comparison areas", "alone": "area alone"}
 """How JSON files spell the designs."""
@@ -56,6 +70,20 @@ class Neighbours:
 
 
 @dataclass(frozen=True, slots=True)
+class EffectRoutes:
+    """The two ways in which a change lowered or raised the time too close in its area; both are its own doing.
+
+    Attributes:
+        people: Part of fewer or more people in the area, relative to the comparison areas.
+        closeness: Part of people who spend another share of their time too close. Both add up to the effect on the
+            burden, theta - 1.
+    """
+
+    people: float
+    closeness: float
+
+
+@dataclass(frozen=True, slots=True)
 class BeforeAfterFigure:
     """What a change of the site's log did to an area (M27).
 
@@ -68,7 +96,15 @@ class BeforeAfterFigure:
         design: "beside" comparison areas, or "alone" when there are none: then only `alone` is given.
         is_credible: False when something speaks against the comparison: `doubts`.
         doubts: What.
+        cautions: What the data could not rule out: a slow trend, few comparison areas, other entries of the log, that
+            it only moved elsewhere.
         windows: The days; None when there are none.
+        burden: The effect on person-time in violation per open hour relative to the comparison areas: what leads. None
+            without them, or where violation time is unknown.
+        close: The effect on the share of person-time in violation, likewise.
+        routes: How people and their closeness made up the effect on the burden; None without both.
+        running: The verdict that may be read every week; None without comparison areas.
+        floor: What became of the whole floor; None where violation time is unknown.
         effect: The effect on violations per person-hour relative to the comparison areas; None without them.
         often: The effect on violations per open hour, likewise: what moved people away lowers this alone.
         alone: Violations per person-hour in the area, after / before.
@@ -91,7 +127,13 @@ class BeforeAfterFigure:
     design: Design
     is_credible: bool = True
     doubts: tuple[Reason, ...] = ()
+    cautions: tuple[Reason, ...] = ()
     windows: Windows | None = None
+    burden: test.BeforeAfter | None = None
+    close: test.BeforeAfter | None = None
+    routes: EffectRoutes | None = None
+    running: RunningVerdict | None = None
+    floor: FloorEffect | None = None
     effect: test.BeforeAfter | None = None
     often: test.BeforeAfter | None = None
     alone: ChangeEstimate | None = None
@@ -126,7 +168,7 @@ def before_after(
             fix=f"vsd compare --change {number} --area ID",
         )
     area = known_area(site, area_id or str(entry.area_id))
-    windows, why = windows_of(warehouse, entry, weeks=weeks)
+    windows, why = windows_of(warehouse, entry, area_id=area.area_id, weeks=weeks)
     if windows is None:
         return _refused(number, entry, area, "not_enough_data", why, None)
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
@@ -147,12 +189,20 @@ def before_after(
             number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
             reason=None, design="alone", is_credible=False,
             doubts=(Reason("redesign.weak"), *doubts),
-            windows=windows, alone=alone, people=people, neighbours=_neighbours(pair, area, []),
+            cautions=tuple(changes_elsewhere(site, entry, area, windows)), windows=windows,
+            floor=floor_effect(data, area, windows), alone=alone, people=people,
+            neighbours=_neighbours(pair, area, []),
             areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS_ALONE, notes=notes,
         )  # fmt: skip
     others = [pair.now.area(a.area_id) for a in chosen]
-    effect = _effect(pair, place, others, trend=windows.trend)
-    often = _effect(pair, place, others, trend=windows.trend, per="x_h")
+    effect = _effect(pair, place, others, windows=windows)
+    often = _effect(pair, place, others, windows=windows, per="x_h")
+    burden = close = None
+    if np.isfinite(data.violation_h).all():
+        times = [timed(data, a.area_id) for a in (area, *chosen)]
+        burden = _effect(pair, place, others, windows=windows, per="x_h", times=times)
+        close = _effect(pair, place, others, windows=windows, times=times)
+    whole = floor_effect(data, area, windows)
     if effect.theta is None and often.theta is None:
         return _refused(number, entry, area, "not_enough_data", effect.reason, windows, left_out)
     trend = effect.trend or often.trend
@@ -163,7 +213,10 @@ def before_after(
     return BeforeAfterFigure(
         number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
         reason=None, design="beside", is_credible=not doubts, doubts=tuple(doubts), windows=windows,
-        effect=effect, often=often, alone=alone, comparison=rates.change_risky(pair, _together(others)), people=people,
+        cautions=_cautions(burden or effect, whole, windows, changes_elsewhere(site, entry, area, windows)),
+        burden=burden, close=close, routes=_routes(burden, close), running=running(data, area, chosen, windows),
+        floor=whole, effect=effect, often=often, alone=alone,
+        comparison=rates.change_risky(pair, _together(others)), people=people,
         neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
         areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS, notes=notes,
     )  # fmt: skip
@@ -200,7 +253,8 @@ def _comparison_areas(
     pair: TwoPeriods, area: Area, windows: Windows, site: Site
 ) -> tuple[list[Area], dict[str, Reason]]:
     """Return the areas of the floor that were left alone, and why the others are no comparison."""
-    changed, shape = changed_areas(site, windows), shapely.Polygon(area.polygon)
+    changed = changed_areas(site, windows.trend[0], windows.after[1])
+    shape = shapely.Polygon(area.polygon)
     chosen, left_out = [], dict[str, Reason]()
     for other in pair.data.areas:
         if other.area_id == area.area_id:
@@ -222,7 +276,13 @@ def _comparison_areas(
 
 
 def _effect(
-    pair: TwoPeriods, place: Place, others: Sequence[Place], *, trend: Days | None = None, per: Per = "exposure_h"
+    pair: TwoPeriods,
+    place: Place,
+    others: Sequence[Place],
+    *,
+    windows: Windows | None = None,
+    per: Per = "exposure_h",
+    times: Sequence[Place] | None = None,
 ) -> test.BeforeAfter:
     """Return the effect on a place relative to others, per person-hour or recorded open hour.
 
@@ -230,40 +290,55 @@ def _effect(
         pair: Before and after.
         place: The changed place.
         others: Places left alone.
-        trend: The days whose trend is computed; None = those before.
+        windows: The weeks, whose history gives trend and weights; None = those before alone.
         per: What violations are divided by.
+        times: The same places with person-hours in violation, where these are looked at; None = violations are.
     """
-    settings, panels = pair.data.site.settings, [pair.compared(p) for p in (place, *others)]
-    paired = [[days[k] for days in pair.pairs] for k in (0, 1)]
-    before, after = (_period([p[k] for p in panels], days=paired[k], per=per) for k in (0, 1))
+    settings, data, counted = pair.data.site.settings, pair.data, (place, *others)
+    before, after = (
+        by_day(
+            [pair.compared(p)[k] for p in (times or counted)],
+            [days[k] for days in pair.pairs],
+            per=per,
+            counts=None if times is None else [pair.compared(p)[k] for p in counted],
+        )
+        for k in (0, 1)
+    )
     history = None
-    if trend is not None:
-        days = Period(pair.data, *trend).days
-        history = _period([pair.data.panel(p, days) for p in (place, *others)], days=days, per=per)
+    if windows is not None:
+        days = Period(data, *windows.trend).days
+        history = by_day([data.panel(p, days) for p in (times or counted)], days, per=per)
+    left_out = 0 if windows is None else (windows.after[0] - windows.before[1]).days - 1
     least = settings.min_exposure_h if per == "exposure_h" else 0.0
     return test.before_after(
-        before,
-        after,
-        history=history,
-        confidence=settings.confidence,
-        min_days=settings.change_min_days,
-        min_events=settings.change_min_violations,
-        min_exposure_h=least,
-    )
+        before, after, history=history, weeks_left_out=left_out / 7, confidence=settings.confidence,
+        min_days=settings.change_min_days, min_events=settings.change_min_violations, min_exposure_h=least,
+    )  # fmt: skip
 
 
-def _period(panels: Sequence[Panel], *, days: Sequence[date], per: Per) -> test.PeriodDays:
-    """Return panels of the changed place and the comparison areas, summed over cameras."""
-    n, x_h = (np.array([getattr(p, name).sum(axis=0) for p in panels]) for name in ("n", per))
-    first = min(days)
-    return test.PeriodDays(
-        n=n[0],
-        x_h=x_h[0],
-        comparison_n=n[1:],
-        comparison_x_h=x_h[1:],
-        weekday=np.array([d.weekday() for d in days], dtype=np.int64),
-        week=np.array([(d - first).days // 7 for d in days], dtype=np.int64),
-    )
+def _routes(burden: test.BeforeAfter | None, close: test.BeforeAfter | None) -> EffectRoutes | None:
+    """Return the parts of people and of closeness in the effect on the burden: its ratio is the product of theirs."""
+    if burden is None or close is None or burden.theta is None or close.theta is None:
+        return None
+    return EffectRoutes(*additive_parts((burden.theta / close.theta, close.theta)))
+
+
+def _cautions(
+    effect: test.BeforeAfter, floor: FloorEffect | None, windows: Windows, elsewhere: Sequence[Reason]
+) -> tuple[Reason, ...]:
+    """Return what the data could not rule out."""
+    found = list(elsewhere)
+    trend = effect.trend
+    if trend is not None and trend.detectable_per_week is not None and effect.theta is not None:
+        apart_weeks = (windows.after[0] - windows.before[0]).days / 7
+        if abs(np.log(effect.theta)) < apart_weeks * np.log1p(trend.detectable_per_week):
+            slope = trend.detectable_per_week
+            found.append(Reason("redesign.unseen_trend", per_week=slope, n=trend.n_weeks))
+    if effect.theta is not None and effect.n_areas < test.MIN_PLACEBO_AREAS:
+        found.append(Reason("redesign.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
+    if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOVED:
+        found.append(Reason("redesign.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))
+    return tuple(found)
 
 
 def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighbours | None:

@@ -16,7 +16,11 @@ from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 WEEKS: Final = 4
-"""Whole weeks looked at on either side."""
+"""Whole weeks compared on either side."""
+REFERENCE_WEEKS: Final = 12
+"""Weeks before a change that tell how weeks differ and where the area was heading, at most."""
+WATCHED_WEEKS: Final = 26
+"""Weeks after a change over which its running verdict is read, at most."""
 DAY: Final = timedelta(days=1)
 
 
@@ -27,8 +31,11 @@ class Windows:
     Attributes:
         before, after: First and last local day of each; whole weeks, equally many.
         n_weeks: Weeks in each.
-        trend: First and last day before the change over which the areas' trends are compared.
+        trend: First and last day of the weeks before the change that tell how weeks differ: up to twelve, after the
+            latest earlier entry of the area or the whole site, and `before` at least.
         left_out: First and last day left out around the change; None when none is.
+        watched: First and last day of the weeks since the change: up to 26, before the next entry of the area or the
+            whole site, and `after` at least.
     """
 
     before: Days
@@ -36,6 +43,7 @@ class Windows:
     n_weeks: int
     trend: Days
     left_out: Days | None
+    watched: Days
 
 
 def days_needed(site: Site, number: int, *, weeks: int = WEEKS) -> Days:
@@ -45,8 +53,8 @@ def days_needed(site: Site, number: int, *, weeks: int = WEEKS) -> Days:
         UsageError: E101, the log has no such entry.
     """
     day = local_day(site, log_entry(site, number))
-    reach = weeks * WEEK + int(site.settings.washout_days) * DAY
-    first, last = day - reach, day + reach
+    n_out = int(site.settings.washout_days) * DAY
+    first, last = day - max(weeks, REFERENCE_WEEKS) * WEEK - n_out, day + max(weeks, WATCHED_WEEKS) * WEEK + n_out
     extent = stored_extent(site, near=day)
     if extent is not None:
         first, last = max(first, min(day, extent.first_day)), min(last, max(day, extent.last_day))
@@ -65,8 +73,17 @@ def log_entry(site: Site, number: int) -> LogEntry:
     return entries[number - 1]
 
 
-def windows_of(warehouse: Warehouse, entry: LogEntry, *, weeks: int) -> tuple[Windows | None, Reason | None]:
-    """Return whole weeks on both sides, as many as are loaded and equally many, or why there are none."""
+def windows_of(
+    warehouse: Warehouse, entry: LogEntry, *, area_id: str, weeks: int
+) -> tuple[Windows | None, Reason | None]:
+    """Return whole weeks on both sides, as many as are loaded and equally many, or why there are none.
+
+    Args:
+        warehouse: Opened over the days that may be used.
+        entry: The change.
+        area_id: The area looked at.
+        weeks: Whole weeks compared on either side, at most.
+    """
     site, first, last = warehouse.site, warehouse.first, warehouse.last
     day, n_out = local_day(site, entry), int(site.settings.washout_days)
     first_out = day - (n_out - 1) // 2 * DAY if n_out else day
@@ -77,35 +94,57 @@ def windows_of(warehouse: Warehouse, entry: LogEntry, *, weeks: int) -> tuple[Wi
         side, days = ("before", end_before - first) if n_before < 1 else ("after", last - start_after)
         why = Reason(f"redesign.week_{side}", days=max(0, days.days + 1))
         return None, Reason("redesign.washout", reason=why, days=n_out) if n_out else why
-    n_trend = min(n_before, max(weeks, n))
+    own = [local_day(site, e) for e in read_log(site) if e != entry and e.area_id in (None, area_id)]
+    earlier, later = max((d for d in own if d <= end_before), default=None), [d for d in own if d >= start_after]
+    n_trend = min(n_before, max(weeks, REFERENCE_WEEKS))
+    if earlier is not None:
+        n_trend = min(n_trend, (end_before - earlier).days // 7)
+    n_watched = min(n_after, max(weeks, WATCHED_WEEKS), (min(later, default=last + DAY) - start_after).days // 7)
     return Windows(
         before=(end_before - n * WEEK + DAY, end_before),
         after=(start_after, start_after + n * WEEK - DAY),
         n_weeks=n,
-        trend=(end_before - n_trend * WEEK + DAY, end_before),
+        trend=(end_before - max(n, n_trend) * WEEK + DAY, end_before),
         left_out=(first_out, start_after - DAY) if n_out else None,
+        watched=(start_after, start_after + max(n, n_watched) * WEEK - DAY),
     ), None
 
 
-def changed_areas(site: Site, windows: Windows) -> dict[str, date]:
-    """Return the areas that entries of the log name between the first day before and the last after, and when."""
+def changed_areas(site: Site, first: date, last: date) -> dict[str, date]:
+    """Return the areas that entries of the log name from one day to another, and when."""
     found: dict[str, date] = {}
     for entry in read_log(site):
         day = local_day(site, entry)
-        if entry.area_id is not None and windows.trend[0] <= day <= windows.after[1]:
+        if entry.area_id is not None and first <= day <= last:
             found.setdefault(entry.area_id, day)
     return found
 
 
 def other_changes(site: Site, entry: LogEntry, area: Area, windows: Windows) -> list[Reason]:
-    """Return what else the log tells of the area in these weeks, as doubts."""
+    """Return what else the log says of the area in the weeks compared, as doubts."""
     return [
         Reason("redesign.other_change", day=str(local_day(site, other)))
-        for other in read_log(site)
-        if other != entry
-        and other.area_id == area.area_id
-        and windows.before[0] <= local_day(site, other) <= windows.after[1]
+        for other in _others(site, entry, windows)
+        if other.area_id == area.area_id
     ]
+
+
+def changes_elsewhere(site: Site, entry: LogEntry, area: Area, windows: Windows) -> list[Reason]:
+    """Return what the log says of the whole site and of other areas in the weeks compared, as cautions."""
+    names = {a.area_id: a.name for a in site.areas}
+    found = []
+    for other in _others(site, entry, windows):
+        day = str(local_day(site, other))
+        if other.area_id is None:
+            found.append(Reason("redesign.site_wide", day=day))
+        elif other.area_id != area.area_id:
+            found.append(Reason("redesign.change_elsewhere", day=day, area=names.get(other.area_id, other.area_id)))
+    return found
+
+
+def _others(site: Site, entry: LogEntry, windows: Windows) -> list[LogEntry]:
+    first, last = windows.before[0], windows.after[1]
+    return [e for e in read_log(site) if e != entry and first <= local_day(site, e) <= last]
 
 
 def local_day(site: Site, entry: LogEntry) -> date:

@@ -12,6 +12,13 @@ Each camera is a room of its own, as nobody measures distances between people of
 cameras, L = sum_c P_c L_c / P. Doubling people makes P about four times as large and leaves L and B as they are. The
 interval of B is that of a ratio, V over P L, from how days differ; L itself is taken as known. One map is used for all
 hours of a period, so a crowd that has another place at noon than at night counts as behaviour.
+
+A change of V is reported in parts that add up: with factors f_k, prod f_k = theta, part k is
+
+    L(theta) ln f_k,   L(theta) = (theta - 1) / ln theta,   sum of parts = theta - 1
+
+(logarithmic mean Divisia index, Ang, Energy Policy 32, 2004): points of V before, exact, in any order of the factors.
+Shares of the whole are given only where all parts go its way, so that no share exceeds the whole.
 """
 
 from __future__ import annotations
@@ -39,6 +46,8 @@ MAP_AXES: Final = 2
 """Maps are rows by columns, pair-hours cameras by days."""
 MIN_MOVE: Final = 1.05
 """Shares of a change smaller than 5 % mean nothing."""
+MAX_OPPOSED: Final = 0.05
+"""A part that went the other way by more than 5 % of the change leaves no shares: another would exceed the whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +89,11 @@ class MixingChange:
         crowding: P_B / P_A.
         layout: L_B / L_A.
         behaviour: B_B / B_A with its interval, same weekdays paired.
-        crowding_share, layout_share, behaviour_share: Parts of ln(V_B / V_A), together 1; below 0 or above 1 where
-            they moved against each other. None unless V changed by 5 % or more: shares of nothing mean nothing.
+        crowding_share, layout_share, behaviour_share: Shares of the change, together 1. None where a part went the
+            other way by more than 5 % of it, and unless V changed by 5 % or more: shares of nothing mean nothing.
         state, reason: As for every figure.
+        crowding_part, layout_part, behaviour_part: Parts of V_B / V_A - 1, which they add up to: -0.3 took away 30 % of
+            the time there was before.
     """
 
     a: Mixing
@@ -96,6 +107,9 @@ class MixingChange:
     behaviour_share: float | None
     state: State
     reason: Reason | None
+    crowding_part: float | None = None
+    layout_part: float | None = None
+    behaviour_part: float | None = None
 
 
 @lru_cache(maxsize=8)
@@ -221,14 +235,37 @@ def compare_mixing(
         close_a, expected_a[None], close_b, expected_b[None], confidence=confidence, min_days=min_days
     )
     close, crowding, layout = b.close_h / a.close_h, b.copresent_h / a.copresent_h, b.layout / a.layout
-    parts = [math.log(r) for r in (crowding, layout, b.behaviour / a.behaviour)]
+    parts = additive_parts((crowding, layout, b.behaviour / a.behaviour))
     shares: list[float | None] = [None, None, None]
     if abs(math.log(close)) >= math.log(MIN_MOVE):
-        shares = [part / math.log(close) for part in parts]
+        found = [part / (close - 1) for part in parts]
+        shares = [*found] if min(found) >= -MAX_OPPOSED else shares
     return MixingChange(
         a, b, close, crowding, layout, behaviour,
         crowding_share=shares[0], layout_share=shares[1], behaviour_share=shares[2], state="ok", reason=None,
+        crowding_part=parts[0], layout_part=parts[1], behaviour_part=parts[2],
     )  # fmt: skip
+
+
+def additive_parts(factors: Sequence[float]) -> tuple[float, ...]:
+    """Return the part of each factor in the relative change they make together; the parts sum to prod f - 1.
+
+    Args:
+        factors: Ratios after / before, all above 0.
+
+    Raises:
+        ValueError: A factor is 0 or below.
+
+    Example:
+        >>> [round(part, 3) for part in additive_parts([0.5, 1.2])]
+        [-0.543, 0.143]
+    """
+    if not all(f > 0 for f in factors):
+        raise ValueError("a factor must be above 0")
+    logs = [math.log(f) for f in factors]
+    whole = math.fsum(logs)
+    mean = math.expm1(whole) / whole if whole else 1.0
+    return tuple(mean * log for log in logs)
 
 
 @dataclass(frozen=True, slots=True)

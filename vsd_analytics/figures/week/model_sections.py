@@ -165,6 +165,35 @@ class Redesign:
         "per open hour", "M27", default=None,
     )  # fmt: skip
     people: Estimate | None = _f("Change of people in the area.", metric="M27", default=None)
+    burden: Estimate | None = _f(
+        "Change of person-time in violation per open hour, beside the comparison areas.", "per open hour", "M27",
+        default=None,
+    )  # fmt: skip
+    close: Estimate | None = _f(
+        "Change of the share of person-time in violation, beside the comparison areas.", "share", "M27", default=None
+    )
+    through_people: float | None = _f(
+        "Part of `burden` that fewer or more people make; the change moved them.", "share", "M27", default=None
+    )
+    through_closeness: float | None = _f(
+        "Part of `burden` that another share of time too close makes; both parts add up to it.", "share", "M27",
+        default=None,
+    )  # fmt: skip
+    running: Estimate | None = _f(
+        "The change over all weeks watched, with an interval and a verdict that hold however often they are read.",
+        "per open hour", "M27", default=None,
+    )  # fmt: skip
+    e_value: float | None = _f("Evidence of `running` against no change; clear from 20 on.", metric="M27", default=None)
+    n_watched: int | None = _f("Weeks since the change that `running` has read.", "weeks", "M27", default=None)
+    net: Estimate | None = _f(
+        "Change of person-time in violation per open hour on the whole floor, by itself.", "per open hour", "M27",
+        default=None,
+    )  # fmt: skip
+    contribution: float | None = _f("Part of the area in `net`.", "share", "M27", default=None)
+    moved_elsewhere: float | None = _f(
+        "Share of the area's fall that the rest of the floor took up.", "share", "M27", default=None
+    )
+    cautions: tuple[Reason, ...] = _f("What the data could not rule out.", default=())
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     doubts: tuple[Reason, ...] = _f("What speaks against the comparison.", default=())
     assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the redesign's.", default=())
@@ -182,6 +211,14 @@ class Causes:
     behaviour: float | None = _f("Change left over: queueing, walking together.", "share", "M23", default=None)
     behaviour_lo: float | None = _f("Lower end of its interval.", "share", "M23", default=None)
     behaviour_hi: float | None = _f("Upper end of its interval.", "share", "M23", default=None)
+    people_part: float | None = _f("Part of `close` that people make; the parts add up.", "share", "M23", default=None)
+    layout_part: float | None = _f("Part that the use of the floor makes.", "share", "M23", default=None)
+    behaviour_part: float | None = _f("Part left over.", "share", "M23", default=None)
+    people_moved_by: tuple[int, ...] = _f(
+        "Numbers of the logged changes that moved people out of their area in these two weeks: the part of people is "
+        "theirs, and no rival to them.",
+        metric="M23", default=(),
+    )  # fmt: skip
     state: State = _f("Whether it can be given.", default="ok")
     reason: Reason | None = _f("In words, why not.", default=None)
 

@@ -7,6 +7,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.result import State
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.net_effect import NetEffect
+from vsd_analytics.stats.running_verdict import RunningVerdict
 
 
 def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
@@ -25,7 +27,7 @@ def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
     return Estimate(value=rate.rate, lo=rate.lo, hi=rate.hi, reason=rate.reason if rate.lo is None else None)
 
 
-def change(ratio: ChangeEstimate | BeforeAfter) -> Estimate:
+def change(ratio: ChangeEstimate | BeforeAfter | RunningVerdict | NetEffect) -> Estimate:
     """Return a ratio as an estimate that has a change and no level."""
     if ratio.theta is None:
         return Estimate(value=None, verdict="too_little_data", state=_missing(ratio.state), reason=ratio.reason)

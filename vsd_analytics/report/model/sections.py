@@ -29,7 +29,9 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
     made = replace(
         made,
         redesigns=redesigns.redesigns(data, found.redesigns),
-        causes=redesigns.causes(found.mixing) if report.state == "normal" else None,
+        causes=redesigns.causes(found.mixing, people_moved_by=redesigns.moved_people(data, found.redesigns))
+        if report.state == "normal"
+        else None,
         unusual=outlook.unusual(found.unusual, when=report.when),
     )
     if not report.level.often.value:

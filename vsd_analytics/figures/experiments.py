@@ -1,0 +1,246 @@
+"""Experiments: how long a change of an area must be watched, what it is compared with, and how a plan came out (J11).
+
+The arithmetic is `vsd_analytics.stats.experiment`, on person-time in violation per open hour of an area beside
+its comparison areas, as the running verdict of `vsd compare --change` reads it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date, timedelta
+from typing import Final
+
+import numpy as np
+import shapely
+
+from vsd_analytics.config.plans import Plan
+from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.change_verdicts import history_of, log_rates
+from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS, changed_areas
+from vsd_analytics.figures.compare import known_area, known_floor
+from vsd_analytics.figures.panels import WEEK, FloorHours
+from vsd_analytics.result import Reason, State
+from vsd_analytics.site.model import Area, Site
+from vsd_analytics.stats.experiment import Variation, WeeksNeeded, choices, variation_of
+from vsd_analytics.stats.running_verdict import MIN_REFERENCE_WEEKS
+from vsd_analytics.warehouse.stored_days import stored_extent
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+Days = tuple[date, date]
+MIN_WEEKS_ALIKE: Final = 4
+"""Weeks a correlation of areas needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonArea:
+    """An area that serves for comparison, and how well.
+
+    Attributes:
+        area_id, name: The area.
+        apart_m: Distance to the changed area.
+        correlation: Of its weekly log rates with those of the changed area; None with fewer than four weeks in common.
+        sd_apart: Standard deviation of the weekly log ratio to it alone: the smaller, the better it serves.
+    """
+
+    area_id: str
+    name: str
+    apart_m: float
+    correlation: float | None
+    sd_apart: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentPlan:
+    """How long a change of an area must be watched until its effect is clear.
+
+    Attributes:
+        area_id, area_name: The area to be changed.
+        effect: Effect looked for, relative: -0.15 = 15 % less time too close per open hour.
+        power: Chance of a clear verdict asked for.
+        weeks_max: Weeks after the change one is ready to wait.
+        known: First and last day of the weeks that the variation was taken from; None without a whole week.
+        variation: How the area's weeks differ beside the comparison areas.
+        choices: Weeks after the change, for the reference weeks known and for waiting longer before it.
+        comparison: Areas that serve, the best first.
+        areas_left_out: Why other areas of the floor do not serve, by id.
+        state, reason: Why there is no plan.
+    """
+
+    area_id: str
+    area_name: str
+    effect: float
+    power: float
+    weeks_max: int
+    known: Days | None
+    variation: Variation | None
+    choices: tuple[WeeksNeeded, ...]
+    comparison: tuple[ComparisonArea, ...]
+    areas_left_out: tuple[tuple[str, Reason], ...]
+    state: State
+    reason: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanScore:
+    """How a plan came out.
+
+    Attributes:
+        plan: The plan.
+        theta: Ratio measured so far by the running verdict; None without.
+        is_inside: The ratio lies where the plan said it would if the effect is as planned.
+        n_weeks: Weeks read so far.
+        is_due: The weeks planned are over.
+        is_clear: The verdict is clear in the direction planned.
+    """
+
+    plan: Plan
+    theta: float | None
+    is_inside: bool | None
+    n_weeks: int
+    is_due: bool
+    is_clear: bool
+
+
+def plan_days(site: Site) -> Days:
+    """Return the local days a warehouse must hold for a plan: the last twelve weeks with records.
+
+    Without records: one day, on which nothing is found.
+    """
+    extent = stored_extent(site)
+    if extent is None:
+        return date(2000, 1, 1), date(2000, 1, 1)
+    return max(extent.first_day, extent.last_day - REFERENCE_WEEKS * WEEK + timedelta(days=1)), extent.last_day
+
+
+def plan_experiment(
+    warehouse: Warehouse, area_id: str, *, effect: float, power: float = 0.8, weeks_max: int = 26
+) -> ExperimentPlan:
+    """Return how many weeks a change of an area needs until an effect is clear, and which areas serve for comparison.
+
+    Args:
+        warehouse: Opened over `plan_days`.
+        area_id: The area to be changed.
+        effect: Effect looked for, relative, above -1 and not 0.
+        power: Chance of a clear verdict.
+        weeks_max: Weeks after the change one is ready to wait.
+
+    Raises:
+        UsageError: E101, the site has no such area.
+        ValueError: No effect.
+    """
+    site = warehouse.site
+    area = known_area(site, area_id)
+    data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
+    n_weeks = ((warehouse.last - warehouse.first).days + 1) // WEEK.days
+    if n_weeks == 0 or not np.isfinite(data.violation_h).all():
+        why = Reason("redesign.week_before", days=(warehouse.last - warehouse.first).days + 1)
+        return _refused(area, effect, power, weeks_max, None, why if n_weeks == 0 else Reason("engine.no_positions"))
+    known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
+    chosen, left_out = _comparison(data, area, known)
+    changed = changed_areas(site, *known)
+    if area.area_id in changed:  # its own weeks before an earlier change are those of another area
+        days = (warehouse.last - changed[area.area_id]).days
+        n_weeks = min(n_weeks, days // WEEK.days)
+        known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
+    if not chosen or n_weeks == 0:
+        few = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
+        reason = few if chosen else Reason("redesign.no_comparison")
+        return _refused(area, effect, power, weeks_max, known, reason, left_out)
+    variation = variation_of(history_of(data, area, chosen, known), None)
+    if variation is None:
+        reason = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
+        return _refused(area, effect, power, weeks_max, known, reason, left_out)
+    ways = choices(variation, 1 + effect, power=power, weeks_max=weeks_max, confidence=site.settings.confidence)
+    serve = [_served(data, area, other, known) for other in chosen]
+    return ExperimentPlan(
+        area.area_id, area.name, effect, power, weeks_max, known, variation, ways,
+        comparison=tuple(sorted(serve, key=lambda c: np.inf if c.sd_apart is None else c.sd_apart)),
+        areas_left_out=tuple(left_out.items()), state="ok", reason=None,
+    )  # fmt: skip
+
+
+def stored_plan(found: ExperimentPlan, *, made: date) -> Plan | None:
+    """Return what of a plan is stored: that of the reference weeks known. None where there is no plan."""
+    if found.state != "ok" or found.known is None:
+        return None
+    way = found.choices[0]
+    return Plan(
+        made=made, area=found.area_id, effect=found.effect, power=found.power, first=found.known[0],
+        last=found.known[1], weeks_before=way.weeks_before, weeks_after=way.weeks_after,
+        power_then=round(way.power, 6), theta_lo=round(way.theta_lo, 6), theta_hi=round(way.theta_hi, 6),
+        compared_with=tuple(c.area_id for c in found.comparison),
+    )  # fmt: skip
+
+
+def score(found: BeforeAfterFigure, plans: tuple[Plan, ...], *, zone_day: date) -> PlanScore | None:
+    """Return how the latest plan for the area came out; None without one made by the day of the change.
+
+    Args:
+        found: The change.
+        plans: All plans of the site.
+        zone_day: Local day of the change.
+    """
+    made = [p for p in plans if p.area == found.area_id and p.made <= zone_day]
+    if not made or found.running is None:
+        return None
+    plan, so_far = made[-1], found.running
+    theta = so_far.theta
+    direction = "clear_fall" if plan.effect < 0 else "clear_rise"
+    return PlanScore(
+        plan=plan,
+        theta=theta,
+        is_inside=None if theta is None else plan.theta_lo <= theta <= plan.theta_hi,
+        n_weeks=so_far.n_weeks,
+        is_due=plan.weeks_after is not None and so_far.n_weeks >= plan.weeks_after,
+        is_clear=so_far.verdict == direction,
+    )
+
+
+def _comparison(data: FloorHours, area: Area, known: Days) -> tuple[list[Area], dict[str, Reason]]:
+    """Return the areas that serve for comparison, and why the others do not."""
+    changed, shape = changed_areas(data.site, *known), shapely.Polygon(area.polygon)
+    least_m = data.site.settings.change_apart_m
+    chosen, left_out = [], dict[str, Reason]()
+    for other in data.areas:
+        apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
+        if other.area_id == area.area_id:
+            continue
+        if apart_m < least_m:
+            left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=least_m)
+        elif other.area_id in changed:
+            left_out[other.area_id] = Reason("redesign.changed_too", day=str(changed[other.area_id]))
+        elif not data.violation_in(other.area_id).any():
+            left_out[other.area_id] = Reason("redesign.nobody_there")
+        else:
+            chosen.append(other)
+    return chosen, left_out
+
+
+def _served(data: FloorHours, area: Area, other: Area, known: Days) -> ComparisonArea:
+    """Return how well one area serves: its weeks beside those of the area to be changed."""
+    own, its = (log_rates(data, [a], known) for a in (area, other))
+    both = np.isfinite(own) & np.isfinite(its)
+    is_enough = both.sum() >= MIN_WEEKS_ALIKE
+    is_known = is_enough and own[both].std() > 0 and its[both].std() > 0
+    return ComparisonArea(
+        other.area_id,
+        other.name,
+        apart_m=float(shapely.Polygon(area.polygon).distance(shapely.Polygon(other.polygon))),
+        correlation=float(np.corrcoef(own[both], its[both])[0, 1]) if is_known else None,
+        sd_apart=float((own - its)[both].std(ddof=1)) if is_enough else None,
+    )
+
+
+def _refused(
+    area: Area,
+    effect: float,
+    power: float,
+    weeks_max: int,
+    known: Days | None,
+    reason: Reason,
+    left_out: dict[str, Reason] | None = None,
+) -> ExperimentPlan:
+    return ExperimentPlan(
+        area.area_id, area.name, effect, power, weeks_max, known, None, (), (),
+        areas_left_out=tuple((left_out or {}).items()), state="not_enough_data", reason=reason,
+    )  # fmt: skip

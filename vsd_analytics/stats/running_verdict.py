@@ -1,0 +1,147 @@
+"""One verdict on one change that may be read every week: an e-process over weekly log ratios.
+
+m reference weeks before the change have the log ratios (changed area beside comparison areas) y ~ N(mu, sigma^2), the n
+weeks since the change y ~ N(mu + delta sigma, sigma^2); mu and sigma are not known, and the week is the unit, so that
+areas with weeks of their own do no harm. With t the two-sample statistic on v = m + n - 2 degrees of freedom and
+k = m n / (m + n), the e-value against delta = 0 is the Bayes factor of delta ~ N(0, g) under the right Haar prior of mu
+and sigma (Gonen et al., The American Statistician 59, 2005),
+
+    e_n = (1 + k g)^(-1/2) [ (1 + t^2/v) / (1 + t^2 / (v (1 + k g))) ]^((v+1)/2).
+
+The e_n of n = 1, 2, ... form a test martingale (Perez-Ortiz, Lardy, de Heide & Grunwald, Annals of Statistics, 2024):
+without an effect the chance that any of them ever reaches 20 is at most 1/20, however often they are read. The running
+interval holds the effects that e < 20 does not reject; it holds the truth in all weeks at once with 95 %.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.stats.estimates import verdict_of
+from vsd_analytics.stats.period_days import Floats
+
+MIN_REFERENCE_WEEKS: Final = 4
+MAX_REFERENCE_WEEKS: Final = 12
+"""Older weeks tell of another site."""
+EFFECT_VARIANCE: Final = 4.0
+"""g: effects of about two standard deviations of a week are looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunningVerdict:
+    """What is known of a change so far.
+
+    Attributes:
+        theta: Ratio of the weeks since the change over the reference weeks, beside the comparison areas; None without.
+        lo, hi: Running interval; None where nothing is excluded on that side yet.
+        e_value: Evidence against "no change" now; from 20 on (at 95 %) the verdict is clear.
+        e_by_week: The same after each week read.
+        clear_since: The first week read, from 1, after which the e-value reached 20; None = it never did.
+        n_reference: Reference weeks.
+        n_weeks: Weeks read since the change.
+        verdict, state, reason: As for every change.
+    """
+
+    theta: float | None
+    lo: float | None
+    hi: float | None
+    e_value: float | None
+    e_by_week: tuple[float, ...]
+    clear_since: int | None
+    n_reference: int
+    n_weeks: int
+    verdict: Verdict
+    state: State
+    reason: Reason | None
+
+
+def running_verdict(
+    reference: npt.ArrayLike,
+    weeks: npt.ArrayLike,
+    *,
+    confidence: float = 0.95,
+    min_reference_weeks: int = MIN_REFERENCE_WEEKS,
+) -> RunningVerdict:
+    """Return the verdict on a change after the weeks read so far.
+
+    Args:
+        reference: Log ratios of the weeks before the change, oldest first, shape (m,); NaN = a week without one. The
+            last twelve count.
+        weeks: Log ratios of the weeks since, shape (n,), likewise.
+        confidence: 1 - 1/e at which the verdict is clear.
+        min_reference_weeks: Reference weeks needed.
+    """
+    y, after = (np.asarray(v, dtype=np.float64).ravel() for v in (reference, weeks))
+    y, after = y[np.isfinite(y)][-MAX_REFERENCE_WEEKS:], after[np.isfinite(after)]
+    m, n = len(y), len(after)
+    reason = None
+    if m < min_reference_weeks:
+        reason = Reason("redesign.reference_weeks", least=min_reference_weeks, has=m)
+    elif n == 0:
+        reason = Reason("redesign.week_after", days=0)
+    if reason is not None:
+        return RunningVerdict(None, None, None, None, (), None, m, n, "too_little_data", "not_enough_data", reason)
+    squares = float(((y - y.mean()) ** 2).sum())
+    e = np.exp(np.minimum(log_e_values(m, float(y.mean()), squares, after), 700.0))
+    log_theta = float(after.mean() - y.mean())
+    half = running_half_width(m, squares, after, confidence=confidence)
+    lo, hi = (None, None) if half is None else (math.exp(log_theta - half), math.exp(log_theta + half))
+    reached = np.flatnonzero(e >= 1 / (1 - confidence))
+    return RunningVerdict(
+        theta=math.exp(log_theta), lo=lo, hi=hi, e_value=float(e[-1]), e_by_week=tuple(e.tolist()),
+        clear_since=int(reached[0]) + 1 if len(reached) else None, n_reference=m, n_weeks=n,
+        verdict=verdict_of(0.0 if lo is None else lo, hi), state="ok", reason=None,
+    )  # fmt: skip
+
+
+def log_e_values(n_reference: int, mean: npt.ArrayLike, squares: npt.ArrayLike, weeks: npt.ArrayLike) -> Floats:
+    """Return ln e_n after each week (formula: this module), for many changes at once.
+
+    Args:
+        n_reference: Reference weeks m.
+        mean: Mean of their log ratios, shape (...).
+        squares: Sum of their squared deviations from it, same shape.
+        weeks: Log ratios since the change, shape (..., n).
+
+    Returns:
+        Shape (..., n).
+    """
+    shift, k, v, pooled = _shifts(n_reference, mean, squares, weeks)
+    r = 1 + k * EFFECT_VARIANCE
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = np.where(shift == 0, 0.0, k * shift**2 / pooled)  # t^2 / v, as `pooled` is v times the variance
+        ratio = np.where(np.isinf(x), np.log(r), np.log1p(x) - np.log1p(x / r))
+    return np.asarray((v + 1) / 2 * ratio - np.log(r) / 2, dtype=np.float64)
+
+
+def running_half_width(
+    n_reference: int, squares: float, weeks: npt.ArrayLike, *, confidence: float = 0.95
+) -> float | None:
+    """Return the half width of the running interval on the log scale after all weeks; None where it has no end.
+
+    With c = (K sqrt(r))^(2/(v+1)), r = 1 + k g, K = 1/(1 - confidence): t^2 = v (c - 1) / (1 - c/r) where c < r.
+    """
+    _, k, v, pooled = (np.asarray(a)[..., -1] for a in _shifts(n_reference, 0.0, squares, weeks))
+    r = float(1 + k * EFFECT_VARIANCE)
+    c = (math.sqrt(r) / (1 - confidence)) ** (2 / (float(v) + 1))
+    return math.sqrt((c - 1) / (1 - c / r) * float(pooled) / float(k)) if c < r else None
+
+
+def _shifts(
+    n_reference: int, mean: npt.ArrayLike, squares: npt.ArrayLike, weeks: npt.ArrayLike
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return after each week: shift of means, k, v, and the sum of squares within both groups."""
+    y = np.asarray(weeks, dtype=np.float64)
+    n = np.arange(1, y.shape[-1] + 1, dtype=np.float64)
+    means = np.cumsum(y, axis=-1) / n
+    first = y[..., :1]  # sums of squares about it, which is near, not about 0
+    within = np.cumsum((y - first) ** 2, axis=-1) - n * (means - first) ** 2
+    shift = means - np.asarray(mean, dtype=np.float64)[..., None]
+    pooled = np.asarray(squares, dtype=np.float64)[..., None] + np.maximum(within, 0.0)
+    return shift, n_reference * n / (n_reference + n), n_reference + n - 2, pooled
