@@ -117,8 +117,8 @@ def test_the_figure_example_defines_and_computes_a_figure(tmp_path: Path) -> Non
 
     relation = sqlfiles.read_relation(path)
 
-    assert [f.metric for f in relation.figures] == ["M30"]
-    assert "M30" not in {f.metric for f in sqlfiles.figure_headers()}
+    assert [f.metric for f in relation.figures] == ["M99"]
+    assert "M99" not in {f.metric for f in sqlfiles.figure_headers()}
     assert set(relation.reads) <= set(sqlfiles.relations("marts"))
     assert {"floor_id", "local_date", "duration_s", "is_open"} <= set(sqlfiles.relations("marts")["violations"].columns)
     with duckdb.connect() as con:

@@ -30,7 +30,7 @@ from datetime import date
 report = week_report(load_site(Path(sys.argv[1])), date(2026, 11, 9))
 rows = [[r.name, r.value, r.likely, r.unit, r.reason] for r in more_figures(report)]
 print(json.dumps({
-    "figure": json.loads(to_json(report))["figures"]["M30"],
+    "figure": json.loads(to_json(report))["figures"]["M99"],
     "last line": rows[-1],
     "documented": [f.name for f in figure_headers()][-1],
 }))

@@ -217,7 +217,9 @@ class TableReader:
             return None
         if not (math.isfinite(value) and minimum <= value <= maximum):
             span = (
-                f"{minimum:g} to {maximum:g} {unit}".rstrip() if minimum < maximum else f"{minimum:g} {unit}".rstrip()
+                f"{minimum:,.10g} to {maximum:,.10g} {unit}".rstrip()
+                if minimum < maximum
+                else f"{minimum:,.10g} {unit}".rstrip()
             )
             self.fault(key, f"{self.label} {key} = {value} is outside {span}", fix=f"write it as: {key} = {example}")
             return None
