@@ -136,7 +136,7 @@ def test_what_one_week_cannot_tell_is_refused_with_its_reason(told: Figures) -> 
         "M13": "3 of 4 weeks",
         "M14": "3 of 4 weeks",
         "M20": "hotspots need 14",
-        "M24": "needs 4 recorded weeks",
+        "M24": "needs 4 earlier recorded weeks",
         "M25": "needs 4 recorded weeks",
         "M27": "the change log names no change",
         "M28": "needs 3 recorded weeks",

@@ -181,7 +181,7 @@ def test_a_floor_of_impossible_size_is_not_measurable(tmp_path: Path) -> None:
         warehouse.con.execute("update cell_days set cx = 20000, cy = 20000 where cx = 0 and cy = 0")
         found = hotspots(warehouse)
     assert found.state == "not_measurable"
-    assert "are they metres" in reason_text(found.reason)
+    assert "are they in metres" in reason_text(found.reason)
 
 
 def test_positions_off_the_plan_are_left_out(tmp_path: Path) -> None:

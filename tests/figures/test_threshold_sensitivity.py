@@ -139,7 +139,9 @@ def test_stated_engine_error_is_beside_the_count(crowd: Site) -> None:
     assert engine.crossings is not None
     assert 0 < engine.crossings.leaving < 0.2 * n
     assert engine.crossings.lo < n < engine.crossings.hi
-    assert all(word in reason_text(engine.note) for word in ("90%", "75%", "sd of 0.1 m", f"{n:,} counted"))
+    assert all(
+        word in reason_text(engine.note) for word in ("90%", "75%", "standard deviation of 0.1 m", f"{n:,} counted")
+    )
 
 
 def test_nothing_recorded_is_not_zero(crowd: Site) -> None:

@@ -99,7 +99,7 @@ def test_short_ids_that_are_not_cut_are_short_visits() -> None:
 def test_short_ids_that_go_on_as_others_are_cut_and_the_filter_says_so_with_the_numbers() -> None:
     found = lives(8.0, 100, n_goes_on=17, n_came_before=4)
     assert (found.state, found.cut_share) == ("not_measurable", 0.13)
-    for said in ("group filter not applicable", "median of 8.0 s", "0% of person-time", "13%"):
+    for said in ("group filter not applicable", "8.0 s in the median", "0% of person-time", "13%"):
         assert said in reason_text(found.reason)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,8 @@ def test_an_hour_is_unusual_by_what_is_set(stricter: dict[str, float]) -> None:
     before_n, before_x_h = weeks(8)
     n, x_h = weeks(1)
     n[0, 30] = 50.0
-    given = {"before_n": before_n, "before_x_h": before_x_h}
-    assert [row.slot for row in unusual_hours(n[0], x_h[0], **given).rows] == [30]
+    given = {"monday": date(2026, 11, 9), "before_n": before_n, "before_x_h": before_x_h}
+    assert [(row.weekday, row.hour) for row in unusual_hours(n[0], x_h[0], **given).rows] == [(1, 6)]
     assert unusual_hours(n[0], x_h[0], **given, **stricter).rows == ()  # type: ignore[arg-type]
 
 
