@@ -62,7 +62,7 @@ MISTAKES = {
     "no kind": (RULE.replace('kind = "gathering"\n', ""), "E123", "has no kind"),
     "another kind": (RULE.replace("gathering", "gatherings"), "E124", "not one of gathering, contact, silence"),
     "no time": (RULE.replace("for_s = 60\n", ""), "E123", "has no for_s"),
-    "a negative time": (RULE.replace("60", "-1"), "E124", "outside 0 to 86400"),
+    "a negative time": (RULE.replace("60", "-1"), "E124", "outside 0 to 86,400"),
     "no id": (RULE.replace('id = "a"\n', ""), "E123", "has no id"),
     "an id twice": (RULE + RULE, "E125", "two alarms have the id"),
     "an unknown area": (RULE + 'area = "queu"\n', "E125", "not described"),
@@ -77,7 +77,7 @@ MISTAKES = {
     "a topic without broker": ('[alarms]\ntopic = "a/b"\n', "E124", "needs a broker"),
     "a topic with a wildcard": ('[mqtt]\nhost = "h"\n[alarms]\ntopic = "a/#"\n', "E124", "wildcard"),
     "an unknown key of alarms": ('[alarms]\nhook = "x"\n', "E122", "knows no key"),
-    "a setting out of range": ("[alarms]\nlateness_s = -1\n", "E124", "outside 0 to 3600"),
+    "a setting out of range": ("[alarms]\nlateness_s = -1\n", "E124", "outside 0 to 3,600"),
 }
 
 

@@ -80,7 +80,7 @@ status_topic = "vsd/shop/status"
     ("line", "code", "words"),
     [
         ("", "E123", "no host"),
-        ('host = "h"\nport = 70000', "E124", "outside 1 to 65535"),
+        ('host = "h"\nport = 70000', "E124", "outside 1 to 65,535"),
         ('host = "h"\nport = 1883.5', "E124", "a whole number"),
         ('host = "h"\ntopics = ["vsd/cam+/frames"]', "E124", "no topic filter"),
         ('host = "h"\ntopics = "vsd/+/frames"', "E124", "a list of texts"),
