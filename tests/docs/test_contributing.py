@@ -16,7 +16,7 @@ from markdown_pages import REPOSITORY, blocks
 from site_text import site_text
 
 from vsd_analytics import settings
-from vsd_analytics.ingest import pipeline
+from vsd_analytics.ingest import adapters, pipeline
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.warehouse import sqlfiles
 
@@ -47,8 +47,7 @@ def test_the_adapter_example_reads_its_format(tmp_path: Path, monkeypatch: pytes
     module = types.ModuleType("vsd_analytics.ingest.acme")
     exec(compile(example("adapter"), "acme.py", "exec"), module.__dict__)
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setattr(pipeline, "ADAPTERS", {**pipeline.ADAPTERS, "acme": ("acme", "Acme", {})})
-    monkeypatch.setattr(pipeline, "_DETECTED", ("acme", *pipeline._DETECTED))
+    monkeypatch.setitem(adapters.SPECIFIC, "acme", "vsd_analytics.ingest.acme:Acme")
     path = tmp_path / "hall.txt"
     path.write_text("#acme 1\n0.5;p1;1.25;3\nnonsense\n1.5;p1;1.5;3\n", encoding="utf-8")
     options = IngestOptions(camera="cam-1")

@@ -14,8 +14,10 @@ import pyarrow.parquet as pq
 from fuzz_judge import Judge, Kept, Outcome, WrongRowsError
 from fuzz_worlds import World, parquet, same, text_of, worlds
 
+from vsd_analytics.ingest import adapters
+
 WORLDS = worlds()
-FORMATS = ("frames", "table", "positions", "pairs", "smart-social-distancing", "motchallenge", "wildtrack")
+FORMATS = (*adapters.SPECIFIC, *adapters.GENERAL)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,10 @@ Nothing was read or changed. Fix them in an editor, then run: vsd doctor.""",
     "E104": """\
 There is a vsd.toml already, and vsd init never writes over one.
 Fix: edit that file, or start another project in another folder: vsd -C DIR init.""",
+    "E106": """\
+An installed plug-in that reads a format of its own could not be loaded. Nothing was read.
+Common causes: it was made for another version of vsd_analytics, or a library it needs is missing.
+Fix: upgrade the package named, or remove it; docs/plugins.md says what a plug-in must have.""",
     "E110": """\
 A line of the change log (log.jsonl) is not an entry, so the whole log is refused rather than read in part.
 Common causes: the file was edited by hand, or is not UTF-8.

@@ -12,6 +12,7 @@ from vsd_analytics.cli.instants import instant
 from vsd_analytics.cli.options import F
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import UsageError
+from vsd_analytics.ingest.adapters import formats
 
 if TYPE_CHECKING:
     from vsd_analytics.ingest.adapter import IngestOptions
@@ -24,7 +25,7 @@ def file_options(command: F) -> F:
             "--format",
             "kind",
             metavar="NAME",
-            help="frames, table, positions, pairs, smart-social-distancing, motchallenge, wildtrack; else detected.",
+            help=f"{', '.join(formats())}; else detected.",
         ),
         click.option("--camera", metavar="ID", help="Camera of records that name none."),
         click.option(

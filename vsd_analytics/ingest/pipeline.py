@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import importlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
+from vsd_analytics.ingest.adapters import adapter, formats
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
@@ -26,20 +26,7 @@ from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ADAPTERS: Mapping[str, tuple[str, str, Mapping[str, str]]] = {
-    "frames": ("frames", "Frames", {}),
-    "smart-social-distancing": ("smart_social_distancing", "SmartSocialDistancing", {}),
-    "motchallenge": ("motchallenge", "MotChallenge", {}),
-    "wildtrack": ("wildtrack", "Wildtrack", {}),
-    "table": ("tables", "Tables", {}),
-    "positions": ("tables", "Tables", {"kind": "observations"}),
-    "pairs": ("tables", "Tables", {"kind": "pairs"}),
-}
-
 ENGINE_MAX_CHARS = 200
-
-# in the order in which they look at a file; the most specific first
-_DETECTED = ("frames", "smart-social-distancing", "motchallenge", "wildtrack", "table")
 
 
 @dataclass
@@ -90,20 +77,6 @@ class IngestResult:
         return sum(sum(s.n_rejected.values()) for s in self.sources) + self.fold.n_sealed
 
 
-def adapter(name: str) -> Adapter:
-    """Return the adapter called `name`; UsageError E101 when there is none."""
-    if name not in ADAPTERS:
-        near = difflib.get_close_matches(name, ADAPTERS, n=1)
-        raise UsageError(
-            f"no format is called {name!r}",
-            why=f"known: {', '.join(ADAPTERS)}",
-            fix=f"--format {near[0] if near else 'positions'}",
-        )
-    module, attribute, arguments = ADAPTERS[name]
-    made: Adapter = getattr(importlib.import_module(f"vsd_analytics.ingest.{module}"), attribute)(**arguments)
-    return made
-
-
 def find_adapter(source: Source, options: IngestOptions) -> Adapter:
     """Return the adapter the user named, or the first that recognises the source.
 
@@ -127,7 +100,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         return adapter(options.format)
     if options.columns is not None:
         return adapter("table")
-    for name in _DETECTED:
+    for name in formats():
         candidate = adapter(name)
         if candidate.detects(source):
             return candidate
@@ -140,7 +113,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
-        fix=f"name it: --format {' | '.join(ADAPTERS)}; headerless tables need --columns",
+        fix=f"name it: --format {' | '.join(formats())}; headerless tables need --columns",
     )
 
 

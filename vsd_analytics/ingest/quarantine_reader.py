@@ -13,8 +13,9 @@ import numpy as np
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.adapters import adapter
 from vsd_analytics.ingest.instants import local_to_utc, utc_to_local
-from vsd_analytics.ingest.pipeline import adapter, with_site
+from vsd_analytics.ingest.pipeline import with_site
 from vsd_analytics.ingest.quarantine_writer import SourceReading
 from vsd_analytics.ingest.raw import rows_table
 from vsd_analytics.schema import TABLES, TableName

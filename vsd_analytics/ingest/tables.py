@@ -45,7 +45,7 @@ class Tables:
 
     def detects(self, source: Source) -> bool:
         """Return whether the suffix is that of a table, or the first line has one of our column names."""
-        if source.path.is_dir():
+        if source.path.is_dir() or self._kind is not None:  # only the user can name what is in it
             return False
         head = source.head(8192)
         if head.startswith(_PARQUET):
@@ -202,6 +202,16 @@ def _quoted(line: str, delimiter: str) -> list[str]:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True, strict=True))
     except (csv.Error, StopIteration) as error:
         raise BadRowError("bad-quotes", f"quotes do not match on this line: {error}") from None
+
+
+def positions() -> Tables:
+    """Return the adapter of `--format positions`."""
+    return Tables("observations")
+
+
+def pairs() -> Tables:
+    """Return the adapter of `--format pairs`."""
+    return Tables("pairs")
 
 
 def _text(line: bytes) -> str:
