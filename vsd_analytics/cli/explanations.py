@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from vsd_analytics.cli.explanations_of_files import OF_FILES
 from vsd_analytics.errors import UsageError
 
 EXPLANATIONS: Final[dict[str, str]] = {
@@ -90,72 +91,7 @@ This platform is not supported. The program runs on Linux and macOS with a local
 The store promises that what it acknowledged survives a crash, and that two programs never write at once. Both rest on
 flock and on renames that are made durable by syncing the folder, which Windows and network file systems lack.
 Fix: run it on Linux or macOS, or in WSL with the project on WSL's own disk.""",
-    "E200": """\
-An input file cannot be used at all. Single bad rows never stop an import: they go to quarantine.
-Fix: as the message says; vsd check FILES shows what is wrong without changing anything.""",
-    "E201": """\
-There is no such file.
-Common causes: a misspelt path; a pattern such as export/*.csv that matches nothing; a folder that was not mounted.
-Fix: check the path with ls, then run the command again. Files already read are recognised and counted once.""",
-    "E202": """\
-The file exists, but lacks what its format must have: it is empty, has no header or lacks a
-column that its engine always writes.
-Common causes: an export that broke off, the wrong file of a set, a header line that was cut away.
-Fix: export it again, or name the format it really has with --format.""",
-    "E203": """\
-A table lacks a column that is needed.
-Positions need ts and x_m, y_m (or u_px, v_px with a calibrated camera); pairs need ts and distance_m or both places.
-Fix: --map ours=theirs, or [ingest.map] in vsd.toml; a headerless file needs --columns, our names in order.""",
-    "E204": """\
-No known format fits the file, or the one that was named does not.
-Fix: name the format with --format; for tables, check that it is text in UTF-8 with a header line, or a Parquet file.
-vsd check FILES shows what was recognised.""",
-    "E205": """\
-The file is damaged: compressed data or a Parquet file that ends early, or an archive that cannot be opened.
-Common cause: a copy that broke off. All records before the damage are stored and counted once.
-Fix: copy or export it again and ingest it again; what was read already is recognised.""",
-    "E206": """\
-A compressed file, an archive or a Parquet file would unpack to far more than recordings do, so it was not unpacked.
-Common cause: a damaged or malicious file; rarely, a long recording in which nothing ever changes.
-Fix: look at it. If it is right, split it, or raise the setting the message names under [ingest] in vsd.toml:
-unpack_free_mb (allowed to any file), unpack_ratio_max (times the size on disk) or unpack_max_gb (at most).""",
-    "E207": """\
-Records have frame numbers, and nothing says when frame 0 was and how many frames a second has.
-Without both there is no time, and without time no hour and no week.
-Fix: --fps 25 --start 2026-11-09T08:00:00+01:00""",
-    "E208": """\
-Floor metres were asked for, and the file has none in its world columns.
-Fix: use the boxes instead (--coordinates image) with a calibrated camera: vsd calibrate CAMERA.""",
-    "E209": """\
-A file exceeds a limit that protects memory, disk and time from a single input: records, records that
-cannot be read, bytes of a Parquet page or cell. The message says what was found and which setting limits it.
-Common cause: a file made to do harm, a wrong format or column, damage. Records before the bound are stored, each once.
-Fix: look at the file. If it is right, split it, or raise that setting in vsd.toml and ingest it again.""",
-    "W208": """\
-One sequence of an archive has no floor metres in its world columns; it was left out, the others were read.
-Fix: import it on its own with its boxes and a calibrated camera.""",
-    "W209": """\
-Something concerns a whole file; the message says what it is. The records of the file were read.
-The most serious: pairs rebuilt from an engine's boxes do not agree with the counts it wrote beside them. Most likely
-its settings (method, resolution, distance threshold) are other than assumed, and every distance would be off.
-Fix: give the engine's own settings, as the message proposes, and import again.""",
-    "W210": """\
-Some records could not be used and went to quarantine with their reason; all others were read and counted.
-Common causes: text in a number column, distances that are not finite or negative, times before 1990 or in the future,
-cameras that vsd.toml does not describe, lines that broke off.
-Fix: look at the example; correct the export or vsd.toml and ingest again: what was read already counts once.""",
-    "W211": """\
-Some local times of a file happened twice: clocks were set back, and times without an offset do not say which of the two
-hours they mean. The message says how they were read.
-Fix: export times in UTC or with their offset, and set clock of the camera in vsd.toml.""",
-    "W212": """\
-A file was read to its end and held no record.
-Common causes: an export of an hour in which the engine did not run, a filter that left nothing, the wrong file.
-Fix: look at the file; if its format was guessed, name it with --format.""",
-    "W213": """\
-Some records of a file are more than a year away from the others, of the file and of the store. They are read and count.
-Common cause: a camera or engine that lost its clock and began again at 1990 or 2000. A history of other years is fine.
-Fix: set the clock (NTP), and remove the records: vsd purge --camera ID --range DAYS with the days of the message.""",
+    **OF_FILES,
     "E300": """\
 The store refused something or found something wrong; nothing that was acknowledged is lost.
 Fix: as the message says, then vsd doctor.""",

@@ -13,6 +13,7 @@ from vsd_analytics.cli.options import F
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.adapters import formats
+from vsd_analytics.ingest.units import METRES
 
 if TYPE_CHECKING:
     from vsd_analytics.ingest.adapter import IngestOptions
@@ -83,6 +84,19 @@ def file_options(command: F) -> F:
             "--per-camera", is_flag=True, help="wildtrack: each view's boxes as a camera of its own, C1 to C7."
         ),
         click.option("--engine", metavar="NAME", help="Engine name and version, where the files do not say."),
+        click.option(
+            "--unit",
+            type=click.Choice(list(METRES)),
+            help="Unit of positions and distances whose column names none (default: m).",
+        ),
+        click.option("--where", metavar="FILTER", help="Tables: rows to read, such as \"class_name = 'person'\"."),
+        click.option("--zone", metavar="ZONE", help="Time zone of times without an offset, such as Europe/Rome."),
+        click.option(
+            "--time-format", metavar="FORMAT", help='Tables: how times are written, such as "%d/%m/%Y %H:%M:%S".'
+        ),
+        click.option(
+            "--size", metavar="WxH", help="Size of the picture, for positions given as shares of it (0 to 1)."
+        ),
     ]
     for option in reversed(options):
         command = option(command)
@@ -98,9 +112,14 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
     from vsd_analytics.ingest.adapter import IngestOptions
 
     renames = renames_of(given["renames"])
-    size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", given["resolution"])
-    if size is None:
-        raise UsageError(f"--resolution {given['resolution']!r} is not WIDTHxHEIGHT", fix="--resolution 640x480")
+    if given["where"] is not None:
+        from vsd_analytics.ingest.where import parse_where
+
+        parse_where(given["where"])
+    if given["time_format"] is not None:
+        from vsd_analytics.ingest.time_formats import checked_format
+
+        checked_format(given["time_format"])
     for name in ("period_s", "fps", "threshold_m"):
         if given[name] is not None and not 0 < given[name] < 1e6:
             raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
@@ -123,11 +142,32 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
         first_frame=given["first_frame"],
         coordinates=given["coordinates"],
         method=given["method"],
-        resolution_px=(int(size[1]), int(size[2])),
+        resolution_px=_size_px("--resolution", given["resolution"], example="640x480"),
         threshold_m=given["threshold_m"],
         engine=given["engine"],
         per_camera=given["per_camera"],
+        unit=given["unit"],
+        where=given["where"],
+        zone=None if given["zone"] is None else _zone(given["zone"]),
+        time_format=given["time_format"],
+        size_px=None if given["size"] is None else _size_px("--size", given["size"], example="1280x720"),
+        is_sure=given.get("yes", False),
     )
+
+
+def _size_px(option: str, text: str, *, example: str) -> tuple[int, int]:
+    size = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    if size is None or "0" in size.groups():
+        raise UsageError(f"{option} {text!r} is not WIDTHxHEIGHT", fix=f"{option} {example}")
+    return int(size[1]), int(size[2])
+
+
+def _zone(name: str) -> str:
+    from vsd_analytics.config.values import is_zone, nearest_zone
+
+    if not is_zone(name):
+        raise UsageError(f"there is no time zone {name!r}", fix=f"--zone {nearest_zone(name) or 'Europe/Rome'}")
+    return name
 
 
 def renames_of(given: Sequence[str]) -> dict[str, str]:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.card import print_card
 from vsd_analytics.cli.file_options import file_options, ingest_options
 from vsd_analytics.cli.ingest_output import print_source, print_total, result_as_dict
 from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import count, emit_json, progress
+from vsd_analytics.cli.output import count, emit_json, plain, progress
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.ingest.pipeline import SourceResult
 
 
 @click.command()
@@ -20,6 +24,7 @@ from vsd_analytics.errors import UsageError
 @file_options
 @click.option("--watch", "folder", metavar="DIR", help="Ingest every file that appears in DIR, until stopped.")
 @click.option("--dry-run", is_flag=True, help="Read and check everything, write nothing.")
+@click.option("--yes", is_flag=True, help="Store files although something about them is almost surely wrong.")
 @json_option
 @pass_project
 def ingest(
@@ -32,6 +37,9 @@ def ingest(
     **given: Any,
 ) -> int:
     """Read engine output into the store. Records already stored are recognised; bad ones are quarantined.
+
+    Before the first file of a new kind of table, the command prints what it understood. A file that is almost surely
+    understood wrongly (millimetres as metres, several cameras as one) is not stored, unless --yes is given.
 
     With --watch the command runs until it is stopped (SIGTERM or Ctrl-C): each file that appears in the folder is
     ingested once it no longer changes, then moved to DIR/done, or to DIR/failed with the reason beside it. Names that
@@ -64,6 +72,12 @@ def read_files(
     options = ingest_options(project, given)
     paths = [Path(f) for f in files]
     is_quiet = project.quiet or as_json
+
+    def show(source: SourceResult) -> None:
+        if source.card is not None and source.is_new_shape:
+            click.echo(plain(source.source))
+            print_card(project, source.card)
+
     with (
         progress(None, total=sum(map(_size, paths)), label="reading", unit="B", quiet=is_quiet) as reading,
         progress(None, total=None, label="storing", unit=" records", quiet=is_quiet) as storing,
@@ -76,17 +90,19 @@ def read_files(
             is_dry_run=is_dry_run,
             on_bytes=reading.update,
             on_rows=storing.update,
+            on_card=None if is_quiet or is_dry_run else show,
         )
     if as_json:
         emit_json(result_as_dict(project, result, is_dry_run=is_dry_run))
     else:
         for source in result.sources:
-            print_source(project, source)
+            print_source(project, source, has_card=is_dry_run)
         print_total(result, is_dry_run=is_dry_run)
     if any(s.error for s in result.sources):
         return 2
     warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)
-    return 1 if result.n_rejected or warned or result.fold.is_ballast_spent else 0
+    doubted = any(is_dry_run or not d.is_note for s in result.sources if s.card is not None for d in s.card.doubts)
+    return 1 if result.n_rejected or warned or doubted or result.fold.is_ballast_spent else 0
 
 
 def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.card import card_as_dict, local_time, print_card
 from vsd_analytics.cli.output import count, plain, render_error
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import VsdError, Where
@@ -20,8 +21,14 @@ if TYPE_CHECKING:
 _CODE = re.compile(r"^W\d{3}: ")
 
 
-def print_source(project: Project, source: SourceResult) -> None:
-    """Print what came of one file: records, their times, notes, quarantined records by reason, the error."""
+def print_source(project: Project, source: SourceResult, *, has_card: bool = False) -> None:
+    """Print what came of one file: records, their times, notes, doubts, quarantined records by reason, the error.
+
+    Args:
+        project: For its zone.
+        source: The file.
+        has_card: Print also what was understood of it.
+    """
     from vsd_analytics.ingest.reasons import FIXES, UNKNOWN_FIELD
 
     n = source.n_records
@@ -34,8 +41,10 @@ def print_source(project: Project, source: SourceResult) -> None:
         parts = [count(n[table], name) for table, name in names if n[table]]
         click.echo(plain(f"{source.source}  [{source.format}]  {', '.join(parts) or 'no records'}"))
         if source.first_ms is not None and source.last_ms is not None:
-            first, last = (_local(project, ms) for ms in (source.first_ms, source.last_ms))
+            first, last = (local_time(project, ms) for ms in (source.first_ms, source.last_ms))
             click.echo(f"    from {first} to {last}")
+    if has_card and source.card is not None:
+        print_card(project, source.card)
     for reason, n_records in sorted(source.n_dropped.items()):
         click.echo(f"    left out: {n_records:,} {reason}{'s' if n_records != 1 and reason == UNKNOWN_FIELD else ''}")
     for note in source.notes:
@@ -44,6 +53,10 @@ def print_source(project: Project, source: SourceResult) -> None:
         else:
             code, _, text = note.partition(": ") if _CODE.match(note) else ("W209", "", note)
             click.echo(plain(f"warning[{code}]: {text}\n more: vsd explain {code}"), err=True)
+    for doubt in () if source.card is None else source.card.doubts:
+        if has_card or source.is_new_shape or not doubt.is_note:
+            warning = VsdError(doubt.what, code=doubt.code, where=Where(source.source), why=doubt.why, fix=doubt.fix)
+            click.echo(render_error(warning, word="warning"), err=True)
     for reason, n_records in sorted(source.n_rejected.items()):
         example = source.examples[reason]
         warning = VsdError(
@@ -58,15 +71,16 @@ def print_source(project: Project, source: SourceResult) -> None:
         click.echo(render_error(source.error), err=True)
 
 
-def _local(project: Project, ms: int) -> str:
-    from datetime import datetime
-
-    return datetime.fromtimestamp(ms / 1000, tz=project.site.zone).isoformat(sep=" ", timespec="seconds")
-
-
 def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
     """Print how many records of all files are new, were known, or went to quarantine."""
+    from vsd_analytics.store.store import TableCounts
+
     if is_dry_run:
+        counts = sum(result.counted.tables.values(), TableCounts())
+        parts = [f"{count(counts.n_second, 'second sighting')} would be left out"] if counts.n_second else []
+        parts += [f"{count(counts.n_known, 'record')} would come twice"] if counts.n_known else []
+        if parts:
+            click.echo(f"{count(counts.n_new, 'different record')}; {', '.join(parts)}")
         click.echo("nothing was written")
         return
     warn_of_full_disk(result.fold)
@@ -123,12 +137,17 @@ def result_as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) 
                 },
                 "left_out": dict(s.n_dropped),
                 "notes": s.notes,
-                "first": None if s.first_ms is None else _local(project, s.first_ms).replace(" ", "T"),
-                "last": None if s.last_ms is None else _local(project, s.last_ms).replace(" ", "T"),
+                "first": None if s.first_ms is None else local_time(project, s.first_ms).replace(" ", "T"),
+                "last": None if s.last_ms is None else local_time(project, s.last_ms).replace(" ", "T"),
                 "error": None if s.error is None else s.error.as_dict(),
+                "card": None if s.card is None else card_as_dict(project, s.card),
             }
             for s in result.sources
         ],
+        "counted": {
+            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second}
+            for t, c in result.counted.tables.items()
+        },
         "stored": {
             t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
             for t, c in result.fold.tables.items()

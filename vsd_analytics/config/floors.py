@@ -76,6 +76,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
             clock=zone(table, "clock") or "UTC",
             engine_ids=table.texts("engine_ids", example='["entrance-left"]'),
             view=_polygon(table, "view"),
+            has_clock="clock" in table.values,
         )
         table.close()
         if camera_id is not None:

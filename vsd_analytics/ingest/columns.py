@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.cell_values import is_number
+from vsd_analytics.ingest.table_file import Header
+from vsd_analytics.ingest.telling_names import named_like
+from vsd_analytics.ingest.units import LENGTHS, METRES, unit_in_name
+from vsd_analytics.ingest.where import Condition, parse_where
 from vsd_analytics.schema import TableName
 
 NUMBERS = ("x_m", "y_m", "u_px", "v_px", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
@@ -25,22 +29,10 @@ _PLACES: tuple[tuple[str, ...], ...] = (
     ("left", "top", "width", "height"),
 )
 
+TIME_OF_DAY = "ts+"
+"""Key of the second column of `--map ts=date+time`."""
+
 _PAIR = ("track_a", "track_b", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """The columns of one table, as the file gives them.
-
-    Attributes:
-        names: Column names, each once.
-        line: Number of the header line; None without a header.
-        text: That line, or the first record of a headerless file; None in Parquet.
-    """
-
-    names: Sequence[str]
-    line: int | None = None
-    text: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,16 +43,34 @@ class ColumnPlan:
         kind: "observations" or "pairs".
         theirs: Number of the file's column for each of our names that is read.
         names: Their names, by ours.
+        units: Unit of each of our columns in metres that is not in metres, see `units.METRES`.
+        where: Comparisons that a row must fulfil.
+        compared: Number of the file's column for each column of `where`.
+        time_format: How texts in `ts` are written, in the words of strptime; None = ISO 8601.
     """
 
     kind: TableName
     theirs: Mapping[str, int]
     names: Mapping[str, str]
+    units: Mapping[str, str] = field(default_factory=dict)
+    where: tuple[Condition, ...] = ()
+    compared: Mapping[str, int] = field(default_factory=dict)
+    time_format: str | None = None
+
+    @property
+    def wanted(self) -> dict[str, int]:
+        """Return the columns to read: ours by our names, those of `where` by `beside` of theirs."""
+        return {**self.theirs, **{beside(name): i for name, i in self.compared.items()}}
 
     def only_where(self) -> ColumnPlan:
         """Return the plan that reads only camera and time, whatever else is wrong with a row."""
-        theirs = {ours: i for ours, i in self.theirs.items() if ours in ("ts", "frame", "camera_id")}
-        return ColumnPlan("observations", theirs, self.names)
+        theirs = {ours: i for ours, i in self.theirs.items() if ours in ("ts", TIME_OF_DAY, "frame", "camera_id")}
+        return ColumnPlan("observations", theirs, self.names, time_format=self.time_format)
+
+
+def beside(name: str) -> str:
+    """Return the key of a column that is read beside ours, which no column of ours has."""
+    return f"beside {name}"
 
 
 def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind: TableName | None) -> ColumnPlan:
@@ -73,14 +83,18 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         kind: Table that the user named, or None to decide by the columns.
 
     Raises:
-        InputError: E203 naming the column that is missing and the nearest one found; E207 frame numbers without a rate.
+        InputError: E203 naming the column that is missing and the nearest one found, or the column whose name states
+            another unit than `--unit`; E207 frame numbers without a rate.
+        UsageError: E101, `--where` is not understood.
     """
     found = _found(source, options, header)
     place: tuple[str, ...] = _PAIR
     if kind is None:
         kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
     if "ts" not in found and "frame" not in found:
-        raise _missing(source, "ts", header, "without a time nothing can be counted by hour")
+        dates, times = named_like(header.names, "date"), named_like(header.names, "time")
+        joined = f"--map ts={dates[0]}+{times[0]}" if dates and times else None
+        raise _missing(source, "ts", header, "without a time nothing can be counted by hour", fix=joined)
     if kind == "pairs":
         if "distance_m" not in found and not {"x_a_m", "y_a_m", "x_b_m", "y_b_m"} <= set(found):
             raise _missing(source, "distance_m", header, "a pair needs a distance or both positions")
@@ -102,24 +116,51 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             fix="add --fps 25 --start 2026-11-09T08:00:00+01:00",
         )
     if "camera_id" not in found and options.camera is None:
+        like = named_like(header.names, "camera")
         raise _missing(
             source, "camera_id", header, "the site has several cameras, and nothing says which one saw this",
-            fix="--camera ID",
+            fix=f"--map camera_id={like[0]}" if like else "--camera ID",
         )  # fmt: skip
-    wanted = {"ts" if "ts" in found else "frame", "camera_id", *place}
+    wanted = {*(("ts", TIME_OF_DAY) if "ts" in found else ("frame",)), "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
-    return ColumnPlan(kind, theirs, {ours: header.names[i] for ours, i in theirs.items()})
+    names = {ours: header.names[i] for ours, i in theirs.items()}
+    where = () if options.where is None else parse_where(options.where)
+    compared = {c.column: _their_column(source, c.column, header) for c in where}
+    return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
 
 
-def unique_names(names: Sequence[str]) -> list[str]:
-    """Return names that are all different: blank, `_` and repeated ones become `_` and the column's number."""
-    seen: set[str] = set()
-    unique = []
-    for i, name in enumerate(names):
-        is_taken = not name or name == "_" or name in seen
-        seen.add(name)
-        unique.append(f"_{i}" if is_taken else name)
-    return unique
+def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:
+    """Return the unit of each column that is not in metres: as its own name says, else as the user says."""
+    units = {}
+    for ours in (c for c in LENGTHS if c in names):
+        stated = unit_in_name(names[ours]) if names[ours].lower() != ours else None
+        unit = stated if stated in METRES and stated != "m" else options.unit or "m"
+        if options.unit not in (None, unit):
+            raise InputError(
+                f"--unit {options.unit} contradicts the column {names[ours][:80]!r} of {source.path.name}",
+                code="E203",
+                where=Where(source.name),
+                why=f"its name says {unit}",
+                fix="leave out --unit: columns that name their unit are converted",
+            )
+        if unit != "m":
+            units[ours] = unit
+    return units
+
+
+def _their_column(source: Source, name: str, header: Header) -> int:
+    for names in (list(header.names), [n.strip().lower() for n in header.names]):
+        for wanted in (name, name.lower()):
+            if wanted in names:
+                return names.index(wanted)
+    near = _nearest(name, [n for n in header.names[:1000] if len(n) <= 100])
+    raise InputError(
+        f"{source.path.name} has no column {name!r}, which --where compares",
+        code="E203",
+        where=Where(source.name, header.line, header.text),
+        why=f"found: {', '.join(n[:40] for n in header.names[:20])}",
+        fix=f"compare {near} instead" if near else "compare one of its columns",
+    )
 
 
 def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, int]:
@@ -133,9 +174,20 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
         )
         if at is not None:
             found[ours] = at
+        elif ours == "ts" and (both := _date_and_time(wanted[0], exact, loose)) is not None:
+            found["ts"], found[TIME_OF_DAY] = both
         elif ours in options.map:
             raise _missing(source, wanted[0], header, f"--map says that it is our {ours}", ours=ours)
     return found
+
+
+def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, int]) -> tuple[int, int] | None:
+    """Return the two columns of a name such as `date+time`, or None when it is not two columns of the file."""
+    parts = [part.strip() for part in wanted.split("+")]
+    at = [exact.get(part, loose.get(part.lower())) for part in parts]
+    if len(at) != 2 or at[0] is None or at[1] is None:
+        return None
+    return at[0], at[1]
 
 
 def _missing(

@@ -49,7 +49,7 @@ class Instants:
     zones: pa.Array | None = None
 
 
-def parse_instants(values: pa.Array, *, zone: str) -> Instants:
+def parse_instants(values: pa.Array, *, zone: str, time_format: str | None = None) -> Instants:
     """Parse a column of times.
 
     Args:
@@ -57,6 +57,7 @@ def parse_instants(values: pa.Array, *, zone: str) -> Instants:
             microseconds below 1e17, else nanoseconds, by the median of the column, so that a single wild value does
             not change the unit.
         zone: IANA zone of times without an offset, see `local_to_utc`.
+        time_format: How texts are written, in the words of strptime; None = ISO 8601.
 
     Raises:
         pyarrow.ArrowException: The column is of a type that cannot be a time, such as a list.
@@ -67,7 +68,10 @@ def parse_instants(values: pa.Array, *, zone: str) -> Instants:
         whole = values.cast(pa.timestamp("ms", tz=values.type.tz), safe=False).cast(pa.int64())
         is_wrong = ~_known(whole)
         return _placed(_int64(whole), is_wrong, is_wrong | (values.type.tz is not None), zone)
-    unix, is_text = numbers(values)
+    if time_format is None:
+        unix, is_text = numbers(values)
+    else:  # 20251110 may be a date then
+        unix, is_text = np.full(len(values), np.nan), np.ones(len(values), dtype=bool)
     is_unix = np.isfinite(unix)
     ms = np.zeros(len(values))
     if is_unix.any():
@@ -79,7 +83,10 @@ def parse_instants(values: pa.Array, *, zone: str) -> Instants:
     is_exact = np.ones(len(values), dtype=bool)
     if is_text.any():
         at = np.flatnonzero(is_text)
-        ms[at], is_wrong[at], is_exact[at] = _from_texts(trimmed(values).take(pa.array(at)))
+        texts = trimmed(values).take(pa.array(at))
+        ms[at], is_wrong[at], is_exact[at] = (
+            _from_texts(texts) if time_format is None else _from_formatted(texts, time_format)
+        )
     is_wrong |= ~np.isfinite(ms) | (np.abs(ms) > 2**53)
     return _placed(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong, is_wrong | is_exact, zone)
 
@@ -161,6 +168,16 @@ def _from_texts(texts: pa.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             ms[is_kind] = times.dt.as_unit("us").astype("int64").to_numpy() // 1000
             is_wrong[is_kind] = times.isna().to_numpy()
     return ms, is_wrong, has_offset
+
+
+def _from_formatted(texts: pa.Array, time_format: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return milliseconds as written, which texts are wrong, and which have an offset, of texts in one format."""
+    has_offset = "%z" in time_format
+    times = pd.to_datetime(
+        pd.Series(texts.to_pylist(), dtype="object"), errors="coerce", utc=has_offset, format=time_format
+    )
+    ms = times.dt.as_unit("us").astype("int64").to_numpy() // 1000
+    return ms.astype(float), times.isna().to_numpy(), np.full(len(texts), has_offset)
 
 
 def _known(values: pa.Array) -> np.ndarray:

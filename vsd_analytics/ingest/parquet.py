@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import IO, Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source
 from vsd_analytics.ingest.limits import MB, records_max, too_many, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.parquet_pages import PageError, ParquetPage, pages
 from vsd_analytics.ingest.raw import rejected
+from vsd_analytics.ingest.table_file import Chunk, Header, unique_names
 
 READ_ROWS = BATCH_ROWS // 2
 READ_BYTES = 16 * MB
@@ -30,23 +30,6 @@ HANDED_BYTES = 16 * MB
 """Texts are yielded in pieces of about this size."""
 VALUE_BYTES = 8
 """Bytes that a value takes in memory at least."""
-
-
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """Some rows.
-
-    Attributes:
-        columns: By our names.
-        lines: Number of each row in the file, from 1.
-        rejected: Rows left out, with a cell too long to read.
-        done: Rows of the file up to here.
-    """
-
-    columns: Mapping[str, pa.Array]
-    lines: np.ndarray
-    rejected: list[Rejected] = field(default_factory=list)
-    done: int = 0
 
 
 class ParquetTable:
@@ -78,6 +61,9 @@ class ParquetTable:
                 fix="copy or export the file again",
             ) from None
         self.names: list[str] = self._schema.names
+        self.header = Header(unique_names(self.names))
+        self.first_line: str | None = None
+        self.has_decimal_comma = False
         self.n_rows: int = self._metadata.num_rows
 
     def chunks(self, wanted: Mapping[str, int]) -> Iterator[Chunk]:
@@ -91,6 +77,7 @@ class ParquetTable:
                 E209 it has more rows or a larger page than is allowed. Chunks before are valid.
             pyarrow.ArrowException, OSError, PageError: The file is damaged; see `readable`.
         """
+        self._done = 0
         names = {ours: self.names[i] for ours, i in wanted.items()}
         leaves = {name: self._leaf(name) for name in names.values()}
         self._check_footer(list(leaves.values()))
@@ -147,6 +134,19 @@ class ParquetTable:
                 why=str(error)[:200],
                 fix="copy or export the file again; the records before the damage are stored",
             ) from None
+
+    def has_text(self, column: int) -> bool:
+        """Return whether a column holds texts."""
+        kind = self._schema.field(column).type
+        return _is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
+
+    def can_read(self, column: int) -> bool:
+        """Return whether a column is of a type that can be read: no list and no struct, and its cells are short."""
+        try:
+            self._leaf(self.names[column])
+        except InputError:
+            return False
+        return True
 
     def _leaf(self, name: str) -> int:
         """Return the number of the stored column of this name: lists and structs have none, they have parts."""
@@ -234,11 +234,15 @@ class ParquetTable:
         step = max(1, len(lines) // (1 + n_bytes // HANDED_BYTES))
         for at in range(0, len(lines), step):
             part = {ours: _plain(column.slice(at, step)) for ours, column in columns.items()}
-            yield Chunk(part, lines[at : at + step], too_long, self._done + n_rows)
+            yield Chunk(part, lines[at : at + step], too_long, self._done_bytes(self._done + n_rows))
             too_long = []
         if too_long:
-            yield Chunk({o: _plain(c) for o, c in columns.items()}, lines, too_long, self._done + n_rows)
+            nothing = {ours: _plain(column) for ours, column in columns.items()}
+            yield Chunk(nothing, lines, too_long, self._done_bytes(self._done + n_rows))
         self._done += n_rows
+
+    def _done_bytes(self, n_rows: int) -> int:
+        return self._source.size_bytes * n_rows // max(1, self.n_rows)
 
     def _no_such_type(self, why: str) -> InputError:
         return InputError(

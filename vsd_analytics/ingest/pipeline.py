@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,9 +15,13 @@ from typing import TYPE_CHECKING
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
 from vsd_analytics.ingest.adapters import adapter, formats
+from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.raw import n_rows, without_zones
+from vsd_analytics.ingest.sample import SAMPLE_ROWS
+from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult, Store
@@ -44,6 +50,8 @@ class SourceResult:
         error: Why the rest of the source could not be read, if so.
         first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
         days: Records by UTC day number.
+        card: What was understood of it; None when nothing could be read.
+        is_new_shape: Whether the project has imported no file with such columns before.
     """
 
     source: str
@@ -57,6 +65,8 @@ class SourceResult:
     first_ms: int | None = None
     last_ms: int | None = None
     days: Counter[int] = field(default_factory=Counter)
+    card: SourceCard | None = None
+    is_new_shape: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +76,12 @@ class IngestResult:
     Attributes:
         sources: One entry per source.
         fold: What the store gained; empty for a dry run and without folding.
+        counted: For a dry run, what an empty store would have gained.
     """
 
     sources: Sequence[SourceResult]
     fold: FoldResult
+    counted: FoldResult = field(default_factory=FoldResult)
 
     @property
     def n_rejected(self) -> int:
@@ -129,6 +141,7 @@ def ingest(
     on_bytes: Callable[[int], None] | None = None,
     on_rows: Callable[[int], None] | None = None,
     on_source: Callable[[SourceResult], None] | None = None,
+    on_card: Callable[[SourceResult], None] | None = None,
 ) -> IngestResult:
     """Read engine output into the store of a project.
 
@@ -143,10 +156,12 @@ def ingest(
         on_bytes: Called with the number of bytes read since the last call.
         on_rows: Called with the number of records put into the store since the last call.
         on_source: Called when a source is done.
+        on_card: Called when a source's card is known, before any of it is stored.
 
     Returns:
         The result of each source, and what the store gained. A source that cannot be read to its end has its error in
-        its result; the others are ingested all the same.
+        its result; the others are ingested all the same. So has one that is almost surely understood wrongly (E211),
+        unless `options.is_sure`: nothing of it is stored.
 
     Raises:
         UsageError: E101, `options.camera` is no camera of the site.
@@ -159,76 +174,133 @@ def ingest(
     normaliser = Normaliser(site, now=now, keys=keys)
     results = []
     days = store.days()
-    for path in paths:
-        source = Source(path, settings=site.settings)
-        result = _ingest_one(site, source, options, normaliser, None if is_dry_run else store, now, on_bytes)
-        days |= result.days.keys()
-        result.notes += _far_off(result.days, among=days)
-        results.append(result)
-        if on_source is not None:
-            on_source(result)
-    return IngestResult(results, store.fold(on_rows=on_rows) if is_folding and not is_dry_run else FoldResult())
+    with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
+        for path in paths:
+            source = Source(path, settings=site.settings)
+            result = _Ingest(site, source, options, normaliser, target, now, is_dry_run, on_bytes, on_card).run()
+            days |= result.days.keys()
+            result.notes += _far_off(result.days, among=days)
+            results.append(result)
+            if on_source is not None:
+                on_source(result)
+        fold = target.fold(on_rows=on_rows) if is_folding or is_dry_run else FoldResult()
+    return IngestResult(results, FoldResult(), fold) if is_dry_run else IngestResult(results, fold)
 
 
-def _ingest_one(
-    site: Site,
-    source: Source,
-    options: IngestOptions,
-    normaliser: Normaliser,
-    store: Store | None,
-    now: datetime,
-    on_bytes: Callable[[int], None] | None,
-) -> SourceResult:
-    result = SourceResult(source.name, options.format or "")
-    quarantine = Quarantine(None if store is None else site.root / "quarantine", source=source.name, at=now)
-    try:
-        for batch in _batches(source, options, result, on_bytes):
-            clean = normaliser.normalise(batch, n_whole=quarantine.room)
-            engines = batch.engines or ([options.engine] if options.engine else [])
-            quarantine.add(clean.rejected, reading=SourceReading(result.format, options, batch.first_line, engines))
-            result.n_dropped.update(clean.n_dropped)
-            result.notes += [n for n in batch.notes if n not in result.notes]
-            for name in reversed(TABLES):  # a frame is stored after the persons it counts
-                rows = clean.tables.get(name)
-                if rows is None or not rows.num_rows:
-                    continue
-                if store is not None:
-                    store.append(name, rows, engines=engines)
-                result.n_records[name] += rows.num_rows
-                _note_times(result, rows["ts"])
-        if not result.n_records and not quarantine.counts and not result.notes:
-            result.notes.append("W212: no record was found in it")
-    except DiskError:
-        raise
-    except VsdError as error:
-        result.error = error
-    quarantine.close()
-    result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
-    return result
+@contextlib.contextmanager
+def _counting(site: Site) -> Iterator[Store]:
+    """Yield an empty store outside the project, which counts what a fold would leave out."""
+    with tempfile.TemporaryDirectory(prefix="vsd-check-") as folder:
+        yield Store(Path(folder) / "store", site_id=site.site_id)
 
 
-def _batches(
-    source: Source, options: IngestOptions, result: SourceResult, on_bytes: Callable[[int], None] | None
-) -> Iterator[RawBatch]:
-    """Read a source with its adapter; a file the system cannot open is an error of this source alone."""
-    done = 0
-    try:
-        reader = find_adapter(source, options)
-        result.format = reader.name
-        for batch in within_bounds(source, reader.read(source, options)):
+@dataclass(frozen=True, slots=True)
+class _Ingest:
+    """The ingest of one source; for the attributes see `ingest`."""
+
+    site: Site
+    source: Source
+    options: IngestOptions
+    normaliser: Normaliser
+    store: Store
+    now: datetime
+    is_dry_run: bool
+    on_bytes: Callable[[int], None] | None
+    on_card: Callable[[SourceResult], None] | None
+
+    def run(self) -> SourceResult:
+        """Read the source, look at its head, and store it."""
+        options = self.options
+        result = SourceResult(self.source.name, options.format or "")
+        folder = None if self.is_dry_run else self.site.root / "quarantine"
+        quarantine = Quarantine(folder, source=self.source.name, at=self.now)
+        try:
+            for batch in self.batches(result):
+                stated = batch if options.zone is None else without_zones(batch)
+                clean = self.normaliser.normalise(stated, n_whole=quarantine.room)
+                engines = batch.engines or ([options.engine] if options.engine else [])
+                quarantine.add(clean.rejected, reading=SourceReading(result.format, options, batch.first_line, engines))
+                result.n_dropped.update(clean.n_dropped)
+                result.notes += [n for n in batch.notes if n not in result.notes]
+                for name in reversed(TABLES):  # a frame is stored after the persons it counts
+                    rows = clean.tables.get(name)
+                    if rows is None or not rows.num_rows:
+                        continue
+                    self.store.append(name, rows, engines=engines)
+                    result.n_records[name] += rows.num_rows
+                    _note_times(result, rows["ts"])
+            if not result.n_records and not quarantine.counts and not result.notes:
+                result.notes.append("W212: no record was found in it")
+            if result.is_new_shape and result.card is not None and result.n_records and not self.is_dry_run:
+                note_shape(self.site.root, result.card.shape)
+        except DiskError:
+            raise
+        except VsdError as error:
+            result.error = error
+        quarantine.close()
+        result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
+        return result
+
+    def batches(self, result: SourceResult) -> Iterator[RawBatch]:
+        """Read the source with its adapter, but nothing of it where its head is almost surely understood wrongly.
+
+        A file the system cannot open is an error of this source alone.
+        """
+        try:
+            reader = find_adapter(self.source, self.options)
+            result.format = reader.name
+            batches = self.counting_bytes(within_bounds(self.source, reader.read(self.source, self.options)))
+            head, error = _head(batches)
+            if head:
+                self.understand(result, reader, head)
+            yield from head
+            if error is not None:
+                raise error
+            yield from batches
+        except OSError as error:
+            raise InputError(
+                f"{self.source.path.name} cannot be read: {error.strerror or error}",
+                code="E120",
+                where=Where(self.source.name),
+                fix="check the path and its permissions",
+            ) from None
+
+    def understand(self, result: SourceResult, reader: Adapter, head: Sequence[RawBatch]) -> None:
+        """Make the card of the source, and refuse what is almost surely wrong."""
+        is_whole = sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS
+        card = understand(self.site, self.source, reader, self.options, head, is_whole=is_whole)
+        result.card = card
+        result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
+        if self.on_card is not None:
+            self.on_card(result)
+        if card.sure_doubts and not self.is_dry_run and not self.options.is_sure:
+            raise refused(self.source, card)
+
+    def counting_bytes(self, batches: Iterator[RawBatch]) -> Iterator[RawBatch]:
+        """Pass on batches, and report how far into the source they reach."""
+        done = 0
+        for batch in batches:
             yield batch
-            if on_bytes is not None and batch.done_bytes > done:
-                on_bytes(batch.done_bytes - done)
+            if self.on_bytes is not None and batch.done_bytes > done:
+                self.on_bytes(batch.done_bytes - done)
                 done = batch.done_bytes
-        if on_bytes is not None:
-            on_bytes(max(0, source.size_bytes - done))
-    except OSError as error:
-        raise InputError(
-            f"{source.path.name} cannot be read: {error.strerror or error}",
-            code="E120",
-            where=Where(source.name),
-            fix="check the path and its permissions",
-        ) from None
+        if self.on_bytes is not None:
+            self.on_bytes(max(0, self.source.size_bytes - done))
+
+
+def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]:
+    """Return the first batches, of at least `SAMPLE_ROWS` records if there are so many, and what ended them early."""
+    found: list[RawBatch] = []
+    n_found = 0
+    try:
+        for batch in batches:
+            found.append(batch)
+            n_found += n_rows(batch.tables.values())
+            if n_found >= SAMPLE_ROWS:
+                break
+    except VsdError as error:  # the batches before it count
+        return found, error
+    return found, None
 
 
 def with_site(site: Site, options: IngestOptions) -> IngestOptions:
@@ -259,8 +331,8 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
         options,
         camera=camera,
         site_map={**site.ingest_map, **options.site_map},
-        frame_zone=zones.pop() if len(zones) == 1 else options.frame_zone,
-        clocks={**{name: c.clock for name, c in known.items()}, **options.clocks},
+        frame_zone=options.zone or (zones.pop() if len(zones) == 1 else options.frame_zone),
+        clocks={**{name: options.zone or c.clock for name, c in known.items()}, **options.clocks},
         line_max_bytes=int(site.settings.line_max_bytes),
         persons_max=int(site.settings.persons_max),
         pairs_max=int(site.settings.pairs_max),

@@ -17,7 +17,7 @@ from vsd_analytics.ingest.adapters import adapter
 from vsd_analytics.ingest.instants import local_to_utc, utc_to_local
 from vsd_analytics.ingest.pipeline import with_site
 from vsd_analytics.ingest.quarantine_writer import SourceReading
-from vsd_analytics.ingest.raw import rows_table
+from vsd_analytics.ingest.raw import rows_table, without_zones
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.quarantine import QuarantineEntry
@@ -74,7 +74,8 @@ class Rereader:
         for batch in (reader or adapter(reading.format)).read(lines, with_site(self.site, reading.options)):
             tables = {n: lines.renumbered(t) for n, t in batch.tables.items()}
             bad = [replace(r, line=r.line - lines.n_above - 1) for r in batch.rejected if r.line > lines.n_above]
-            yield replace(batch, tables=tables, rejected=bad, notes=())
+            read = replace(batch, tables=tables, rejected=bad, notes=())
+            yield read if reading.options.zone is None else without_zones(read)
 
     def _rows(self, name: TableName, group: Sequence[QuarantineEntry], numbers: Sequence[int]) -> RawBatch:
         default = {} if self._completed.camera is None else {"camera": self._completed.camera}

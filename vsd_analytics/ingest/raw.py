@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import IO, Any
 
 import msgspec
 import pyarrow as pa
 
-from vsd_analytics.ingest.adapter import EXCERPT_CHARS, WHOLE_MAX_BYTES, IngestOptions, Rejected
+from vsd_analytics.ingest.adapter import EXCERPT_CHARS, WHOLE_MAX_BYTES, IngestOptions, RawBatch, Rejected
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
 
 Check = tuple[str, str, Callable[[pa.Table], pa.ChunkedArray | pa.Array]]
@@ -115,6 +116,15 @@ def rows_table(name: TableName, rows: Sequence[Mapping[str, Any]], *, lines: Seq
         if not column.nullable and table[column.name].null_count:
             raise ValueError(f"{column.name} is missing")
     return table
+
+
+def without_zones(batch: RawBatch) -> RawBatch:
+    """Return a batch whose times count as exact: the user stated their zone, and no clock of a camera moves them."""
+    tables = {}
+    for name, table in batch.tables.items():
+        at = table.schema.get_field_index("zone")
+        tables[name] = table.set_column(at, table.schema.field(at), pa.nulls(table.num_rows, pa.string()))
+    return replace(batch, tables=tables)
 
 
 def n_rows(tables: Iterable[pa.Table]) -> int:

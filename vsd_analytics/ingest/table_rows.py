@@ -6,14 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
-from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers
-from vsd_analytics.ingest.columns import BOX, NUMBERS, ColumnPlan
+from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers, trimmed
+from vsd_analytics.ingest.columns import BOX, NUMBERS, TIME_OF_DAY, ColumnPlan, beside
 from vsd_analytics.ingest.instants import Instants, parse_instants
 from vsd_analytics.ingest.raw import raw_table, rejected
+from vsd_analytics.ingest.units import METRES
+from vsd_analytics.ingest.where import rows_where
 
 _MAX_MS = 2.0**53
+LEFT_OUT = "by --where"
+"""Why rows that the user does not want are left out."""
 
 
 def raw_batch(
@@ -36,6 +41,7 @@ def raw_batch(
     Raises:
         pyarrow.ArrowException: A column is of a type that cannot hold what it should.
     """
+    columns, lines, n_left_out = _chosen(plan, columns, lines, decimal_comma=decimal_comma)
     bad = _BadRows(plan, columns, lines)
     values: dict[str, np.ndarray] = {}
     for name in (c for c in columns if c in NUMBERS or c in BOX or c == "frame"):
@@ -43,7 +49,8 @@ def raw_batch(
         bad.add(is_wrong, name, reason="not-a-number", what="a number")
     camera = ids(columns.get("camera_id"), default=options.camera, length=len(lines))
     if "ts" in columns:
-        instants = _instants(columns["ts"], camera, options)
+        times = columns["ts"] if TIME_OF_DAY not in columns else date_and_time(columns["ts"], columns[TIME_OF_DAY])
+        instants = _instants(times, camera, options, time_format=plan.time_format)
         bad.add(instants.is_wrong, "ts", reason="not-a-time", what="a time")
     else:
         instants = _from_frames(values.pop("frame"), options)
@@ -53,7 +60,11 @@ def raw_batch(
         period_ms = options.period_s * 1000
         ts_ms = (np.floor(ts_ms / period_ms) * period_ms).astype(np.int64)
     values.pop("frame", None)
+    for ours, unit in plan.units.items():
+        values[ours] *= METRES[unit]
     _foot_points(values)
+    if options.size_px is not None and "u_px" in values:
+        values["u_px"], values["v_px"] = (values[c] * n for c, n in zip(("u_px", "v_px"), options.size_px, strict=True))
     is_good = pa.array(~bad.mask)
     good = {name: floats_or_null(v).filter(is_good) for name, v in values.items()}
     shared = {"camera": camera.filter(is_good), "ts_ms": ts_ms[~bad.mask], "line": lines[~bad.mask]}
@@ -66,7 +77,21 @@ def raw_batch(
         track = ids(columns.get("track_id"), default=None, length=len(lines)).filter(is_good)
         quality = "metric" if "x_m" in good else "relative"
         table = raw_table("observations", **shared, track=track, **good, person=0, quality=quality)
-    return RawBatch({plan.kind: table}, bad.rejected, notes=instants.notes)
+    return RawBatch({plan.kind: table}, bad.rejected, notes=instants.notes, n_dropped=n_left_out)
+
+
+def _chosen(
+    plan: ColumnPlan, columns: Mapping[str, pa.Array], lines: np.ndarray, *, decimal_comma: bool
+) -> tuple[dict[str, pa.Array], np.ndarray, dict[str, int]]:
+    """Return our columns of the rows that fulfil `plan.where`, and how many do not."""
+    ours = {name: column for name, column in columns.items() if name in plan.theirs}
+    if not plan.where:
+        return ours, lines, {}
+    compared = {name: columns[beside(name)] for name in plan.compared}
+    is_chosen = rows_where(plan.where, compared, decimal_comma=decimal_comma)
+    n_out = int(len(lines) - is_chosen.sum())
+    keep = pa.array(is_chosen)
+    return {n: c.filter(keep) for n, c in ours.items()}, lines[is_chosen], {LEFT_OUT: n_out} if n_out else {}
 
 
 class _BadRows:
@@ -93,19 +118,28 @@ def _shown(cell: pa.Scalar) -> str:
         return f"a {cell.type} that cannot be shown"
 
 
-def _instants(values: pa.Array, camera: pa.Array, options: IngestOptions) -> Instants:
+def date_and_time(dates: pa.Array, times: pa.Array) -> pa.Array:
+    """Return the texts of dates and times of day joined by a blank; a midnight behind the date is left out."""
+    days = pc.replace_substring_regex(trimmed(dates), r"[T ]00:00(:00(\.0+)?)?$", "")
+    clocks = pc.replace_substring_regex(trimmed(times), r"^(1899-12-3[01]|1900-01-0[01]|1970-01-01)[T ]", "")
+    return pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
+
+
+def _instants(
+    values: pa.Array, camera: pa.Array, options: IngestOptions, *, time_format: str | None = None
+) -> Instants:
     """Parse times, those without an offset by the clock of each row's camera."""
     clocks = {c: options.clocks.get(c, options.frame_zone) for c in camera.unique().to_pylist()}
     zones = sorted(set(clocks.values()))
     if len(zones) < 2:
-        return parse_instants(values, zone=zones[0] if zones else options.frame_zone)
+        return parse_instants(values, zone=zones[0] if zones else options.frame_zone, time_format=time_format)
     read_in = np.full(len(values), None, dtype=object)
     zone_of = np.array([zones.index(clocks[c]) for c in camera.to_pylist()])
     ms, is_wrong = np.zeros(len(values), dtype=np.int64), np.zeros(len(values), dtype=bool)
     notes: list[str] = []
     for i, zone in enumerate(zones):
         at = np.flatnonzero(zone_of == i)
-        some = parse_instants(values.take(pa.array(at)), zone=zone)
+        some = parse_instants(values.take(pa.array(at)), zone=zone, time_format=time_format)
         ms[at], is_wrong[at] = some.ms, some.is_wrong
         read_in[at] = None if some.zones is None else some.zones.to_numpy(zero_copy_only=False)
         notes += some.notes

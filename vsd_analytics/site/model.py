@@ -47,6 +47,7 @@ class Camera:
         clock: IANA zone of times without an offset.
         engine_ids: What the engine calls this camera.
         view: Polygon in floor metres of what it sees; None = taken from homography and picture size.
+        has_clock: Whether the site states `clock`; else times without an offset are doubtful.
     """
 
     camera_id: str
@@ -59,6 +60,7 @@ class Camera:
     clock: str = "UTC"
     engine_ids: tuple[str, ...] = ()
     view: tuple[Point, ...] | None = None
+    has_clock: bool = False
 
 
 @dataclass(frozen=True, slots=True)

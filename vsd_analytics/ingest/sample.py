@@ -1,0 +1,119 @@
+"""The first records of a source as arrays, from which mistakes can be seen before anything is stored."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from vsd_analytics.ingest.adapter import RawBatch
+
+SAMPLE_ROWS = 50_000
+STEP_MAX_S = 60.0
+"""Longest time between two records of a track from which a speed is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Records of the head of one source; person records, or pair records where there are no others.
+
+    Attributes:
+        rows: Columns `camera ts_ms track x y u v` of person records, with `line`: metres, pixels, NaN = missing. Pair
+            records have `distance_m` and as `track` both ids.
+        zones: Zone that each record's time was read in, "" where it had an offset.
+        is_pairs: Whether they are pair records.
+        n_rejected: Records that cannot be used.
+        n_dropped: Records left out on purpose, by reason.
+        is_whole: Whether the source has no more records.
+    """
+
+    rows: pd.DataFrame
+    zones: np.ndarray
+    is_pairs: bool
+    n_rejected: int
+    n_dropped: Counter[str]
+    is_whole: bool
+
+    @property
+    def n(self) -> int:
+        """Return the number of records."""
+        return len(self.rows)
+
+    @property
+    def has_floor(self) -> bool:
+        """Return whether records have floor metres."""
+        return bool(self.rows["x"].notna().any())
+
+    @property
+    def has_ids(self) -> bool:
+        """Return whether records have ids of people."""
+        return bool(self.rows["track"].notna().any())
+
+    def extent(self, across: str, up: str) -> tuple[float, float, float, float] | None:
+        """Return the 1st and 99th percentiles of two columns: least and largest of the first, then of the second."""
+        values = self.rows[[across, up]].dropna()
+        if values.empty:
+            return None
+        low, high = values.quantile(0.01), values.quantile(0.99)
+        return float(low[across]), float(high[across]), float(low[up]), float(high[up])
+
+    def speeds_m_s(self) -> np.ndarray:
+        """Return the speeds between successive records of one track at most `STEP_MAX_S` apart, in metres a second."""
+        rows = self.rows[["camera", "track", "ts_ms", "x", "y"]].dropna()
+        rows = rows.sort_values(["camera", "track", "ts_ms"], kind="stable")
+        is_same = (rows["camera"].eq(rows["camera"].shift()) & rows["track"].eq(rows["track"].shift())).to_numpy()
+        step_s = rows["ts_ms"].diff().to_numpy() / 1000
+        way_m = np.hypot(rows["x"].diff().to_numpy(), rows["y"].diff().to_numpy())
+        is_step = is_same & (step_s > 0) & (step_s <= STEP_MAX_S)
+        return np.asarray(way_m[is_step] / step_s[is_step])
+
+    def n_second(self) -> int:
+        """Return how many records a fold would leave out: their camera, time and track, and another place."""
+        place = ["distance_m"] if self.is_pairs else ["x", "y", "u", "v"]
+        rows = self.rows[self.rows["track"].notna()]
+        key = ["camera", "ts_ms", "track"]
+        is_second = rows.duplicated(key) & ~rows.duplicated([*key, *place])
+        return int(is_second.sum())
+
+    def lives_s(self) -> np.ndarray:
+        """Return for each track the seconds from its first to its last record."""
+        times = self.rows.dropna(subset=["track"]).groupby(["camera", "track"], sort=False)["ts_ms"]
+        return np.asarray((times.max() - times.min()).to_numpy() / 1000)
+
+    def interval_s(self) -> float | None:
+        """Return the median seconds between successive frames of one camera; None with fewer than two frames."""
+        frames = self.rows[["camera", "ts_ms"]].drop_duplicates().sort_values(["camera", "ts_ms"])
+        steps = frames["ts_ms"].diff()[frames["camera"].eq(frames["camera"].shift())]
+        return None if steps.empty else float(steps.median()) / 1000
+
+
+def sample_of(batches: Sequence[RawBatch], *, is_whole: bool) -> Sample:
+    """Return the sample of the first batches of a source, at most `SAMPLE_ROWS` records."""
+    name = "observations" if any(b.table("observations").num_rows for b in batches) else "pairs"
+    parts = [b.table("pairs" if name == "pairs" else "observations") for b in batches]
+    table = pa.concat_tables(parts).slice(0, SAMPLE_ROWS) if parts else RawBatch().table("observations")
+    column = {c: table[c].to_pandas() for c in table.column_names}
+    nothing = pd.Series(np.full(table.num_rows, np.nan))
+    columns = {"camera": column["camera"], "ts_ms": column["ts_ms"], "line": column["line"]}
+    if name == "pairs":
+        apart = np.hypot(column["x_a_m"] - column["x_b_m"], column["y_a_m"] - column["y_b_m"])
+        both = column["track_a"].str.cat(column["track_b"], sep=" / ") if table.num_rows else nothing
+        columns |= {"track": both, "distance_m": column["distance_m"].fillna(apart)}
+        columns |= {"x": column["x_a_m"], "y": column["y_a_m"], "u": nothing, "v": nothing}
+    else:
+        columns |= {"track": column["track"], "distance_m": nothing}
+        columns |= {"x": column["x_m"], "y": column["y_m"], "u": column["u_px"], "v": column["v_px"]}
+    rows = pd.DataFrame(columns)
+    is_timed = rows["ts_ms"].notna().to_numpy()
+    return Sample(
+        rows[is_timed].reset_index(drop=True),
+        column["zone"].fillna("").to_numpy()[is_timed],
+        name == "pairs",
+        sum(r.n for b in batches for r in b.rejected),
+        sum((Counter(b.n_dropped) for b in batches), Counter()),
+        is_whole and sum(p.num_rows for p in parts) <= SAMPLE_ROWS,
+    )

@@ -1,0 +1,75 @@
+"""The first rows of a table as the file writes them, with the columns that nobody mapped."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from vsd_analytics.ingest.cell_values import trimmed
+from vsd_analytics.ingest.columns import KNOWN, ColumnPlan, beside
+from vsd_analytics.ingest.table_file import TableFile
+from vsd_analytics.ingest.telling_names import Role, named_like
+
+HEAD_ROWS = 50_000
+VALUES_MAX = 200
+"""Different values of a column that are remembered."""
+SHOWN_ROWS = 3
+_CHARS = 80
+_ROLES: tuple[Role, ...] = ("camera", "id", "class", "confidence", "time", "date")
+
+
+@dataclass(frozen=True, slots=True)
+class TableHead:
+    """How the columns of a table are read, and what its first rows hold.
+
+    Attributes:
+        plan: Which columns are read, and as what.
+        ignored: Names of the columns that are not read, in the order of the file.
+        values: How often each value occurs in an ignored column whose name tells what it holds; at most `VALUES_MAX`.
+        rows: The first rows by line: cells of the columns that are read, by their names.
+    """
+
+    plan: ColumnPlan
+    ignored: Sequence[str]
+    values: Mapping[str, Counter[str]] = field(default_factory=dict)
+    rows: Mapping[int, Mapping[str, str]] = field(default_factory=dict)
+
+
+def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
+    """Read the first rows of a table.
+
+    Args:
+        file: The table.
+        plan: Its columns.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    read = set(plan.theirs.values()) | set(plan.compared.values())
+    names = file.header.names
+    free = [i for i in range(len(names)) if i not in read]
+    ignored = [names[i] for i in free if names[i] != f"_{i}"]
+    telling = {names[i] for role in _ROLES for i in free if named_like([names[i]], role)}
+    telling -= set(KNOWN) - {"camera_id", "track_id"}
+    watched = {name: i for i, name in enumerate(names) if name in telling and file.can_read(i)}
+    wanted = {**plan.theirs, **{beside(name): i for name, i in watched.items()}}
+    values: dict[str, Counter[str]] = {name: Counter() for name in watched}
+    rows: dict[int, dict[str, str]] = {}
+    n_rows = 0
+    with file.readable():
+        for chunk in file.chunks(wanted):
+            some = slice(0, SHOWN_ROWS - len(rows))
+            for at, line in enumerate(chunk.lines[some].tolist()):
+                cells = {o: trimmed(chunk.columns[o].slice(at, 1))[0].as_py() for o in plan.theirs}
+                rows[line] = {plan.names[o]: str(cell)[:_CHARS] for o, cell in cells.items()}
+            for name, counter in values.items():
+                texts = trimmed(chunk.columns[beside(name)].slice(0, HEAD_ROWS - n_rows))
+                for found in texts.value_counts().to_pylist():
+                    text = found["values"][:_CHARS]
+                    if text and (text in counter or len(counter) < VALUES_MAX):
+                        counter[text] += found["counts"]
+            n_rows += len(chunk.lines)
+            if n_rows >= HEAD_ROWS:
+                break
+    return TableHead(plan, ignored, values, rows)

@@ -1,0 +1,214 @@
+"""What was understood of a source: a card that a person can check at a glance, with doubts."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vsd_analytics.errors import InputError, VsdError, Where
+from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
+from vsd_analytics.ingest.columns import TIME_OF_DAY
+from vsd_analytics.ingest.doubts import Case, Doubt, doubts_of, floor_bounds_m, picture_px
+from vsd_analytics.ingest.sample import Sample, sample_of
+from vsd_analytics.ingest.table_head import SHOWN_ROWS, TableHead
+from vsd_analytics.ingest.telling_names import named_like
+from vsd_analytics.ingest.units import LENGTHS
+from vsd_analytics.site.model import Site
+
+Extent = tuple[float, float, float, float]
+"""Least and largest value of one axis, then of the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnUse:
+    """One column that is read.
+
+    Attributes:
+        ours: Our name, such as "x_m".
+        theirs: The file's name.
+        unit: Unit it is converted from; None = it is read as it is.
+    """
+
+    ours: str
+    theirs: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SourceCard:
+    """What was understood of the first records of one source.
+
+    Attributes:
+        format: Adapter that reads it.
+        n_records: Records looked at.
+        is_whole: Whether these are all records.
+        columns: Columns that are read; empty for formats without columns of the user's choice.
+        ignored: Columns that are not read.
+        missing: Our columns that the file lacks, though figures need them.
+        confidence: Column that seems to hold the engine's confidence; None = there is none.
+        floor_m: 1st and 99th percentiles of x and y, in metres; None without floor positions.
+        floor_bounds_m: Rectangle of the plan or view.
+        pixels: 1st and 99th percentiles of u and v, in pixels; None without.
+        picture_px: Width and height of the picture.
+        cameras: Records by the name of the camera.
+        n_ids: Track ids.
+        life_s: Median seconds from the first to the last record of an id.
+        interval_s: Median seconds between frames.
+        zone: Zone in which times without an offset are read; None = all have one.
+        zone_from: Who says so: "--zone", "clock" (vsd.toml) or "assumed".
+        time_format: How times are written, in the words of strptime; None = ISO 8601 or numbers.
+        first_ms, last_ms: First and last instant of the sample, UTC milliseconds.
+        n_second: Records that would be left out as second sightings.
+        n_rejected: Records that cannot be used.
+        n_dropped: Records left out on purpose, by reason.
+        rows: The first rows: `line`, `theirs` (cells by column) and `ours`.
+        doubts: What looks wrong.
+    """
+
+    format: str
+    n_records: int
+    is_whole: bool
+    columns: tuple[ColumnUse, ...] = ()
+    ignored: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    confidence: str | None = None
+    floor_m: Extent | None = None
+    floor_bounds_m: Extent | None = None
+    pixels: Extent | None = None
+    picture_px: tuple[int, int] | None = None
+    cameras: Mapping[str, int] = field(default_factory=dict)
+    n_ids: int = 0
+    life_s: float | None = None
+    interval_s: float | None = None
+    zone: str | None = None
+    zone_from: str | None = None
+    time_format: str | None = None
+    first_ms: int | None = None
+    last_ms: int | None = None
+    n_second: int = 0
+    n_rejected: int = 0
+    n_dropped: Mapping[str, int] = field(default_factory=dict)
+    rows: Sequence[Mapping[str, Any]] = ()
+    doubts: tuple[Doubt, ...] = ()
+
+    @property
+    def sure_doubts(self) -> tuple[Doubt, ...]:
+        """Return the doubts that are almost surely mistakes."""
+        return tuple(d for d in self.doubts if d.is_sure)
+
+    @property
+    def shape(self) -> str:
+        """Return the same text for files whose columns are read alike."""
+        columns = [(c.ours, c.theirs, c.unit) for c in self.columns]
+        alike = repr((self.format, columns, self.ignored, self.zone, self.zone_from, self.time_format))
+        return hashlib.blake2b(alike.encode("utf-8", "backslashreplace"), digest_size=8).hexdigest()
+
+
+def understand(
+    site: Site, source: Source, reader: Adapter, options: IngestOptions, head: Sequence[RawBatch], *, is_whole: bool
+) -> SourceCard:
+    """Return what was understood of a source.
+
+    Args:
+        site: The site.
+        source: The source.
+        reader: Its adapter.
+        options: What the user says, completed from vsd.toml.
+        head: The first batches.
+        is_whole: Whether there are no others.
+    """
+    sample = sample_of(head, is_whole=is_whole)
+    table = _table_head(source, reader, options)
+    case = Case(site, options, sample, table)
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are quarantined later
+        return _card(case, reader.name)
+
+
+def refused(source: Source, card: SourceCard) -> InputError:
+    """Return the error of a source that is almost surely understood wrongly: E211."""
+    sure = card.sure_doubts
+    first = sure[0]
+    more = f" ({len(sure) - 1} more: {', '.join(d.code for d in sure[1:])})" if len(sure) > 1 else ""
+    return InputError(
+        f"{source.path.name} was not stored: {first.what}{more}",
+        code="E211",
+        where=Where(source.name),
+        why=first.why,
+        fix=f"{first.fix}; --yes stores it as it is",
+    )
+
+
+def _table_head(source: Source, reader: Adapter, options: IngestOptions) -> TableHead | None:
+    look = getattr(reader, "head", None)
+    if look is None:
+        return None
+    try:
+        found: TableHead | None = look(source, options)
+    except VsdError:  # reading the source reports it
+        return None
+    return found
+
+
+def _card(case: Case, name: str) -> SourceCard:
+    sample, head = case.sample, case.head
+    plan = None if head is None else head.plan
+    ts_ms = sample.rows["ts_ms"]
+    lives = sample.lives_s() if sample.has_ids else np.array([])
+    zone, zone_from = _zone(case)
+    like = [] if head is None else named_like(head.ignored, "confidence")
+    return SourceCard(
+        format=name,
+        n_records=sample.n,
+        is_whole=sample.is_whole,
+        columns=() if plan is None else tuple(_use(o, t, plan.units) for o, t in plan.names.items()),
+        ignored=() if head is None or plan is None else tuple(n for n in head.ignored if n not in plan.compared),
+        missing=("track_id",) if plan is not None and not sample.is_pairs and "track_id" not in plan.theirs else (),
+        confidence=like[0] if like else None,
+        floor_m=sample.extent("x", "y"),
+        floor_bounds_m=floor_bounds_m(case),
+        pixels=sample.extent("u", "v"),
+        picture_px=picture_px(case),
+        cameras={str(k): int(n) for k, n in sample.rows["camera"].value_counts().head(20).items()},
+        n_ids=len(lives),
+        life_s=float(np.median(lives)) if len(lives) else None,
+        interval_s=sample.interval_s(),
+        zone=zone,
+        zone_from=zone_from,
+        time_format=None if plan is None else plan.time_format,
+        first_ms=None if ts_ms.empty else int(ts_ms.min()),
+        last_ms=None if ts_ms.empty else int(ts_ms.max()),
+        n_second=sample.n_second(),
+        n_rejected=sample.n_rejected,
+        n_dropped=dict(sample.n_dropped),
+        rows=_rows(sample, head),
+        doubts=doubts_of(case),
+    )
+
+
+def _use(ours: str, theirs: str, units: Mapping[str, str]) -> ColumnUse:
+    unit = units.get(ours, "m") if ours in LENGTHS else None
+    return ColumnUse("ts" if ours == TIME_OF_DAY else ours, theirs, unit)
+
+
+def _zone(case: Case) -> tuple[str | None, str | None]:
+    zones = [zone for zone in np.unique(case.sample.zones) if zone]
+    if not zones:
+        return None, None
+    if case.options.zone is not None:
+        return case.options.zone, "--zone"
+    is_stated = all(c.has_clock for c in case.cameras)
+    return ", ".join(zones), "clock" if is_stated and case.cameras else "assumed"
+
+
+def _rows(sample: Sample, head: TableHead | None) -> tuple[Mapping[str, Any], ...]:
+    found = []
+    for row in sample.rows.head(SHOWN_ROWS).to_dict("records"):
+        ours = {name: None if pd.isna(value) else value for name, value in row.items() if name != "line"}
+        line = int(row["line"])
+        found.append({"line": line, "theirs": {} if head is None else dict(head.rows.get(line, {})), "ours": ours})
+    return tuple(found)

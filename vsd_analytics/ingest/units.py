@@ -1,0 +1,45 @@
+"""Units of length: what a column's own name says, and the factor to metres."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+LENGTHS: Final = ("x_m", "y_m", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
+"""Our columns in metres."""
+
+METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "km": 1000.0, "ft": 0.3048, "in": 0.0254}
+"""Metres of one unit."""
+
+PIXELS: Final = "px"
+
+_WORDS: Final = {
+    **{unit: unit for unit in ("mm", "cm", "dm", "m", "km", "ft")},
+    **{f"{stem}{end}": "m" for stem in ("meter", "metre") for end in ("", "s")},
+    **{f"{prefix}{stem}{end}": unit
+       for prefix, unit in (("milli", "mm"), ("centi", "cm"), ("deci", "dm"), ("kilo", "km"))
+       for stem in ("meter", "metre") for end in ("", "s")},
+    **dict.fromkeys(("foot", "feet"), "ft"),
+    **dict.fromkeys(("inch", "inches"), "in"),
+    **dict.fromkeys(("px", "pix", "pixel", "pixels"), PIXELS),
+}  # fmt: skip
+_PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
+_AXIS = re.compile(r"(?:pos|position|foot)?[xyz](mm|cm|dm|km|ft|px)", re.IGNORECASE)
+
+
+def unit_in_name(name: str) -> str | None:
+    """Return the unit that a column name states, such as "mm" for `x_mm`, `X (mm)` or `posMillimeters`.
+
+    Args:
+        name: The name as the file gives it.
+
+    Returns:
+        A key of `METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`.
+    """
+    if joined := _AXIS.fullmatch(name.strip()):
+        return _WORDS[joined[1].lower()]
+    parts = [part.lower() for part in _PART.findall(name)]
+    for i, part in reversed(list(enumerate(parts))):
+        if part in _WORDS and (part != "m" or (i == len(parts) - 1 and i > 0)):
+            return _WORDS[part]
+    return None
