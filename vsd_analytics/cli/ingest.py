@@ -13,6 +13,7 @@ from vsd_analytics.cli.ingest_output import print_source, print_total, result_as
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json, plain, progress
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.standard_input import with_standard_input
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def ingest(
       vsd ingest frames.jsonl
       vsd ingest day1.csv.gz --format positions --columns ts,track_id,x_m,y_m --camera cam-1 --period 1
       vsd ingest export.csv --map ts=time --map x_m=x --map y_m=y --dry-run
+      zcat day1.csv.gz | vsd ingest - --map ts=time
       vsd ingest --watch /srv/engine-out
     """
     if folder is not None:
@@ -70,15 +72,15 @@ def read_files(
     from vsd_analytics.ingest.pipeline import ingest as ingest_files
 
     options = ingest_options(project, given)
-    paths = [Path(f) for f in files]
     is_quiet = project.quiet or as_json
 
-    def show(source: SourceResult) -> None:
+    def show_card(source: SourceResult) -> None:
         if source.card is not None and source.is_new_shape:
             click.echo(plain(source.source))
             print_card(project, source.card)
 
     with (
+        with_standard_input(files, project.site.settings) as (paths, shown),
         progress(None, total=sum(map(_size, paths)), label="reading", unit="B", quiet=is_quiet) as reading,
         progress(None, total=None, label="storing", unit=" records", quiet=is_quiet) as storing,
     ):
@@ -90,7 +92,8 @@ def read_files(
             is_dry_run=is_dry_run,
             on_bytes=reading.update,
             on_rows=storing.update,
-            on_card=None if is_quiet or is_dry_run else show,
+            on_card=None if is_quiet or is_dry_run else show_card,
+            shown=shown,
         )
     if as_json:
         emit_json(result_as_dict(project, result, is_dry_run=is_dry_run))

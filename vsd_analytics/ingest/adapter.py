@@ -153,15 +153,22 @@ class Source:
     Attributes:
         path: As given.
         settings: The bounds of what it may ask for; see `vsd_analytics.ingest.limits`.
+        shown: What messages call it, where `path` is a copy of it; None = the path.
     """
 
     path: Path
     settings: Settings = field(default_factory=Settings, repr=False, kw_only=True)
+    shown: str | None = field(default=None, kw_only=True)
 
     @property
     def name(self) -> str:
         """Return the path as shown in messages; bytes that are not UTF-8 are shown as replacement characters."""
-        return os.fsencode(self.path).decode("utf-8", "replace")
+        return os.fsencode(self.path if self.shown is None else self.shown).decode("utf-8", "replace")
+
+    @property
+    def file_name(self) -> str:
+        """Return the last part of the path, for messages."""
+        return self.path.name if self.shown is None else self.shown.rpartition("/")[2]
 
     @property
     def size_bytes(self) -> int:
@@ -211,7 +218,7 @@ class Source:
 def not_a_file(source: Source) -> InputError:
     """Return the error of a path that is no regular file: E120."""
     return InputError(
-        f"{source.path.name} is not a regular file",
+        f"{source.file_name} is not a regular file",
         code="E120",
         where=Where(source.name),
         why="pipes, devices and sockets have no end, and a link may lead nowhere",
@@ -228,7 +235,7 @@ def empty(source: Source) -> InputError:
     except InputError as error:
         return error
     return InputError(
-        f"{source.path.name} is empty",
+        f"{source.file_name} is empty",
         code="E202",
         where=Where(source.name),
         why="even an hour without people has a header, or messages without persons",

@@ -88,7 +88,7 @@ def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Mem
             yield _tar_members(source, packed, wanted)
     else:
         raise InputError(
-            f"{source.path.name} is neither a folder nor a zip or tar archive",
+            f"{source.file_name} is neither a folder nor a zip or tar archive",
             code="E204",
             where=Where(source.name),
             fix="name the folder or the archive the files came in",

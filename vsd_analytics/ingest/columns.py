@@ -109,7 +109,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
         raise InputError(
-            f"{source.path.name} has frame numbers but no times",
+            f"{source.file_name} has frame numbers but no times",
             code="E207",
             where=Where(source.name),
             why="a frame number becomes a time only with the frame rate and the time of the first frame",
@@ -137,7 +137,7 @@ def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> 
         unit = stated if stated in METRES and stated != "m" else options.unit or "m"
         if options.unit not in (None, unit):
             raise InputError(
-                f"--unit {options.unit} contradicts the column {names[ours][:80]!r} of {source.path.name}",
+                f"--unit {options.unit} contradicts the column {names[ours][:80]!r} of {source.file_name}",
                 code="E203",
                 where=Where(source.name),
                 why=f"its name says {unit}",
@@ -155,7 +155,7 @@ def _their_column(source: Source, name: str, header: Header) -> int:
                 return names.index(wanted)
     near = _nearest(name, [n for n in header.names[:1000] if len(n) <= 100])
     raise InputError(
-        f"{source.path.name} has no column {name!r}, which --where compares",
+        f"{source.file_name} has no column {name!r}, which --where compares",
         code="E203",
         where=Where(source.name, header.line, header.text),
         why=f"found: {', '.join(n[:40] for n in header.names[:20])}",
@@ -197,7 +197,7 @@ def _missing(
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
     if shown and header.line is not None and all(is_number(n) for n in shown):
         return InputError(
-            f"{source.path.name} has no column {column!r}",
+            f"{source.file_name} has no column {column!r}",
             code="E203",
             where=Where(source.name, header.line, header.text),
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
@@ -212,7 +212,7 @@ def _missing(
     if fix is None:
         fix = f"--map {ours or column}={near or 'THEIR_NAME'}      (or in vsd.toml, under [ingest.map])"
     return InputError(
-        f"{source.path.name} has no column {column!r}",
+        f"{source.file_name} has no column {column!r}",
         code="E203",
         where=Where(source.name, header.line, header.text, at or None, "did you mean this column?" if at else None),
         why=f"{why}; {found}",

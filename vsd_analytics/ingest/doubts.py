@@ -167,7 +167,7 @@ def _far_out(case: Case, unit: str) -> Iterator[Doubt]:
         fix = "--map u_px=...,v_px=... with --size WIDTHxHEIGHT if they are shares of the picture"
         yield Doubt("W220", what, why, fix, is_sure=True)
         return
-    extent = case.sample.extent("x", "y")
+    extent = case.sample.extent("x", "y", tail=0.05)
     assert extent is not None
     shown = f"x {extent[0]:,.1f} to {extent[1]:,.1f} m, y {extent[2]:,.1f} to {extent[3]:,.1f} m"
     bounds = floor_bounds_m(case)

@@ -113,6 +113,8 @@ class Frames:
     def detects(self, source: Source) -> bool:
         """Return whether a line begins as a JSON object with "camera" or "v"; lines before it may be damaged."""
         head = source.head()
+        if head.removeprefix(_BYTE_ORDER_MARK).lstrip().startswith(b"["):  # a JSON array is a table
+            return False
         if b"\n" not in head:
             head = source.head(_LONG_BYTES)
         lines = head.removeprefix(_BYTE_ORDER_MARK).splitlines()

@@ -65,7 +65,7 @@ def too_many(source: Source, found: str, setting: str, *, allowed: int, why: str
         why: A sentence for people.
     """
     return InputError(
-        f"{source.path.name} has {found}; at most {allowed:,} are read",
+        f"{source.file_name} has {found}; at most {allowed:,} are read",
         code="E209",
         where=Where(source.name),
         why=why,

@@ -75,7 +75,7 @@ def _chosen(source: Source, found: list[Sequence], options: IngestOptions) -> li
         if len(matching) == 1:
             return [dataclasses.replace(matching[0], camera=options.camera)]
     raise UsageError(
-        f"{source.path.name} holds {len(found)} sequences and it is not clear which are meant",
+        f"{source.file_name} holds {len(found)} sequences and it is not clear which are meant",
         where=Where(source.name),
         why=f"--camera is {options.camera or 'not given'}; the sequences are {', '.join(str(c) for c in cameras[:20])}",
         fix="give --camera the name of one of them, or unpack the archive and name one folder",
@@ -84,7 +84,7 @@ def _chosen(source: Source, found: list[Sequence], options: IngestOptions) -> li
 
 def _no_sequences(source: Source) -> InputError:
     return InputError(
-        f"{source.path.name} holds no gt/gt.txt and no det/det.txt",
+        f"{source.file_name} holds no gt/gt.txt and no det/det.txt",
         code="E204",
         where=Where(source.name),
         fix="name a sequence folder, or a zip of sequences, as MOTChallenge packs them",

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source
+from vsd_analytics.ingest.arrow_cells import is_text, plain, text_lengths
 from vsd_analytics.ingest.limits import MB, records_max, too_many, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.parquet_pages import PageError, ParquetPage, pages
 from vsd_analytics.ingest.raw import rejected
@@ -54,7 +54,7 @@ class ParquetTable:
                 self._leaves = {parquet.column(i).path: i for i in reversed(range(file.metadata.num_columns))}
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # the last: a name that is no UTF-8
             raise InputError(
-                f"{source.path.name} is not a whole Parquet file",
+                f"{source.file_name} is not a whole Parquet file",
                 code="E205",
                 where=Where(source.name),
                 why=f"its footer cannot be read, as when a copy was cut short: {str(error)[:200]}",
@@ -128,7 +128,7 @@ class ParquetTable:
             raise self._no_such_type(str(error)[:200]) from None
         except (pa.ArrowException, PageError, OSError) as error:
             raise InputError(
-                f"{self._source.path.name} is damaged after record {self._done:,}",
+                f"{self._source.file_name} is damaged after record {self._done:,}",
                 code="E205",
                 where=Where(self._source.name, self._done + 1),
                 why=str(error)[:200],
@@ -138,7 +138,7 @@ class ParquetTable:
     def has_text(self, column: int) -> bool:
         """Return whether a column holds texts."""
         kind = self._schema.field(column).type
-        return _is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
+        return is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
 
     def can_read(self, column: int) -> bool:
         """Return whether a column is of a type that can be read: no list and no struct, and its cells are short."""
@@ -220,7 +220,7 @@ class ParquetTable:
         is_long, n_bytes = np.zeros(n_rows, dtype=bool), 0
         too_long: list[Rejected] = []
         for ours, column in columns.items():
-            lengths = _lengths(column)
+            lengths = text_lengths(column)
             for i in np.flatnonzero((lengths > self._settings.cell_max_bytes) & ~is_long).tolist():
                 detail = f"{ours} has {lengths[i]:,} bytes; at most {int(self._settings.cell_max_bytes):,} are read"
                 too_long.append(rejected(int(lines[i]), reason="cell-too-long", detail=f"{detail} (cell_max_bytes)"))
@@ -233,11 +233,11 @@ class ParquetTable:
             lines = lines[~is_long]
         step = max(1, len(lines) // (1 + n_bytes // HANDED_BYTES))
         for at in range(0, len(lines), step):
-            part = {ours: _plain(column.slice(at, step)) for ours, column in columns.items()}
+            part = {ours: plain(column.slice(at, step)) for ours, column in columns.items()}
             yield Chunk(part, lines[at : at + step], too_long, self._done_bytes(self._done + n_rows))
             too_long = []
         if too_long:
-            nothing = {ours: _plain(column) for ours, column in columns.items()}
+            nothing = {ours: plain(column) for ours, column in columns.items()}
             yield Chunk(nothing, lines, too_long, self._done_bytes(self._done + n_rows))
         self._done += n_rows
 
@@ -246,7 +246,7 @@ class ParquetTable:
 
     def _no_such_type(self, why: str) -> InputError:
         return InputError(
-            f"{self._source.path.name} has a column of a type that cannot be read",
+            f"{self._source.file_name} has a column of a type that cannot be read",
             code="E203",
             where=Where(self._source.name),
             why=why,
@@ -256,32 +256,3 @@ class ParquetTable:
 
 def _whole(column: pa.Array | pa.ChunkedArray) -> pa.Array:
     return column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
-
-
-def _lengths(column: pa.Array) -> np.ndarray:
-    """Return the bytes of each cell of a text, 0 of others."""
-    nothing = np.zeros(len(column), dtype=np.int64)
-    if pa.types.is_dictionary(column.type):
-        lengths = np.append(_lengths(column.dictionary), 0)
-        return np.asarray(lengths[pc.fill_null(column.indices, len(lengths) - 1).to_numpy(zero_copy_only=False)])
-    if not _is_text(column.type):
-        return nothing
-    return np.asarray(pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False), dtype=np.int64)
-
-
-def _plain(column: pa.Array) -> pa.Array:
-    """Return a column without a dictionary; texts that are no UTF-8 as bytes, to be shown as escapes."""
-    if pa.types.is_dictionary(column.type):
-        column = column.dictionary.take(column.indices)
-    if not any(check(column.type) for check in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)):
-        return column
-    try:
-        column.validate(full=True)
-    except pa.ArrowInvalid:  # Parquet promises UTF-8 and does not look
-        return column.cast(pa.large_binary())
-    return column
-
-
-def _is_text(kind: Any) -> bool:
-    checks = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
-    return any(check(kind) for check in checks)

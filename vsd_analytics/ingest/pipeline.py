@@ -121,7 +121,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
     if options.map and source.path.is_file():
         return adapter("table")
     raise InputError(
-        f"the format of {source.path.name} is not recognised",
+        f"the format of {source.file_name} is not recognised",
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
@@ -142,6 +142,7 @@ def ingest(
     on_rows: Callable[[int], None] | None = None,
     on_source: Callable[[SourceResult], None] | None = None,
     on_card: Callable[[SourceResult], None] | None = None,
+    shown: Mapping[Path, str] | None = None,
 ) -> IngestResult:
     """Read engine output into the store of a project.
 
@@ -157,6 +158,7 @@ def ingest(
         on_rows: Called with the number of records put into the store since the last call.
         on_source: Called when a source is done.
         on_card: Called when a source's card is known, before any of it is stored.
+        shown: What messages call a path, where it is a copy of something else.
 
     Returns:
         The result of each source, and what the store gained. A source that cannot be read to its end has its error in
@@ -176,7 +178,7 @@ def ingest(
     days = store.days()
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for path in paths:
-            source = Source(path, settings=site.settings)
+            source = Source(path, settings=site.settings, shown=(shown or {}).get(path))
             result = _Ingest(site, source, options, normaliser, target, now, is_dry_run, on_bytes, on_card).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
@@ -259,7 +261,7 @@ class _Ingest:
             yield from batches
         except OSError as error:
             raise InputError(
-                f"{self.source.path.name} cannot be read: {error.strerror or error}",
+                f"{self.source.file_name} cannot be read: {error.strerror or error}",
                 code="E120",
                 where=Where(self.source.name),
                 fix="check the path and its permissions",

@@ -53,12 +53,15 @@ class Sample:
         """Return whether records have ids of people."""
         return bool(self.rows["track"].notna().any())
 
-    def extent(self, across: str, up: str) -> tuple[float, float, float, float] | None:
-        """Return the 1st and 99th percentiles of two columns: least and largest of the first, then of the second."""
+    def extent(self, across: str, up: str, *, tail: float = 0.01) -> tuple[float, float, float, float] | None:
+        """Return the percentiles near the ends of two columns: least and largest of the first, then of the second.
+
+        Between two records the inner one is taken, so that a single wild position of a small file does not show.
+        """
         values = self.rows[[across, up]].dropna()
         if values.empty:
             return None
-        low, high = values.quantile(0.01), values.quantile(0.99)
+        low, high = values.quantile(tail, interpolation="higher"), values.quantile(1 - tail, interpolation="lower")
         return float(low[across]), float(high[across]), float(low[up]), float(high[up])
 
     def speeds_m_s(self) -> np.ndarray:

@@ -142,7 +142,7 @@ class SmartSocialDistancing:
             except InputError as error:
                 is_empty, damage = False, damage or error
         if is_empty:
-            raise InputError(f"{source.path.name} holds no objects_log/*.csv", code="E204", where=Where(source.name))
+            raise InputError(f"{source.file_name} holds no objects_log/*.csv", code="E204", where=Where(source.name))
         note = agreement.note()
         yield RawBatch(notes=(note,) if note else (), done_bytes=source.size_bytes)
         if damage is not None:
@@ -196,7 +196,7 @@ def _is_log_folder(source: Source) -> bool:
 @contextmanager
 def _logs(source: Source) -> Iterator[Any]:
     if archive_kind(source) is None:
-        yield [Member(source.path.name, source.open)]
+        yield [Member(source.file_name, source.open)]
     else:
         with members(source, wanted=_LOGS_HERE if _is_log_folder(source) else _LOGS) as found:
             yield found

@@ -1,8 +1,9 @@
-"""Tables of positions or pairs: CSV (plain, gz, bz2, zst; comma, semicolon, tab or blanks) and Parquet.
+"""Tables of positions or pairs: CSV (plain, gz, bz2, zst; comma, semicolon, tab, blanks), Parquet, Feather, JSON, xlsx.
 
 Our column names are `ts camera_id track_id x_m y_m u_px v_px` for positions and `ts camera_id track_a track_b x_a_m
 y_a_m x_b_m y_b_m distance_m distance_sd_m` for pairs. `frame` may replace `ts`. A box (`left top right bottom` or `left
 top width height`, pixels) may replace `u_px v_px`, its foot point. `--map ours=theirs` and `--columns` rename columns.
+A folder, zip or tar of tables is read file by file.
 """
 
 from __future__ import annotations
@@ -10,19 +11,33 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Source
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest import arrow_file
+from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.archive import archive_kind
 from vsd_analytics.ingest.columns import KNOWN, ColumnPlan, plan_columns
+from vsd_analytics.ingest.json_table import JsonTable
 from vsd_analytics.ingest.parquet import ParquetTable
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.table_file import TableFile
 from vsd_analytics.ingest.table_head import TableHead, head_of
+from vsd_analytics.ingest.table_parts import PartWithConstants, TablePart, has_parts, parts_of
 from vsd_analytics.ingest.table_rows import raw_batch
 from vsd_analytics.ingest.text_table import TextTable, as_text, delimiter_of, split_by
 from vsd_analytics.ingest.time_formats import time_format
+from vsd_analytics.ingest.workbook import Workbook
 from vsd_analytics.schema import TableName
 
 _PARQUET = b"PAR1"
+_ZIP = b"PK\x03\x04"
 _SUFFIXES = frozenset({".csv", ".tsv", ".parquet"})
+_BINARY = {
+    b"\xd0\xcf\x11\xe0": ("an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
+    b"FEA1": ("a Feather file of version 1", "write it again with pyarrow.feather.write_feather, or as Parquet"),
+    b"SQLi": ("a SQLite database", "export the table as CSV"),
+    b"%PDF": ("a PDF", "export the table as CSV"),
+}
+"""First bytes of files that are no text, what they are, and what to do."""
 
 
 class Tables:
@@ -39,13 +54,17 @@ class Tables:
 
     def detects(self, source: Source) -> bool:
         """Return whether the suffix is that of a table, or the first line has one of our column names."""
-        if source.path.is_dir() or self._kind is not None:  # only the user can name what is in it
+        if self._kind is not None:  # only the user can name what is in it
             return False
+        if archive_kind(source) is not None:
+            return is_workbook(source) or has_parts(source)
         head = source.head(8192)
-        if head.startswith(_PARQUET):
+        if head.startswith((_PARQUET, arrow_file.MAGIC)):
             return True
         first = next((line for line in as_text(head).split("\n") if line.strip()), "")
-        if first.lstrip().startswith(("{", "[")):
+        if first.lstrip("\ufeff ").startswith("["):
+            return "{" in as_text(head)
+        if first.lstrip().startswith("{"):
             return False
         try:
             names = [name.strip().lower() for name in split_by(delimiter_of(first))(first)]
@@ -54,14 +73,28 @@ class Tables:
         return bool(set(source.suffixes) & _SUFFIXES) or any(name in KNOWN for name in names)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
-        """Stream the rows of one file; see `Adapter.read`."""
-        file, plan = self._planned(source, options)
+        """Stream the rows of a file, or of all files of a folder or archive; see `Adapter.read`."""
+        if not is_divided(source):
+            yield from self._read(source, options)
+            return
+        with parts_of(source) as parts:
+            for part in parts:  # none of them is stored before all are understood
+                self._planned(part.source, options, part)
+            done_bytes = 0
+            for part in parts:
+                for batch in self._read(part.source, options, part):
+                    bad = [replace(r, detail=f"{part.name}: {r.detail}") for r in batch.rejected]
+                    yield replace(batch, rejected=bad, done_bytes=min(source.size_bytes, done_bytes + batch.done_bytes))
+                done_bytes += part.source.size_bytes
+
+    def _read(self, source: Source, options: IngestOptions, part: TablePart | None = None) -> Iterator[RawBatch]:
+        file, plan = self._planned(source, options, part)
         if self._is_only_where:
             plan = plan.only_where()
         with file.readable():
             for chunk in file.chunks(plan.wanted):
                 batch = raw_batch(plan, chunk.columns, chunk.lines, options, decimal_comma=file.has_decimal_comma)
-                bad = batch.rejected
+                bad: list[Rejected] = list(batch.rejected)
                 if chunk.whole is not None:
                     bad = [replace(r, whole=chunk.whole[r.line]) for r in bad]
                 yield replace(
@@ -77,10 +110,17 @@ class Tables:
         Raises:
             InputError: The file cannot be read as a table, or lacks a column.
         """
-        return head_of(*self._planned(source, options))
+        if not is_divided(source):
+            return head_of(*self._planned(source, options))
+        with parts_of(source) as parts:
+            return head_of(*self._planned(parts[0].source, options, parts[0]))
 
-    def _planned(self, source: Source, options: IngestOptions) -> tuple[TableFile, ColumnPlan]:
+    def _planned(
+        self, source: Source, options: IngestOptions, part: TablePart | None = None
+    ) -> tuple[TableFile, ColumnPlan]:
         file = open_table(source, options)
+        if part is not None and part.constants:
+            file = PartWithConstants(file, part.constants)
         plan = plan_columns(source, options, file.header, kind=self._kind)
         return file, replace(plan, time_format=time_format(source, file, plan, stated=options.time_format))
 
@@ -91,9 +131,31 @@ def open_table(source: Source, options: IngestOptions) -> TableFile:
     Raises:
         InputError: E202 it is empty, E203 to E206 it is no table or damaged.
     """
-    if source.head(4) == _PARQUET:
+    head = source.head(4096)
+    if head.startswith(_PARQUET):
         return ParquetTable(source)
+    if head.startswith(arrow_file.MAGIC):
+        return arrow_file.ArrowTable(source)
+    if head.startswith(_ZIP):
+        return Workbook(source)
+    what, fix = _BINARY.get(head[:4], ("a binary file", "export the table as CSV or Parquet"))
+    if head[:4] in _BINARY or (b"\0" in head.partition(b"\n")[0] and not head.startswith((b"\xff\xfe", b"\xfe\xff"))):
+        raise InputError(f"{source.file_name} is {what}, no table", code="E204", where=Where(source.name), fix=fix)
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"[", b"{")) and options.columns is None:
+        return JsonTable(source, options)
     return TextTable(source, options)
+
+
+def is_workbook(source: Source) -> bool:
+    """Return whether a file is an Excel workbook (xlsx): a zip whose first entry is one of its own."""
+    head = source.head(4096) if source.path.is_file() else b""
+    return head.startswith(_ZIP) and (b"[Content_Types].xml" in head or b"xl/" in head or source.suffixes == (".xlsx",))
+
+
+def is_divided(source: Source) -> bool:
+    """Return whether a source is a folder or archive of tables."""
+    # lines of the quarantine are a source of their own, whatever their path is by now
+    return type(source) is Source and archive_kind(source) is not None and not is_workbook(source)
 
 
 def positions() -> Tables:

@@ -38,11 +38,11 @@ class TextTable:
         head = source.head()
         if head.startswith(_UTF_16):
             raise InputError(
-                f"{source.path.name} is text in UTF-16",
+                f"{source.file_name} is text in UTF-16",
                 code="E204",
                 where=Where(source.name),
                 why="tables are read as UTF-8",
-                fix=f"iconv -f UTF-16 -t UTF-8 {source.path.name} > utf8.csv   (or save it as CSV UTF-8)",
+                fix=f"iconv -f UTF-16 -t UTF-8 {source.file_name} > utf8.csv   (or save it as CSV UTF-8)",
             )
         lines = as_text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
         # with --columns there is no header line, so lines that start with # before the first record are comments
@@ -57,7 +57,7 @@ class TextTable:
         except BadRowError as error:
             why = f"its first line cannot be split into cells: {error.args[1]}"
             raise InputError(
-                f"{source.path.name} cannot be read as a table",
+                f"{source.file_name} cannot be read as a table",
                 code="E204",
                 where=Where(source.name, at + 1, first),
                 why=why,
@@ -70,7 +70,7 @@ class TextTable:
         else:
             if len(options.columns) > len(cells):
                 raise InputError(
-                    f"--columns names {len(options.columns)} columns, {source.path.name} has {len(cells)}",
+                    f"--columns names {len(options.columns)} columns, {source.file_name} has {len(cells)}",
                     code="E203",
                     where=Where(source.name, at + 1, first),
                     fix="one name for each column, in the order of the file; _ for one to ignore",

@@ -67,7 +67,7 @@ def time_format(source: Source, file: TableFile, plan: ColumnPlan, *, stated: st
     if len(found) < 2:
         return found[0] if found else None
     raise InputError(
-        f"the dates of {source.path.name} can be read in two ways, such as {first!r}",
+        f"the dates of {source.file_name} can be read in two ways, such as {first!r}",
         code="E210",
         where=Where(source.name),
         why=f"no date of the first {SAMPLE_ROWS:,} rows shows whether the day or the month comes first",

@@ -135,7 +135,7 @@ def refused(source: Source, card: SourceCard) -> InputError:
     first = sure[0]
     more = f" ({len(sure) - 1} more: {', '.join(d.code for d in sure[1:])})" if len(sure) > 1 else ""
     return InputError(
-        f"{source.path.name} was not stored: {first.what}{more}",
+        f"{source.file_name} was not stored: {first.what}{more}",
         code="E211",
         where=Where(source.name),
         why=first.why,

@@ -109,7 +109,7 @@ class Wildtrack:
         fps = VIDEO_FPS if options.fps is None else options.fps
         if options.start is None or not (math.isfinite(fps) and 0.001 <= fps <= 1000):
             raise InputError(
-                f"{source.path.name} does not say when its first frame was taken"
+                f"{source.file_name} does not say when its first frame was taken"
                 if options.start is None
                 else f"{fps:g} is no frame rate",
                 code="E207",
@@ -146,7 +146,7 @@ class Wildtrack:
             raise damage
         if not n_files:
             raise InputError(
-                f"{source.path.name} holds no annotations_positions/<frame>.json",
+                f"{source.file_name} holds no annotations_positions/<frame>.json",
                 code="E204",
                 where=Where(source.name),
                 fix="name the folder annotations_positions, or the archive it came in",

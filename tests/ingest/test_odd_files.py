@@ -1,0 +1,83 @@
+"""Odd files of everyday life are stored right, or refused with the reason: none is silently wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import duckdb
+import pytest
+from odd_files import ODD, WORKBOOKS, Odd, Row
+from walks import project
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+
+
+def in_store(root: Path) -> list[Row]:
+    """Return the rows of the store, read by DuckDB alone; pixels times four, negative."""
+    if not list(root.glob("store/**/*.parquet")):
+        return []
+    query = """
+        select camera_id, epoch_ms(ts), track_id,
+               coalesce(x_mm, -round(u_px * 4)::int), coalesce(y_mm, -round(v_px * 4)::int)
+        from read_parquet($files, hive_partitioning = false)
+    """
+    files = [str(path) for path in root.glob("store/**/observations/**/*.parquet")]
+    return duckdb.execute(query, {"files": files}).fetchall()
+
+
+def by_identity(rows: list[Row]) -> list[Row]:
+    return sorted(rows, key=lambda row: (row[0], row[1], row[2] or "", row[3], row[4]))
+
+
+def check(odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = project(tmp_path / "project", *odd.cameras, more=odd.more)
+    with (root / "vsd.toml").open("a", encoding="utf-8") as toml:
+        toml.write("[privacy]\npseudonyms = false\n")
+    path = odd.write(tmp_path)
+    shared = ["-C", str(root), "--now", "2025-12-01"]
+    checked = run(cli, [*shared, "check", str(path), *odd.options])
+    said_by_check = "".join(capsys.readouterr())
+    assert in_store(root) == []
+    code = run(cli, [*shared, "ingest", str(path), *odd.options])
+    said = "".join(capsys.readouterr())
+    assert not list(tmp_path.parent.rglob("escaped.csv"))
+    if odd.rows is None:
+        assert (code, in_store(root)) in ((1, []), (2, [])), said
+        assert checked in (1, 2)
+        assert odd.says in said, said
+        assert odd.says in said_by_check, said_by_check
+    else:
+        assert by_identity(in_store(root)) == by_identity(list(odd.rows)), said
+        assert code == checked == (1 if any(row[2] is None for row in odd.rows) and not said else 0), said
+
+
+@pytest.mark.parametrize("odd", ODD, ids=lambda odd: odd.name)
+def test_it_is_stored_right_or_refused_with_the_reason(
+    odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    check(odd, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("odd", WORKBOOKS, ids=lambda odd: odd.name)
+def test_a_workbook_is_stored_right_or_refused_with_the_reason(
+    odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("openpyxl")
+    check(odd, tmp_path, capsys)
+
+
+def test_a_workbook_without_the_extra_is_refused_with_the_way_to_install_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import sys
+    import zipfile
+
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+
+    def write(folder: Path) -> Path:
+        with zipfile.ZipFile(folder / "a.xlsx", "w") as archive:
+            archive.writestr("[Content_Types].xml", "<x/>")
+        return folder / "a.xlsx"
+
+    check(Odd("workbook", write, says="vsd-analytics[xlsx]"), tmp_path, capsys)

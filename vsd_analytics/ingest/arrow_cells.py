@@ -1,0 +1,39 @@
+"""Columns as Arrow files hold them: lengths of texts, texts without dictionaries, texts that are no UTF-8."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+
+def text_lengths(column: pa.Array) -> np.ndarray:
+    """Return the bytes of each cell of a text, 0 of others."""
+    nothing = np.zeros(len(column), dtype=np.int64)
+    if pa.types.is_dictionary(column.type):
+        lengths = np.append(text_lengths(column.dictionary), 0)
+        return np.asarray(lengths[pc.fill_null(column.indices, len(lengths) - 1).to_numpy(zero_copy_only=False)])
+    if not is_text(column.type):
+        return nothing
+    return np.asarray(pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False), dtype=np.int64)
+
+
+def plain(column: pa.Array) -> pa.Array:
+    """Return a column without a dictionary; texts that are no UTF-8 as bytes, to be shown as escapes."""
+    if pa.types.is_dictionary(column.type):
+        column = column.dictionary.take(column.indices)
+    if not any(check(column.type) for check in (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)):
+        return column
+    try:
+        column.validate(full=True)
+    except pa.ArrowInvalid:  # Parquet promises UTF-8 and does not look
+        return column.cast(pa.large_binary())
+    return column
+
+
+def is_text(kind: Any) -> bool:
+    """Return whether a type is text, or bytes that may be text."""
+    checks = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
+    return any(check(kind) for check in checks)

@@ -1,0 +1,96 @@
+"""JSON as a table: an array of flat objects, or one object after the other; each object is a row."""
+
+from __future__ import annotations
+
+import codecs
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import IngestOptions, Source, bytes_read, empty
+from vsd_analytics.ingest.cell_texts import CellTable
+from vsd_analytics.ingest.table_file import Header
+
+READ_BYTES = 1 << 20
+HEADER_ROWS = 200
+"""Objects whose keys are the columns: engines leave out keys of objects that lack them."""
+COLUMNS_MAX = 500
+_BETWEEN = " \t\r\n,"
+
+
+class JsonTable(CellTable):
+    """One JSON file, its first objects read.
+
+    Args:
+        source: The file.
+        options: `line_max_bytes` bounds an object.
+
+    Raises:
+        InputError: E202 it has no object, E204 it is no array of objects, E205 it is damaged from its beginning.
+    """
+
+    def __init__(self, source: Source, options: IngestOptions) -> None:
+        self._source, self._max = source, options.line_max_bytes
+        names: dict[str, None] = {}
+        for number, (found, _) in enumerate(self._objects(), start=1):
+            names.update(dict.fromkeys(str(key) for key in found))
+            if number >= HEADER_ROWS or len(names) > COLUMNS_MAX:
+                break
+        if not names:
+            raise empty(source)
+        self._keys = list(names)[:COLUMNS_MAX]
+        super().__init__(Header(self._keys), cell_max_bytes=int(source.settings.cell_max_bytes))
+
+    def rows(self) -> Iterator[tuple[int, Sequence[Any], int]]:
+        """Yield the objects as rows; see `CellTable.rows`."""
+        for number, (found, done) in enumerate(self._objects(), start=1):
+            yield number, [found.get(key) for key in self._keys], done
+
+    def _objects(self) -> Iterator[tuple[dict[str, Any], int]]:
+        """Yield the objects, each read by itself, so that the file is never in memory."""
+        decode = json.JSONDecoder().raw_decode
+        text, at, number, is_end = "", 0, 0, False
+        as_text = codecs.getincrementaldecoder("utf-8-sig")("backslashreplace")
+        with self._source.open() as stream:
+            while True:
+                while at < len(text) and (text[at] in _BETWEEN or (number == 0 and text[at] == "[")):
+                    at += 1
+                if at < len(text) and text[at] == "]":
+                    return
+                try:
+                    if at == len(text):
+                        raise json.JSONDecodeError("nothing", text, at)
+                    found, at = decode(text, at)
+                except (ValueError, RecursionError) as error:
+                    if is_end and at == len(text):
+                        return
+                    if is_end or len(text) - at > self._max:
+                        raise self._damaged(number, text[at : at + 80], error) from None
+                    more = stream.read(READ_BYTES)
+                    is_end = not more
+                    text, at = text[at:] + as_text.decode(more, final=is_end), 0
+                    continue
+                number += 1
+                if not isinstance(found, dict):
+                    raise self._no_object(number, text[max(0, at - 80) : at])
+                yield found, bytes_read(stream)
+
+    def _damaged(self, number: int, text: str, error: Exception) -> InputError:
+        why = str(error) if len(text) < self._max else f"an object is longer than {self._max:,} bytes (line_max_bytes)"
+        return InputError(
+            f"{self._source.file_name} is damaged after object {number:,}",
+            code="E205",
+            where=Where(self._source.name, number + 1, text),
+            why=f"it is not JSON: {why[:200]}",
+            fix="copy or export the file again; the records before the damage are stored",
+        )
+
+    def _no_object(self, number: int, text: str) -> InputError:
+        return InputError(
+            f"{self._source.file_name} is JSON, but no table",
+            code="E204",
+            where=Where(self._source.name, number, text),
+            why='a table is an array of flat objects: [{"ts": ..., "track_id": ..., "x_m": ..., "y_m": ...}, ...]',
+            fix="export it like this, or as CSV",
+        )

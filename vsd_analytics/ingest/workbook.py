@@ -1,0 +1,127 @@
+"""Excel workbooks (xlsx): the one sheet that has rows, read row by row. Needs the extra `xlsx` (openpyxl)."""
+
+from __future__ import annotations
+
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import Source, empty
+from vsd_analytics.ingest.cell_texts import CellTable, cell_text
+from vsd_analytics.ingest.limits import unpacked_max, unpacks_too_far
+from vsd_analytics.ingest.table_file import Header, unique_names
+
+COLUMNS_MAX = 500
+LOOKED_AT_ROWS = 50
+
+
+class Workbook(CellTable):
+    """One workbook, its header row read: the first row with a value.
+
+    Args:
+        source: The file.
+
+    Raises:
+        InputError: E202 no sheet has rows, E204 several have, or openpyxl is missing, E205 damaged, E206 it unpacks to
+            more than is allowed.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        with self._damage():
+            self._check_size()
+            with self._opened() as book:
+                filled = [sheet.title for sheet in book.worksheets if _first_row(sheet) is not None]
+        if not filled:
+            raise empty(source)
+        if len(filled) > 1:
+            raise InputError(
+                f"{source.file_name} has {len(filled)} sheets with values",
+                code="E204",
+                where=Where(source.name),
+                why=f"only one can be the table: {', '.join(name[:40] for name in filled[:10])}",
+                fix="save the sheet with the records as a file of its own, or as CSV UTF-8",
+            )
+        self._sheet = filled[0]
+        with self._damage(), self._opened() as book:
+            first = _first_row(book[self._sheet])
+        assert first is not None
+        self._n_header, cells = first
+        names = [("" if cell is None else cell_text(cell) or "").strip() for cell in cells]
+        while names and not names[-1]:
+            names.pop()
+        super().__init__(
+            Header(unique_names(names[:COLUMNS_MAX]), self._n_header),
+            cell_max_bytes=int(source.settings.cell_max_bytes),
+        )
+
+    def rows(self) -> Iterator[tuple[int, Sequence[Any], int]]:
+        """Yield the rows below the header that have a value; see `CellTable.rows`."""
+        width = len(self.header.names)
+        with self._damage(), self._opened() as book:
+            rows = book[self._sheet].iter_rows(min_row=self._n_header + 1, max_col=width, values_only=True)
+            for number, row in enumerate(rows, start=self._n_header + 1):
+                if any(cell not in (None, "") for cell in row):
+                    yield number, row, 0
+
+    def _check_size(self) -> None:
+        with zipfile.ZipFile(self._source.path) as archive:
+            n_unpacked = sum(info.file_size for info in archive.infolist())
+        if n_unpacked > unpacked_max(self._source.size_bytes, self._source.settings):
+            raise unpacks_too_far(
+                self._source.name,
+                n_bytes=self._source.size_bytes,
+                settings=self._source.settings,
+                found=n_unpacked,
+            )
+
+    @contextmanager
+    def _opened(self) -> Iterator[Any]:
+        try:
+            import openpyxl
+        except ImportError:
+            raise InputError(
+                f"{self._source.file_name} is an Excel workbook, and openpyxl is not installed",
+                code="E204",
+                where=Where(self._source.name),
+                why="workbooks are read by the extra xlsx",
+                fix='pip install "vsd-analytics[xlsx]", or save the sheet as CSV UTF-8',
+            ) from None
+        with warnings.catch_warnings(action="ignore"):  # about styles, which do not matter here
+            book = openpyxl.load_workbook(self._source.path, read_only=True, data_only=True, keep_links=False)
+            try:
+                yield book
+            finally:
+                book.close()
+
+    @contextmanager
+    def _damage(self) -> Iterator[None]:
+        try:
+            yield
+        except InputError:
+            raise
+        except (zipfile.BadZipFile, zlib.error, OSError, ValueError, LookupError, SyntaxError, TypeError) as error:
+            raise self._damaged(error) from None
+        except (AttributeError, EOFError, RuntimeError, OverflowError, NotImplementedError) as error:
+            raise self._damaged(error) from None  # openpyxl trusts what it reads
+
+    def _damaged(self, error: Exception) -> InputError:
+        return InputError(
+            f"{self._source.file_name} is damaged, encrypted or no Excel workbook",
+            code="E205",
+            where=Where(self._source.name),
+            why=f"{type(error).__name__}: {str(error)[:200]}",
+            fix="save it again, or as CSV UTF-8; the records before the damage are stored",
+        )
+
+
+def _first_row(sheet: Any) -> tuple[int, Sequence[Any]] | None:
+    """Return number and cells of the first row with a value; None when there is none near the top."""
+    rows = sheet.iter_rows(max_row=LOOKED_AT_ROWS, max_col=COLUMNS_MAX, values_only=True)
+    return next(
+        ((number, row) for number, row in enumerate(rows, start=1) if any(cell not in (None, "") for cell in row)), None
+    )
