@@ -49,6 +49,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
     When,
 )
+from vsd_analytics.figures.week.stored_records import StoredRecords
 
 # fmt: on
 
@@ -112,6 +113,7 @@ class WeekReport:
     footsteps: Footsteps | None = _f("None where the engine sends no positions or no track ids.", default=None)
     views: MapViews | None = _f("None where what some camera sees is unknown.", default=None)
     log: tuple[LogLine, ...] = _f("In order of time.", default=())
+    stored: StoredRecords | None = _f("Raw records stored when the report was made.", default=None)
     settings_change: SettingsChange | None = _f("Set when `state` is settings_changed.", default=None)
     spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
     readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
