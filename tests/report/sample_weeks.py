@@ -12,6 +12,7 @@ import numpy as np
 from report import model_classes as m
 
 from vsd_analytics.figures.week.bands import heat_bands
+from vsd_analytics.figures.week.timetable import busiest_day
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
 
@@ -85,7 +86,8 @@ def when(hours: tuple[m.HourCell, ...]) -> m.When:
     for h in range(24):
         value, n = mean([c for c in full if c.hour == h])
         by_hour.append(m.HourMean(hour=h, value=value, hours=n))
-    return m.When(cells=hours, day_means=tuple(days), hour_means=tuple(by_hour))
+    top = busiest_day({(c.day, c.hour): float(c.violations or 0) for c in full})
+    return m.When(cells=hours, day_means=tuple(days), hour_means=tuple(by_hour), busiest_day=top)
 
 
 def camera(k: int, name: str, hours: tuple[m.HourCell, ...], *, is_weak: bool) -> m.CameraRecord:

@@ -226,6 +226,9 @@ class When:
     )
     day_means: tuple[DayMean, ...] = _f("Monday to Sunday.", default=())
     hour_means: tuple[HourMean, ...] = _f("By local hour.", default=())
+    busiest_day: date | None = _f(
+        "The day with more violations than every other in the full hours that both have; None: none has.", default=None
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
@@ -42,8 +42,27 @@ def timetable(data: WeekData) -> Timetable:
         cells=cells,
         day_means=tuple(DayMean(day=d, value=v, hours=n) for d, (v, n) in zip(data.week_days, by_day, strict=True)),
         hour_means=tuple(HourMean(hour=h, value=v, hours=n) for h, (v, n) in zip(open_hours, by_hour, strict=True)),
+        busiest_day=busiest_day({(c.day, c.hour): n for c, n in known if not c.fold}),
     )
     return Timetable(when=when, busiest=_busiest(known))
+
+
+def busiest_day(known: Mapping[tuple[date, int], float]) -> date | None:
+    """Return the day with more violations than every other day in the hours that both have; None where no day has.
+
+    Averages of days with other hours do not say it: a Sunday that opens only for its busy hours has a high one.
+
+    Args:
+        known: Violations of full hours by local day and hour.
+    """
+    days = sorted({day for day, _ in known})
+
+    def is_above(day: date, other: date) -> bool:
+        both = [hour for d, hour in known if d == day and (other, hour) in known]
+        return bool(both) and sum(known[day, h] for h in both) > sum(known[other, h] for h in both)
+
+    found = [day for day in days if all(is_above(day, other) for other in days if other != day)]
+    return found[0] if len(days) > 1 and found else None
 
 
 def hour_state(share: float, data: WeekData, *, is_open: bool) -> HourState:
