@@ -3,8 +3,7 @@
 Run `VSD_REALDATA=... python tests/realdata/prove_crowding.py`; the tables are in docs/statistics.md.
 
 Crowding: three hours of a shopping centre in windows of five minutes. For a risk number r and people in view p,
-elasticity e means r ~ p^e: a number that only says how many people there are has e = 1 or more, one that does not depend
-on crowding has 0. Least squares of log r on log p; the interval leaves out one quarter-hour at a time (jackknife, 11
+elasticity e means r ~ p^e: one that does not depend on crowding has 0. Least squares of log r on log p; the interval leaves out one quarter-hour at a time (jackknife, 11
 degrees of freedom). Person-time too close is counted here with a k-d tree and compared with the stored facts.
 """
 
@@ -82,7 +81,7 @@ def elasticity(people: np.ndarray, rate: np.ndarray, cluster: np.ndarray) -> Ela
 def counted_close(rows: pd.DataFrame) -> np.ndarray:
     """Return for each record whether somebody else was closer than 2 m in its second."""
     close = np.zeros(len(rows), dtype=bool)
-    for _, at in rows.groupby("second").indices.items():
+    for at in rows.groupby("second").indices.values():
         xy = rows[["x_m", "y_m"]].to_numpy()[at]
         pairs = cKDTree(xy).query_pairs(CLOSE_M, output_type="ndarray")
         is_close = np.hypot(*(xy[pairs[:, 0]] - xy[pairs[:, 1]]).T) < CLOSE_M
