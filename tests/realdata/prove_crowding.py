@@ -3,8 +3,9 @@
 Run `VSD_REALDATA=... python tests/realdata/prove_crowding.py`; the tables are in docs/statistics.md.
 
 Crowding: three hours of a shopping centre in windows of five minutes. For a risk number r and people in view p,
-elasticity e means r ~ p^e: one that does not depend on crowding has 0. Least squares of log r on log p; the interval leaves out one quarter-hour at a time (jackknife, 11
-degrees of freedom). Person-time too close is counted here with a k-d tree and compared with the stored facts.
+elasticity e means r ~ p^e: a number that does not depend on crowding has e = 0. Least squares of log r on log p; the
+interval leaves out one quarter-hour at a time (jackknife, 11 degrees of freedom). Person-time too close is counted here
+with a k-d tree and compared with the stored facts.
 """
 
 from __future__ import annotations
@@ -152,9 +153,7 @@ def workplace(folder: Path, root: Path) -> None:
     )
     found = json.loads(done.stdout)
     often = found["places"][0]["split"]["often"]
-    print(
-        "| workplace, contacts of badges | week 1 | week 2 | ratio | likely between | verdict |\n|---|--:|--:|--:|---|---|"
-    )
+    print("| workplace, badges | week 1 | week 2 | ratio | likely between | verdict |\n|---|--:|--:|--:|---|---|")
     rates, bounds = (often["rate_a"], often["rate_b"], often["theta"]), (often["lo"], often["hi"])
     cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), often["verdict"]]
     print(f"| violations per open hour, {often['n_a']:.0f} and {often['n_b']:.0f} of them | {' | '.join(cells)} |")
