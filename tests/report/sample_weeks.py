@@ -242,6 +242,7 @@ def areas(names: tuple[str, ...] = AREA_NAMES) -> tuple[m.AreaRow, ...]:
             risky=estimate((e.value or 0) / 31.0),
             exposure_h=(e.value or 0) * 2.4,
             share=s,
+            difference=None if e.change is None or e.previous is None else e.previous * e.change,
             recorded_share=r,
             cameras=c,
         )
@@ -286,6 +287,8 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
                 area_name=names[1],
                 since=estimate(20.5, -0.57, 0.07),
                 moved_after=0.92,
+                floor_share=1.04,
+                rest_verdict="no_clear_change",
             ),
             m.LogLine(at=datetime(2026, 11, 12, 13, tzinfo=ROME), text="Camera 3 stopped sending.", kind="detected"),
         ),

@@ -8,8 +8,10 @@ from itertools import product
 
 import pytest
 from report import sample_weeks as weeks
+from report.sample_sections import redesigns
 
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import terms
@@ -70,7 +72,8 @@ def with_verdicts(often: str, risky: str) -> WeekReport:
 
     people = Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
     level = replace(report.level, often=made(often, 121.0), risky=made(risky, 0.41), people=people)
-    return replace(report, level=level, log=())
+    areas = tuple(replace(a, difference=None) for a in report.areas)  # its headline says nothing of places
+    return replace(report, level=level, areas=areas, log=())
 
 
 def all_words(story: Story) -> str:
@@ -133,10 +136,75 @@ def test_after_needs_an_entry_in_the_area_that_moved_before_most_of_it() -> None
         replace(entry, area_id="a0"),
         replace(entry, area_id=None),
         replace(entry, kind="detected"),
+        replace(entry, floor_share=0.79),
+        replace(entry, floor_share=None),
+        replace(entry, rest_verdict="clear_fall"),
+        replace(entry, rest_verdict=None),
     ):
         changed = replace(report, log=(other,))
         assert change_to_name(changed) is None
         assert " after " not in story_of(changed).headline
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [
+        (1.2, "; all of it at Main entrance"),
+        (0.7, "; most of it at Main entrance"),
+        (0.5, "; half of it at Main entrance"),
+        (0.35, "; a third of it at Main entrance"),
+        (0.3, ""),
+    ],
+)
+def test_a_headline_without_a_change_to_name_says_where_the_difference_lies(share: float, said: str) -> None:
+    report = replace(weeks.normal(), log=())
+    often = report.level.often
+    assert often.previous is not None
+    assert often.change is not None
+    whole = often.previous * often.change
+    parts = (0.0, share * whole, None, 0.1 * whole, (1 - share) * whole)
+    areas = tuple(replace(a, difference=d) for a, d in zip(report.areas, parts, strict=True))
+    assert story_of(replace(report, areas=areas)).headline == f"Violations fell by about a seventh{said}"
+
+
+def planted_redesign(**other: object) -> Redesign:
+    """A change that its running verdict, seen beside other areas, shows to work."""
+    effect = Estimate(value=None, change=-0.48, change_lo=-0.6, change_hi=-0.33, verdict="clear_fall")
+    return replace(
+        redesigns()[0],
+        is_credible=True,
+        doubts=(),
+        running=effect,
+        n_watched=6,
+        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="no_clear_change"),
+        **other,  # type: ignore[arg-type]
+    )
+
+
+def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
+    report = weeks.normal()
+    worked = story_of(replace(report, redesigns=(planted_redesign(),))).things[0]
+    assert worked.title == "The change at Checkout queue works so far"
+    assert "48% less time too close in the 6 weeks since Wed 7 Oct (likely" in worked.text
+    assert "compared with End of aisle 2 and Pharmacy counter" in worked.text
+    rise = Estimate(value=None, change=0.2, change_lo=0.1, change_hi=0.3, verdict="clear_rise")
+    for doubtful in (
+        planted_redesign(design="alone"),
+        replace(planted_redesign(), is_credible=False),
+        replace(planted_redesign(), doubts=(read_reason("another entry of the log lies in the weeks after"),)),
+        replace(planted_redesign(), running=None),
+        replace(planted_redesign(), running=replace(rise, verdict="too_little_data")),
+        replace(planted_redesign(), net=rise),
+        replace(planted_redesign(), net=None),
+    ):
+        titles = [t.title for t in story_of(replace(report, redesigns=(doubtful,))).things]
+        assert not any("work" in title for title in titles), doubtful
+
+
+def test_a_fall_since_a_log_entry_is_not_called_its_success() -> None:
+    worked = story_of(weeks.normal()).things[0]
+    assert worked.title == "Clear fall at Main entrance since the change"
+    assert "Whether the change did it needs whole weeks beside other areas." in worked.text
 
 
 def test_a_short_log_entry_is_quoted() -> None:

@@ -11,6 +11,7 @@ import shapely
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
+from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
@@ -73,6 +74,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 risky=risky,
                 exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
                 share=often.value / total if often.value is not None and total else None,
+                difference=difference(data, place) if often.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
             )

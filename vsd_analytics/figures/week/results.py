@@ -161,6 +161,12 @@ class AreaRow:
     risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
     exposure_h: float | None = _f("Person-hours seen in the area.", "person-hours", "M15", default=None)
     share: float | None = _f("Its rate over the sum of all areas' rates.", "share", "M15", default=None)
+    difference: float | None = _f(
+        "What it adds to the floor's change over the hours compared; areas and the rest add up to it.",
+        "per open hour",
+        "M15",
+        default=None,
+    )
     recorded_share: float | None = _f(
         "Open hours recorded by its cameras, each weighted by how much of the area it counts.",
         "share",
@@ -246,6 +252,8 @@ class LogLine:
     moved_after: float | None = _f(
         "Share of the area's change over the week that came after the entry, 0 to 1.", "share", default=None
     )
+    floor_share: float | None = _f("Part of the floor's change that lies in the area.", "share", "M0", default=None)
+    rest_verdict: Verdict | None = _f("Verdict on how often on the floor without the area.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

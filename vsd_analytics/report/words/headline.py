@@ -21,6 +21,8 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.things_to_know import question, things
 
 MAX_WORDS: Final = 15
+OWN_SHARE: Final = 0.8
+"""A change of the floor is an area's own when at least this part of it lies there."""
 OFTEN: Final = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
 RISKY: Final = (*OFTEN, "not_measurable")
 """The two keys of the table `headline.pair` of the catalogue: how often, how risky."""
@@ -93,13 +95,30 @@ def _headline(report: WeekReport) -> tuple[str, str]:
     text = say(key, moved=moved, people=said)
     if terms.n_words(text) > MAX_WORDS:
         text = say(key, moved=moved, people="")
+    if ":" in text:
+        return rule, text
     entry = change_to_name(report)
-    if entry is not None and ":" not in text:
-        for words_after in _after(entry):
-            longer = say("headline.after", headline=text, entry=words_after)
-            if terms.n_words(longer) <= MAX_WORDS:
-                return f"{rule}/after", longer
+    for tail in [] if entry is None else _after(entry):
+        longer = say("headline.after", headline=text, entry=tail)
+        if terms.n_words(longer) <= MAX_WORDS:
+            return f"{rule}/after", longer
+    for tail in _where(report):
+        longer = say("headline.where", headline=text, part=tail)
+        if terms.n_words(longer) <= MAX_WORDS:
+            return f"{rule}/where", longer
     return rule, text
+
+
+def _where(report: WeekReport) -> list[str]:
+    """Return where most of the floor's change lies, in words: the area that adds most to it, if it adds a third."""
+    often = report.level.often
+    if often.verdict not in ("clear_fall", "clear_rise") or often.previous is None or not often.change:
+        return []
+    whole = often.previous * often.change
+    parts = [(a.difference / whole, a.name) for a in report.areas if a.area_id is not None and a.difference is not None]
+    share, name = max(parts, default=(0.0, ""))
+    part = terms.part(share)
+    return [] if part is None else [say("headline.part_at", part=part, area=name)]
 
 
 def _settings_headline(report: WeekReport) -> str:
@@ -114,8 +133,9 @@ def _settings_headline(report: WeekReport) -> str:
 def change_to_name(report: WeekReport) -> LogLine | None:
     """Return the log entry the headline may name with "after", or None.
 
-    It lies in an area whose own verdict is the headline's, was logged by a person, and most of that area's change came
-    after it.
+    It lies in an area whose own verdict is the headline's and was logged by a person; most of that area's change came
+    after it; and the change is that area's: it holds at least 80 % of the floor's, and the rest of the floor has not
+    clearly moved the same way.
     """
     verdict = report.level.often.verdict
     if report.state != "normal" or verdict not in ("clear_fall", "clear_rise"):
@@ -128,6 +148,9 @@ def change_to_name(report: WeekReport) -> LogLine | None:
         and line.area_id in moved_areas
         and line.moved_after is not None
         and line.moved_after > 0.5
+        and line.floor_share is not None
+        and line.floor_share >= OWN_SHARE
+        and line.rest_verdict not in (verdict, None)
     ]
     return max(entries, key=lambda e: (e.moved_after or 0.0, e.at), default=None)
 
