@@ -62,7 +62,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("hotspot_days", "analysis", 28, "days", 7, 366, "Hotspots are searched in this many days up to the last one asked for."),
     Setting("hotspot_min_days", "analysis", 14, "days", 2, 366, "Hotspots need at least this many recorded days, of the floor and of each place."),
     Setting("hotspot_min_violations", "analysis", 300, "", 1, 1e9, "Hotspots need at least this many violations on the floor."),
-    Setting("hotspot_min_ratio", "analysis", 1.25, "", 1.0, 100.0, "A hotspot has at least this many times the floor's violations per person-hour; smoothing makes high ratios lower."),
+    Setting("hotspot_min_ratio", "analysis", 1.25, "", 1.0, 100.0, "A hotspot has at least this many times the time in violation that its crowd explains; smoothing makes high ratios lower."),
     Setting("hotspot_false_share", "analysis", 0.05, "", 1e-6, 0.5, "Of the cells called hot, at most this share is expected to be so by chance (false discovery rate)."),
     Setting("together_life_s", "analysis", 20.0, "seconds", 0.0, 86400.0, "Groups are inferred where half of person-time is in track ids that live at least this long, or where ids are not cut."),
     Setting("together_cut_share", "analysis", 0.12, "", 0.0, 1.0, "Track ids that live shorter are taken as short visits if at most this share of them end where another one begins right then."),

@@ -158,7 +158,7 @@ def seen_share(xy: ArrayLike, *, views: Sequence[Polygon], radius_m: float, boun
     """Return how much of the disc around each point lies in the union of the views.
 
     At the border of a view, neighbours outside it are missing, so too few pairs are found. A place of which less than
-    `figures.hotspots.SEEN_SHARE` is seen takes no part in a ranking by risk.
+    `figures.hotspot_windows.SEEN_SHARE` is seen takes no part in a ranking by risk.
 
     Args:
         xy: Points in floor metres, shape (n, 2).

@@ -15,7 +15,7 @@ from vsd_analytics.result import Reason
 from vsd_analytics.stats.shrinkage import MIN_PLACES, pull
 
 AREAS: Final = "violations per open hour and per person-hour, by area"
-SPOTS: Final = "places where a person-hour is riskier than elsewhere on the floor"
+SPOTS: Final = "places with more time too close than their crowd explains"
 NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
 MIN_CELL_S: Final = 60.0
 """Person-seconds a square metre needs to be told: of less, it would be the way of a few people."""
@@ -125,7 +125,9 @@ def _hotspots(asked: Asked) -> Figure:
     found = asked.found.hotspots
     if found.state != "ok":
         return missing(SPOTS, found.state, found.reason)
-    rows = [_spot(asked, s) for s in found.spots] + [_resolved(asked, s) for s in found.resolved]
+    rows = [_spot(asked, s) for s in found.spots] + [
+        _past(asked, s, state) for state, of in (("resolved", found.resolved), ("watching", found.watching)) for s in of
+    ]
     note = Reason("joined", reasons=found.notes) if found.notes else None
     return Figure(unit=SPOTS, rows=tuple(rows), denominator=found.n_days, note=note)
 
@@ -137,10 +139,11 @@ def _spot(asked: Asked, spot: FloorSpot) -> Row:
         "lo": spot.lo,
         "hi": spot.hi,
         "n": spot.n,
-        "expected": spot.expected,
-        "excess_per_week": spot.excess_per_week,
-        "excess_lo": spot.excess_lo,
-        "excess_hi": spot.excess_hi,
+        "violation_h": spot.violation_h,
+        "expected_h": spot.expected_h,
+        "excess_min_per_week": spot.excess_min_per_week,
+        "excess_min_lo": spot.excess_min_lo,
+        "excess_min_hi": spot.excess_min_hi,
         "q": spot.q,
     }
     return {
@@ -157,14 +160,20 @@ def _spot(asked: Asked, spot: FloorSpot) -> Row:
     }
 
 
-def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
+def _past(asked: Asked, spot: ResolvedSpot, state: str) -> Row:
     is_told = not asked.small(spot.n) and spot.spot_id not in asked.found.telling_spots
-    none = dict.fromkeys(("number", "since", "expected", "excess_per_week", "excess_lo", "excess_hi", "q"))
+    none = dict.fromkeys(
+        (
+            *("number", "since", "violation_h", "expected_h"),
+            *("excess_min_per_week", "excess_min_lo", "excess_min_hi", "q"),
+        )
+    )
     told = {"ratio": spot.ratio, "lo": spot.lo, "hi": spot.hi, "n": spot.n}
     return {
         **none,
         "spot_id": spot.spot_id,
-        "state": "resolved",
+        "state": state,
+        "changed_on": None if spot.changed_on is None else spot.changed_on.isoformat(),
         "place": spot.place.name,
         "area": spot.place.area_id,
         "x_m": spot.place.x_m,
