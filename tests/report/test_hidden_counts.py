@@ -73,9 +73,9 @@ def test_a_hotspot_with_a_small_week_is_shown_without_figures(world: hidden.Worl
     assert report.spots is not None
     [card] = [c for c in report.spots.cards if c.area_id == "door"]
     assert report.spots.kind == "tested"
-    assert (card.ratio.value if card.ratio else 0, card.excess_per_week) == (None, None)
+    assert (card.ratio.value if card.ratio else 0, card.excess_min_per_week) == (None, None)
     [row] = [r for r in csv.DictReader(io.StringIO(to_csv(report)["hotspots.csv"])) if r["area"] == "door"]
-    assert (row["ratio"], row["ratio_lo"], row["excess_per_week"]) == ("", "", "")
+    assert (row["ratio"], row["ratio_lo"], row["excess_min_per_week"]) == ("", "", "")
     assert GIVES_AWAY in render_html(report)
 
 

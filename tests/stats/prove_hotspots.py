@@ -1,4 +1,4 @@
-"""Prove the hotspot test on floors of people: python tests/stats/prove_hotspots.py --floors 400 --people 100 --stored 5.
+"""Prove the hotspot test: python tests/stats/prove_hotspots.py --floors 400 --people 100 --stored 5.
 
 The floors are those of `floor_worlds`, 14 x 20 cells of 1 m over 28 days. `--floors` counts those whose cells are drawn
 at once, `--people` those of single people, counted pair by pair. `--stored` floors of single people go through import,
@@ -15,7 +15,19 @@ from pathlib import Path
 
 import numpy as np
 from floor_worlds import (
-    COLUMNS, FRAMES, HOURS, PLANTED_M, ROWS, Cube, People, Variation, away, cells, inner, people, positions,
+    COLUMNS,
+    FRAMES,
+    HOURS,
+    PLANTED_M,
+    ROWS,
+    Cube,
+    People,
+    Variation,
+    away,
+    cells,
+    inner,
+    people,
+    positions,
 )  # fmt: skip
 
 from vsd_analytics.stats.hotspots import hotspots
@@ -54,7 +66,7 @@ def outcome(cube: Cube) -> tuple[bool, bool, bool]:
     elsewhere = distance > PLANTED_M + REACH_M if is_planted else np.ones((ROWS, COLUMNS), dtype=bool)
     share = float(found.cells.is_hot[distance <= PLANTED_M].mean()) if is_planted else 0.0
     near = any(np.hypot(s.row - cube.place[0], s.column - cube.place[1]) <= 1 for s in found.spots)
-    return bool((found.cells.is_hot & elsewhere).any()), share >= 0.5, bool(near)  # noqa: PLR2004
+    return bool((found.cells.is_hot & elsewhere).any()), share >= 0.5, bool(near)
 
 
 def row(name: str, world: Variation | People, n_floors: int) -> str:
