@@ -88,7 +88,7 @@ def planted(
                 continue
             at = {"floor_id": "ground", "camera_id": camera, "hour_start_ms": start_ms}
             counts = {"n_violations_open": n, "exposure_open_s": 3600 * person_h}
-            by_area.append({**at, "area_id": place.area_id, **counts, "violation_open_s": 0.0})
+            by_area.append({**at, "area_id": place.area_id, **counts, "violation_open_s": 20.0 * n})
             cx, cy = int(place.polygon[2][0] * 4) - 2, int(place.polygon[2][1] * 4) + 14
             by_cell.append({**at, "cx": cx, "cy": cy, "n_violations_open": n_ring, "exposure_open_s": 36_000.0})
             totals[camera][0] += n
@@ -109,6 +109,7 @@ def planted(
                     "is_inferred": False,
                     "n_violations_open": n_all if share else None,
                     "exposure_open_s": person_s if share else None,
+                    "violation_s": 20.0 * n_all if share else None,
                 }
             )
     used = []

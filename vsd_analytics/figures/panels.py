@@ -157,6 +157,11 @@ class FloorHours:
         n, exposure_h, _ = self._by_area
         return n[k], exposure_h[k]
 
+    def violation_h_in(self, area_id: str | None) -> Array:
+        """Return person-hours in violation in an area, where each person stands; None is the rest of the floor."""
+        k = len(self.areas) if area_id is None else [a.area_id for a in self.areas].index(area_id)
+        return np.asarray(self._by_area[2][k])
+
     @cached_property
     def violation_h(self) -> Array:
         """Return person-hours in violation in opening hours, shape (n_cameras, n_hours)."""
