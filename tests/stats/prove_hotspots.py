@@ -94,7 +94,8 @@ def stored(world: People, seed: int) -> int:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         camera = Camera("cam", "Cam", "floor", hz=1 / interval_s, view=view)
-        site = Site("s", "S", "UTC", root, floors=(Floor("floor", "Floor"),), cameras=(camera,))
+        opening = (((9 * 60, (9 + HOURS) * 60),),) * 7
+        site = Site("s", "S", "UTC", root, floors=(Floor("floor", "Floor"),), cameras=(camera,), opening=opening)
         frame, x, y = positions(world, np.random.default_rng([seed, 11]))
         day, k = frame // (HOURS * FRAMES), frame % (HOURS * FRAMES)
         start_s = datetime(first.year, first.month, first.day, 9, tzinfo=UTC).timestamp()
