@@ -87,7 +87,7 @@ def test_table_tells_place_ratio_excess_and_since(vsd: Run) -> None:
 
 
 def test_what_is_gone_stands_below_with_its_ratio_now(vsd: Run) -> None:
-    told = [vsd("--range", str(LAST - timedelta(days=7 * k)))[1] for k in range(3)]
+    told = [vsd("--range", str(LAST - timedelta(days=7 * k)))[1] for k in range(6)]
     (gone,) = [out for out in told if "standing out no more" in out]
     line = gone.splitlines()[-1]
     assert "times what its crowd explains, now " in line

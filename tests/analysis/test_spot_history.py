@@ -54,7 +54,7 @@ def test_two_metres_away_is_the_same_place_and_farther_is_new() -> None:
     far = of(window(0, "#......"), window(1, "...#..."))
     assert [(i.spot_id, i.state) for i in near.now.values()] == [("ground-x-3-y10", "persisting")]
     assert [(i.spot_id, i.state) for i in far.now.values()] == [("ground-x0-y10", "new")]
-    assert [name for name, _ in far.resolved] == ["ground-x-3-y10"]
+    assert [one.spot_id for one in far.resolved] == ["ground-x-3-y10"]
     assert near.resolved == ()
 
 

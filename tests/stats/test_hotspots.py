@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from vsd_analytics.stats.hotspots import PRIOR_DF, Hotspots, benjamini_hochberg, hotspots, place_rate
+from vsd_analytics.stats.false_discovery import benjamini_hochberg
+from vsd_analytics.stats.hotspots import PRIOR_DF, Hotspots, hotspots, place_rate
 
 PLANTED = Variation(ratio=2.5)
 EVEN = Variation()

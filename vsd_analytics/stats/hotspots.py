@@ -36,6 +36,7 @@ from scipy import ndimage
 from scipy.optimize import nnls
 from scipy.special import stdtr
 
+from vsd_analytics.stats.false_discovery import benjamini_hochberg
 from vsd_analytics.stats.quantiles import t_quantile
 from vsd_analytics.stats.watershed import watershed
 
@@ -275,22 +276,6 @@ def place_rate(explained: Explained, inside: npt.ArrayLike, *, confidence: float
         lo, hi = ratio * math.exp(-half), ratio * math.exp(half)
     exposure_h = float(explained.exposure_h[:, cells].sum())
     return PlaceRate(violation_h, expected_h, exposure_h, n_days, ratio, lo, hi)
-
-
-def benjamini_hochberg(p: npt.ArrayLike) -> Floats:
-    """Return q, the least false discovery rate at which each test passes: min over larger p of p m / rank.
-
-    Source: Benjamini & Hochberg, Controlling the false discovery rate, J. R. Statist. Soc. B 57 (1995).
-
-    Args:
-        p: P values, shape (m,).
-    """
-    values = np.asarray(p, dtype=np.float64)
-    order = np.argsort(values, kind="stable")
-    stepped = values[order] * len(values) / np.arange(1, len(values) + 1)
-    q = np.empty(len(values))
-    q[order] = np.minimum(1.0, np.minimum.accumulate(stepped[::-1])[::-1])
-    return q
 
 
 def _checked(
