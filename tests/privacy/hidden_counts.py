@@ -252,9 +252,7 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
             continue
         keys = [k for of in (week - 1, week) for k in keys_of(of) if k[1] in shapes[row["spot_id"]]]
         if row["n"] is not None:
-            known.exact(keys, row["n"], f"{source} M20.n")
-        if row["ratio"] is not None and row["expected"] is not None:
-            known.rounded(dict.fromkeys(keys, 1.0), row["ratio"] * row["expected"], f"{source} M20.ratio", digits=5)
+            known.exact(keys, row["n"], f"{source} M20.n")  # its ratio is one of times, which tell no count
 
 
 def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
@@ -269,7 +267,7 @@ def spot_points(world: World, week: int) -> dict[str, list[int]]:
     with open_warehouse(world.site, first, until) as warehouse:
         found = analysis.hotspots(warehouse, until=until)
     inside = {}
-    for spot in (*found.spots, *found.resolved):
+    for spot in (*found.spots, *found.resolved, *found.watching):
         shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in spot.place.polygons])
         inside[spot.spot_id] = [p for p, (x, y) in enumerate(POINTS) if shapely.contains_xy(shape, x + 0.76, y + 0.01)]
     return inside

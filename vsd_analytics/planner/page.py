@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
+from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
-from vsd_analytics.figures.maps import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef

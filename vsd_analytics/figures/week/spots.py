@@ -127,7 +127,7 @@ def _tested(
         area_id=place.area_id,
         often=row.often if row is not None else None,
         ratio=Estimate(value=spot.ratio, lo=spot.lo, hi=spot.hi),
-        excess_per_week=spot.excess_per_week,
+        excess_min_per_week=spot.excess_min_per_week,
         is_new=None if spot.state is None else spot.state == "new",
         since=spot.since if spot.state is not None else None,
         is_since_first=spot.is_since_first,
@@ -140,7 +140,7 @@ def _tested(
 
 def _without_figures(card: SpotCard) -> SpotCard:
     ratio = Estimate(value=None, state="not_enough_data", reason=GIVES_AWAY)
-    return replace(card, ratio=ratio, excess_per_week=None)
+    return replace(card, ratio=ratio, excess_min_per_week=None)
 
 
 def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] | None, coverage: Coverage) -> SpotCard:

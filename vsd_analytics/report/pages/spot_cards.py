@@ -124,8 +124,8 @@ def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, .
     unit, notes, area = say("spots.ratio_unit"), [], ""
     if card.ratio.lo is not None and card.ratio.hi is not None:
         unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
-    if card.excess_per_week is not None:
-        notes.append(say("spots.excess", n=fmt.count(card.excess_per_week)))
+    if card.excess_min_per_week is not None:
+        notes.append(say("spots.excess", n=fmt.count(card.excess_min_per_week)))
     if often is not None and often.value is not None:
         change, _ = _change(often, report, within=True)
         key = "spots.area_rate_change" if change else "spots.area_rate"
