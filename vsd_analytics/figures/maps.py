@@ -207,6 +207,7 @@ def _clear(warehouse: Warehouse, data: CellHours, expected_s: Floats, is_known: 
         is_eligible=is_known,
         q_max=settings.hotspot_false_share,
         min_ratio=settings.hotspot_min_ratio,
+        min_exposure_h=0.0,  # cells are known by what is expected in them
         min_days=int(settings.hotspot_min_days),
     )
     return np.asarray(found.cells.is_hot)
