@@ -45,6 +45,8 @@ POINTS: Mapping[worlds.Place, tuple[str | None, int]] = {
 """Where violations happen: the area (None: the rest of the floor) and the camera that sees it."""
 PLACES = ("queue", "door", None)
 SETTINGS = "[analysis]\nhotspot_days = 14\nhotspot_min_days = 4\nhotspot_min_violations = 20\n"
+CLOSE_H = 20 / 3600
+"""Time that each of the two people of a violation is too close: two frames of ten seconds."""
 Key = tuple[int, int, int, int]
 """Week, point, day, hour."""
 Weights = Mapping[Key, float]
@@ -250,9 +252,15 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     for row in figures["M20"]["rows"] or []:
         if row["spot_id"] not in shapes:
             continue
-        keys = [k for of in (week - 1, week) for k in keys_of(of) if k[1] in shapes[row["spot_id"]]]
+        near, people = shapes[row["spot_id"]]
+        window = [k for of in (week - 1, week) for k in keys_of(of)]
         if row["n"] is not None:
-            known.exact(keys, row["n"], f"{source} M20.n")  # its ratio is one of times, which tell no count
+            known.exact([k for k in window if k[1] in near], row["n"], f"{source} M20.n")
+        if row["ratio"] is not None:  # a reader who knows what is expected there, and how long each violation lasts
+            hours = {k: people[k[1]] * CLOSE_H for k in window if people[k[1]]}
+            close_h = row["violation_h"]
+            close_h = sum(h * world.n[k] for k, h in hours.items()) if close_h is None else close_h
+            known.rounded(hours, close_h, f"{source} M20.ratio", digits=5)
 
 
 def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
@@ -260,8 +268,8 @@ def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None,
         known.rounded(dict.fromkeys(keys, 1.0), e["value"] * hours, s, digits=5)
 
 
-def spot_points(world: World, week: int) -> dict[str, list[int]]:
-    """Return which points lie in each hotspot, of the week and gone, as their outlines on maps show."""
+def spot_points(world: World, week: int) -> dict[str, tuple[list[int], list[int]]]:
+    """Return the points whose violations each hotspot counts, and how many of a point's two people stand in it."""
     until = monday(week) + timedelta(days=6)
     first, _ = analysis.days_needed(world.site, until)
     with open_warehouse(world.site, first, until) as warehouse:
@@ -269,7 +277,10 @@ def spot_points(world: World, week: int) -> dict[str, list[int]]:
     inside = {}
     for spot in (*found.spots, *found.resolved, *found.watching):
         shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in spot.place.polygons])
-        inside[spot.spot_id] = [p for p, (x, y) in enumerate(POINTS) if shapely.contains_xy(shape, x + 0.76, y + 0.01)]
+        around = shape.buffer(1.0, join_style="mitre")
+        near = [p for p, (x, y) in enumerate(POINTS) if shapely.contains_xy(around, x + 0.76, y + 0.01)]
+        people = [sum(bool(shapely.contains_xy(shape, x + s, y + 0.01)) for s in (0.01, 1.51)) for x, y in POINTS]
+        inside[spot.spot_id] = near, people
     return inside
 
 

@@ -7,16 +7,17 @@ restarts its window: until enough days have passed, a hotspot there is watched.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import ndimage
 
 from vsd_analytics.figures.cell_places import CellPlace, place_of
-from vsd_analytics.figures.floor_days import FloorDays, Grid
+from vsd_analytics.figures.floor_days import Flags, FloorDays, Grid
 from vsd_analytics.figures.hotspot_history import Found, Identity, Past, follow
 from vsd_analytics.figures.hotspot_windows import CELL_M, State, Window, floor_windows, untested_by_change, window_of
 from vsd_analytics.result import Reason
@@ -45,7 +46,8 @@ class FloorSpot:
         place: Where it is.
         ratio: Time in violation over that which crowding explains.
         lo, hi: Its interval; None where days do not allow one.
-        n: Violations in its cells in the window.
+        n: Violations in the window whose midpoint lies in its cells or within half the legal distance of them: so far
+            from the midpoint do the two people stand whose time is in the cells.
         by_week: The same by seven days, the last first; the earliest may be fewer days.
         violation_h: Person-hours in violation in its cells.
         expected_h: Those that crowding explains.
@@ -86,7 +88,7 @@ class ResolvedSpot:
         ratio_before: Its ratio in the last window in which it was a hotspot.
         ratio, lo, hi: The ratio of the same cells now, since the change where there was one; None without anybody
             there.
-        n: Violations in them now; None likewise.
+        n: Violations now, as for `FloorSpot`; None likewise.
         by_week: As for `FloorSpot`.
         changed_on: Day of the last change of the log in or near it within the window; None without one.
     """
@@ -183,7 +185,13 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
             first_cell=(data.grid.cx, data.grid.cy),
         )
         per_week = float(is_open.sum()) / len(is_open) * 7
-        spots = tuple(_spot(s, history.now[s.label], now, data.grid, areas, per_week) for s in now.found.spots)
+        spots = tuple(
+            _spot(
+                s, history.now[s.label], now, data.grid, areas, open_days_per_week=per_week,
+                reach_m=site.settings.distance_m / 2,
+            )
+            for s in now.found.spots
+        )  # fmt: skip
         resolved, watching = (
             tuple(_past(one, now, looked[one.window], data.grid, areas, site) for one in past)
             for past in (history.resolved, history.watching)
@@ -215,11 +223,14 @@ def _spot(
     now: Window,
     grid: Grid,
     areas: Sequence[Area],
+    *,
     open_days_per_week: float,
+    reach_m: float,
 ) -> FloorSpot:
     assert now.found is not None
     rate, cells = spot.rate, now.found.cells
     per_week = 60 * open_days_per_week / rate.n_days
+    by_week = _by_week(now, cells.label == spot.label, reach_m=reach_m)
     return FloorSpot(
         number=spot.number,
         spot_id=identity.spot_id,
@@ -230,8 +241,8 @@ def _spot(
         ratio=rate.ratio,
         lo=rate.lo,
         hi=rate.hi,
-        n=_counted(now, cells.label == spot.label),
-        by_week=_by_week(now, cells.label == spot.label),
+        n=sum(by_week),
+        by_week=by_week,
         violation_h=rate.violation_h,
         expected_h=rate.expected_h,
         exposure_h=rate.exposure_h,
@@ -249,6 +260,7 @@ def _past(one: Past, now: Window, then: Window, grid: Grid, areas: Sequence[Area
     cells = then.found.cells
     inside = cells.label == one.label
     rate = test.place_rate(now.found.explained, inside, confidence=site.settings.confidence)
+    by_week = _by_week(now, inside, reach_m=site.settings.distance_m / 2)
     return ResolvedSpot(
         spot_id=one.spot_id,
         place=place_of(grid, inside, weights=cells.observed - cells.expected, areas=areas),
@@ -256,21 +268,17 @@ def _past(one: Past, now: Window, then: Window, grid: Grid, areas: Sequence[Area
         ratio=None if rate is None else rate.ratio,
         lo=None if rate is None else rate.lo,
         hi=None if rate is None else rate.hi,
-        n=None if rate is None else _counted(now, inside),
-        by_week=_by_week(now, inside),
+        n=None if rate is None else sum(by_week),
+        by_week=by_week,
         changed_on=now.changed_on(inside),
     )
 
 
-def _counted(look: Window, inside: NDArray[np.bool_]) -> int:
+def _by_week(look: Window, inside: Flags, *, reach_m: float) -> tuple[int, ...]:
+    """Return the violations in some cells, or so near them, by seven days of a window, the last seven first."""
     assert look.cube is not None
-    return round(float(look.cube.n[:, inside].sum()))
-
-
-def _by_week(look: Window, inside: NDArray[np.bool_]) -> tuple[int, ...]:
-    """Return the violations in some cells by seven days of a window, the last seven first."""
-    assert look.cube is not None
-    by_day = look.cube.n[:, inside].sum(axis=1)[::-1]
+    near = ndimage.binary_dilation(inside, np.ones((3, 3), dtype=bool), iterations=math.ceil(reach_m / CELL_M))
+    by_day = look.cube.n[:, near].sum(axis=1)[::-1]
     return tuple(round(float(by_day[k : k + WEEK.days].sum())) for k in range(0, len(by_day), WEEK.days))
 
 
