@@ -220,17 +220,23 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     if level["violations"] is not None:
         known.exact(every, level["violations"], f"{source} level.violations")
     _per_person_hour(known, every, level["risky"], level["exposure_h"], f"{source} level.risky")
+    _time_close(known, every, level["close_share"], level["exposure_h"], f"{source} level.close_share")
     for row in told["areas"]:
         place, name = row["area_id"], f"{source} areas.{row['area_id']}"
         keys = keys_of(week, place=place)
         _label(known, keys, row["counted"], row, name)
         _rate(known, world, week, place, row["often"], f"{name}.often")
         _per_person_hour(known, keys, row["risky"], row["exposure_h"], f"{name}.risky")
+        _time_close(known, keys, row["close_share"], row["exposure_h"], f"{name}.close_share")
     for cell in told["when"]["cells"]:
         day = (date.fromisoformat(cell["day"]) - monday(week)).days
         if day < N_DAYS:
             keys = keys_of(week, day=day, hour=cell["hour"])
             _label(known, keys, cell["violations"], cell, f"{source} when {day} {cell['hour']}")
+            share = cell["close_share"]
+            if share is not None and share < 1 and (week, 0, day) not in world.lost:  # one person stands alone: 1 h
+                hours = dict.fromkeys(keys, 2 * CLOSE_H)
+                known.rounded(hours, share / (1 - share), f"{source} when close_share", digits=5)
     for row in told["trend"]["weeks"] if told["trend"] else []:
         of = (date.fromisoformat(row["monday"]) - FIRST).days // 7
         if row["often"] is not None:
@@ -243,6 +249,8 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
         n = figures[name]["value"] if name == "M8" else figures[name]["denominator"] if name == "M10" else None
         if n is not None:
             known.exact(every, n, f"{source} {name}")
+    if figures["M6"]["value"] is not None:
+        _time_close(known, every, figures["M6"], figures["M6"]["denominator"], f"{source} M6")
     for row in figures["M15"]["rows"] or []:
         _rate(known, world, week, row["area"], {"value": row["often"]}, f"{source} M15")
     for row in figures["M9"]["rows"] or []:
@@ -266,6 +274,12 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
 def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
     if e is not None and e["value"] is not None and hours is not None:
         known.rounded(dict.fromkeys(keys, 1.0), e["value"] * hours, s, digits=5)
+
+
+def _time_close(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
+    """Add a share of person-time too close, for a reader who knows person-hours and how long each violation lasts."""
+    if e is not None and e["value"] is not None and hours is not None:
+        known.rounded(dict.fromkeys(keys, 2 * CLOSE_H), e["value"] * hours, s, digits=5)
 
 
 def spot_points(world: World, week: int) -> dict[str, tuple[list[int], list[int]]]:

@@ -70,6 +70,19 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     return replace(found, hi=None if found.hi is None else min(1.0, found.hi))
 
 
+def close_share_by_hour(period: Period) -> Array:
+    """Return the share of the floor's person-time in violation (M6) in each hour of the data, shape (n_hours,).
+
+    Of the camera-hours that enter rates; NaN in hours without any, and where nobody was in view. One hour is one
+    cluster, so it has no interval.
+    """
+    place = close_time(period, period.data.floor)
+    used = place.cameras[:, None] & period.data.hours.is_counted & period.is_inside
+    close_h, exposure_h = ((v * used).sum(axis=0) for v in (place.n / SECONDS, place.exposure_h))
+    share: Array = np.divide(close_h, exposure_h, out=np.full(exposure_h.shape, np.nan), where=exposure_h > 0)
+    return share
+
+
 def burden(period: Period, place: Place) -> RateEstimate:
     """Return person-minutes in violation per recorded open hour, sum over cameras, with the interval of M0."""
     data, settings = period.data, period.data.site.settings

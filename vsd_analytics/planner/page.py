@@ -254,6 +254,7 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
+    close = row.close_share
     if data.before is not None and data.why_not_compared is None and not any(hidden):
         changes = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
     return {
@@ -263,6 +264,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
+        "closeShare": None if hidden[0] is not None else [close.value, close.lo, close.hi],
         "report": changes,
     }
 

@@ -79,6 +79,7 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
         "name": area.name,
         **limits("often", often),
         **limits("risky", area.risky),
+        **limits("close_share", area.close_share),
         "verdict": often.verdict,
         "share": area.share if often.value is not None else None,
         "exposure_h": area.exposure_h,
