@@ -76,6 +76,15 @@ def test_expected_time_t_and_q_equal_a_recomputation_from_the_definitions() -> N
     np.testing.assert_allclose(found.cells.q, stats.false_discovery_control(p.ravel()).reshape(p.shape), rtol=1e-9)
 
 
+def test_a_place_is_found_where_the_rest_of_the_floor_has_no_time_in_violation() -> None:
+    rng = np.random.default_rng(2)
+    x = rng.gamma(50, 1 / 50, (28, 10, 12))
+    v = np.zeros_like(x)
+    v[:, 4:6, 5:7] = 0.4 * x[:, 4:6, 5:7]
+    (spot,) = hotspots(v, x, 0.1 * x, sigma_cells=1.0).spots
+    assert (spot.row, spot.column) == (pytest.approx(4.5, abs=0.1), pytest.approx(5.5, abs=0.1))
+
+
 def test_q_values_equal_scipys() -> None:
     rng = np.random.default_rng(1)
     for m in (1, 2, 7, 300):

@@ -237,7 +237,8 @@ def hotspots(
     days, cells = tested(_explained(days, mixed, np.ones_like(eligible), sigma_cells))
     if cells.is_hot.any():  # what is hot is no measure of the rest, unless it is most of the floor
         rest = ~ndimage.binary_dilation(cells.is_hot)
-        if mixed[:, rest].sum() >= REFERENCE_SHARE * mixed.sum():
+        is_most = mixed[:, rest].sum() >= REFERENCE_SHARE * mixed.sum()
+        if is_most and days.violation_h[:, rest].any():  # without time in violation, the rest explains nothing
             days, cells = tested(_explained(days, mixed, rest, sigma_cells))
     spots = [_spot(k, cells, days, confidence) for k in range(1, int(cells.label.max(initial=0)) + 1)]
     spots.sort(key=lambda s: (-s.rate.excess_h_per_day, s.label))
