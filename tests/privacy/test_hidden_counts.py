@@ -86,6 +86,23 @@ def test_a_hotspot_with_a_small_week_is_shown_without_figures(tmp_path: Path) ->
     assert reason_text(GIVES_AWAY) in render_html(report)
 
 
+def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(
+    reports: dict[int, WeekReport], pages: dict[int, PlannerData]
+) -> None:
+    told = json.loads(to_json(reports[3]))
+    hidden_areas = {a["area_id"]: a for a in told["areas"] if a["is_masked"] or a["is_held_back"]}
+    assert "door" in hidden_areas
+    for rows in (hidden_areas.values(), (r for r in told["figures"]["M15"]["rows"] if r["area"] in hidden_areas)):
+        for row in rows:
+            share = row["close_share"]
+            assert (share["value"] if isinstance(share, dict) else share) is None
+    assert any(a["close_share"]["value"] is not None for a in told["areas"] if a["area_id"] not in hidden_areas)
+    for cell in told["when"]["cells"]:
+        assert cell["close_share"] is None or not (cell["is_masked"] or cell["is_held_back"])
+    [door] = [p for p in pages[3].places if p.place_id == "area:door"]
+    assert door.close_share.value is None
+
+
 def test_the_planner_s_cells_sum_to_their_area_and_never_to_more(
     world: hidden.World, pages: dict[int, PlannerData]
 ) -> None:

@@ -24,6 +24,7 @@ from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame, fixtures
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_words import place_name
+from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
@@ -103,6 +104,7 @@ class PlannerPage:
     drawing: PlannerDrawing | None
     rows: tuple[PlannerFigureRow, ...]
     spots: tuple[tuple[str, str, FloorSpot], ...]
+    watching: tuple[str, ...]
     is_made_up: bool
     mask: int
     distance: str
@@ -155,6 +157,7 @@ def _page(data: PlannerData) -> PlannerPage:
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
+        watching=tuple(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
         distance=distance,

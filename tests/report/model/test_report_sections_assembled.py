@@ -51,6 +51,28 @@ def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_questi
     assert first.ask == first.question == week.story.question == "Could the rope go?"  # type: ignore[union-attr]
 
 
+def test_a_hotspot_counts_the_violations_of_the_people_who_stand_in_it(week: WeekReport) -> None:
+    counted = {row["place"]: row["n"] for row in week.figures["M20"].rows or ()}
+    assert counted["Queue"] == 14 * 3 * 20
+    assert counted["Door"] == 7 * 3 * (12 + 6)
+
+
+def test_time_too_close_of_areas_and_hours_is_that_of_the_people_who_stand_there(week: WeekReport) -> None:
+    """Two people of each violation, 20 s each; one more person stands alone on the rest of the floor."""
+    hour_h = {name: 2 * n * 20 / 3600 for name, n in (("queue", 20), ("door", 6), (None, 5))}
+    shares = {a.area_id: a.close_share.value for a in week.areas if a.close_share is not None}
+    assert shares == {"queue": 1.0, "door": 1.0, None: pytest.approx(hour_h[None] / (1 + hour_h[None]))}
+    whole = sum(hour_h.values()) / (1 + sum(hour_h.values()))
+    assert week.level.close_share is not None
+    assert week.level.close_share.value == pytest.approx(whole) == pytest.approx(week.figures["M6"].value)
+    assert {c.close_share for c in week.when.cells if c.state == "full"} == {pytest.approx(whole)}
+    rest = next(a.close_share for a in week.areas if a.area_id is None)
+    assert rest is not None
+    assert rest.lo is not None
+    assert rest.hi is not None
+    assert rest.lo <= shares[None] <= rest.hi
+
+
 def test_both_readings_agree_with_the_headline_and_areas_add_up_to_no_more(week: WeekReport) -> None:
     found = week.readings
     assert found is not None

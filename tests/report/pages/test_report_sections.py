@@ -220,14 +220,14 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     tested, busiest = cards(sections.with_tested_spots()), cards(sections.complete())
     assert tested is not None
     assert busiest is not None
-    assert tested.title == "The two spots with more time too close than their crowd explains"
+    assert tested.title == "The two spots that are riskier than their crowd explains"
     assert [c.change for c in tested.cards] == [
         "Stands out since Sun 25 Oct or longer",
         "New this week",
     ]
     assert busiest.title == "The three busiest spots"
     assert "fewer than 300 violations" in busiest.sub
-    assert "more time too close than their crowd explains" in render_html(sections.with_tested_spots())
+    assert "More time too close than crowding and chance explain" in render_html(sections.with_tested_spots())
 
 
 # ---- what happened at the site ----

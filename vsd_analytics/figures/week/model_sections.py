@@ -66,6 +66,15 @@ class SpotCard:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedSpot:
+    """A hotspot of an earlier window that a logged change made untestable until enough days have passed."""
+
+    name: str = _f("Its area, or where it lies; free text.")
+    area_id: str | None = _f("Identifier of its area; None on the rest of the floor.", default=None)
+    changed_on: date | None = _f("Local day of the last change of the log in or near it.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spots:
     """The numbered spots of the map."""
 
@@ -76,6 +85,11 @@ class Spots:
     first: date | None = _f("First day of the test's window.", default=None)
     last: date | None = _f("Last day of it.", default=None)
     cards: tuple[SpotCard, ...] = _f("At most three.", metric="M20", default=())
+    watching: tuple[WatchedSpot, ...] = _f(
+        "Hotspots in or near which something was changed, with too few days since for a test.",
+        metric="M20",
+        default=(),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

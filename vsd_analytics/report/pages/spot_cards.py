@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 
 from markupsafe import Markup
 
@@ -62,12 +63,14 @@ class Cards:
         title: What the spots are.
         sub: How they were chosen.
         cards: At most three.
+        watching: Places that are watched after a change, one sentence each.
         has_pictures: True when a card has one of a camera.
     """
 
     title: str
     sub: str
     cards: tuple[Card, ...]
+    watching: tuple[str, ...]
     has_pictures: bool
 
 
@@ -88,8 +91,17 @@ def cards(report: WeekReport) -> Cards | None:
         sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
     made = tuple(_card(c, report) for c in found.cards)
     return Cards(
-        title=title, sub=sub, cards=made, has_pictures=any(p.camera_name is not None for p in report.spot_pictures)
+        title=title,
+        sub=sub,
+        cards=made,
+        watching=tuple(watched(s.name, s.changed_on) for s in found.watching),
+        has_pictures=any(p.camera_name is not None for p in report.spot_pictures),
     )
+
+
+def watched(name: str, changed_on: date | None) -> str:
+    """Return the sentence of a place that is watched after a change."""
+    return say("spots.watching", name=name, date="" if changed_on is None else fmt.date_short(changed_on))
 
 
 def _card(card: SpotCard, report: WeekReport) -> Card:
