@@ -67,7 +67,8 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     if found.lo is not None and found.exposure_h < settings.min_exposure_h:
         reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
         found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
-    return replace(found, hi=None if found.hi is None else min(1.0, found.hi))
+    assert found.rate is not None
+    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
 
 
 def close_share_by_hour(period: Period) -> Array:

@@ -157,7 +157,7 @@ def _page(data: PlannerData) -> PlannerPage:
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
-        watching=tuple(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching),
+        watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
         distance=distance,

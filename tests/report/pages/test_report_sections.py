@@ -230,6 +230,15 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     assert "More time too close than crowding and chance explain" in render_html(sections.with_tested_spots())
 
 
+def test_a_place_that_is_watched_after_a_change_is_named_below_the_cards() -> None:
+    report = sections.with_tested_spots()
+    assert report.spots is not None
+    watching = (m.WatchedSpot(name="Door", area_id="door", changed_on=date(2026, 11, 9)),)
+    said = "Door: changed on Mon 9 Nov; watching since."
+    assert said not in render_html(report)
+    assert said in render_html(replace(report, spots=replace(report.spots, watching=watching)))
+
+
 # ---- what happened at the site ----
 
 

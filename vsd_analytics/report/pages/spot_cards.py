@@ -94,7 +94,7 @@ def cards(report: WeekReport) -> Cards | None:
         title=title,
         sub=sub,
         cards=made,
-        watching=tuple(watched(s.name, s.changed_on) for s in found.watching),
+        watching=tuple(dict.fromkeys(watched(s.name, s.changed_on) for s in found.watching)),
         has_pictures=any(p.camera_name is not None for p in report.spot_pictures),
     )
 
