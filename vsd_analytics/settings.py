@@ -97,7 +97,7 @@ class Settings:
     hotspot_days: int = _setting("analysis", 28, "days", 7, 366, "Hotspots are searched in this many days up to the last one asked for.")
     hotspot_min_days: int = _setting("analysis", 14, "days", 2, 366, "Hotspots need at least this many recorded days, of the floor and of each place.")
     hotspot_min_violations: int = _setting("analysis", 300, "", 1, 1e9, "Hotspots need at least this many violations on the floor.")
-    hotspot_min_ratio: float = _setting("analysis", 1.25, "", 1.0, 100.0, "A hotspot has at least this many times the floor's violations per person-hour; smoothing makes high ratios lower.")
+    hotspot_min_ratio: float = _setting("analysis", 1.25, "", 1.0, 100.0, "A hotspot has at least this many times the time in violation that its crowd explains; smoothing makes high ratios lower.")
     hotspot_false_share: float = _setting("analysis", 0.05, "", 1e-6, 0.5, "Of the cells called hot, at most this share is expected to be so by chance (false discovery rate).")
     sustained_s: float = _setting("analysis", 30.0, "seconds", 0.0, 86400.0, "Violations at least this long are sustained: their share is a figure (M10).")
     contact_s: float = _setting("analysis", 900.0, "seconds", 1.0, 86400.0, "A pair whose episodes within 24 hours sum to this is a close contact (M12).")

@@ -60,6 +60,11 @@ def test_more_people_at_equal_risk_is_reported_as_people(tmp_path: Path) -> None
     assert whole.split.risky.verdict == "no_clear_change"
     assert whole.split.people_share == pytest.approx(1.0, abs=0.3)
     assert [p.kind for p in found.places] == ["floor", *["area"] * 6, "rest"]
+    # each planted violation is 40 person-seconds, so time changes as violations do
+    assert whole.burden.theta == pytest.approx(whole.split.often.theta)
+    assert whole.close_share.theta == pytest.approx(whole.split.risky.theta)
+    assert whole.risky_b.rate is not None
+    assert whole.close_share_b.rate == pytest.approx(whole.risky_b.rate * 40 / 3600)
     json.dumps(asdict(found), default=str)
 
 

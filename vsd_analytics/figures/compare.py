@@ -12,7 +12,7 @@ from datetime import date, timedelta
 from typing import Literal
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.figures import rates
+from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
 from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
@@ -20,7 +20,7 @@ from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
 from vsd_analytics.stats.decomposition import MixingChange
-from vsd_analytics.stats.estimates import ChangeSplit, RateEstimate
+from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, RateEstimate
 from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
@@ -58,7 +58,11 @@ class PlaceChange:
         area_id: The area's id.
         name: Its name.
         often_a, often_b: How often in each period (M0), over all hours that enter rates.
-        risky_a, risky_b: How risky (M7), likewise.
+        risky_a, risky_b: Encounters per person-hour (M7), likewise.
+        close_share_a, close_share_b: Share of person-time too close (M6), of anybody.
+        close_share: Its change over the hours compared.
+        burden_a, burden_b: Person-minutes too close per open hour.
+        burden: Its change over the hours compared.
         split: The changes of how often, people and how risky over the hours compared, and what people explain.
     """
 
@@ -69,6 +73,12 @@ class PlaceChange:
     often_b: RateEstimate
     risky_a: RateEstimate
     risky_b: RateEstimate
+    close_share_a: RateEstimate
+    close_share_b: RateEstimate
+    close_share: ChangeEstimate
+    burden_a: RateEstimate
+    burden_b: RateEstimate
+    burden: ChangeEstimate
     split: ChangeSplit
 
 
@@ -209,6 +219,7 @@ def _place(pair: TwoPeriods, where: Floor | Area | None) -> PlaceChange:
     area_id = where.area_id if isinstance(where, Area) else None
     periods = (pair.before, pair.now)
     before, now = (p.whole if isinstance(where, Floor) else p.area(area_id) for p in periods)
+    close = close_time.close_time(pair.now, where)
     return PlaceChange(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
         area_id=area_id,
@@ -217,6 +228,12 @@ def _place(pair: TwoPeriods, where: Floor | Area | None) -> PlaceChange:
         often_b=rates.level_often(pair.now, now),
         risky_a=rates.level_risky(pair.before, before),
         risky_b=rates.level_risky(pair.now, now),
+        close_share_a=close_time.close_share(pair.before, close_time.close_time(pair.before, where)),
+        close_share_b=close_time.close_share(pair.now, close),
+        close_share=close_time.change_close_share(pair, close),
+        burden_a=close_time.burden(pair.before, close_time.close_time(pair.before, where)),
+        burden_b=close_time.burden(pair.now, close),
+        burden=close_time.change_burden(pair, close),
         split=split_change(
             often=rates.change_often(pair, now),
             people=rates.change_people(pair, now),

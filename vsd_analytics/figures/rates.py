@@ -64,7 +64,7 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
 def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`."""
     before, now = pair.compared(place, since=since)
-    settings, past = pair.data.site.settings, _past(pair, place, since)
+    settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_often(
         before.n,
         before.x_h,
@@ -80,7 +80,7 @@ def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
 def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how risky (M7) over the camera-hours compared."""
     before, now = pair.compared(place, since=since)
-    settings, past = pair.data.site.settings, _past(pair, place, since)
+    settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_risky(
         before.n.sum(axis=0),
         before.exposure_h.sum(axis=0),
@@ -97,7 +97,7 @@ def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
 def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of the mean number of people in a place over the camera-hours compared."""
     before, now = pair.compared(place)
-    settings, past = pair.data.site.settings, _past(pair, place, None)
+    settings, past = pair.data.site.settings, past_weeks(pair, place)
     return compare_exposure(
         before.exposure_h,
         before.x_h,
@@ -129,7 +129,7 @@ def _panels(period: Period, place: Place, since: int | None, until: int | None) 
     return panel, period.data.panel(place, [] if is_part else period.history_days)
 
 
-def _past(pair: TwoPeriods, place: Place, since: int | None) -> list[Panel]:
+def past_weeks(pair: TwoPeriods, place: Place, since: int | None = None) -> list[Panel]:
     """Return the weeks before the periods, on the weekdays compared; none for a part of a week or more than one."""
     days = [before for before, _ in pair.pairs]
     is_one_week = len({day.weekday() for day in days}) == len(days)

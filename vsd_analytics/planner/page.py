@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
+from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
-from vsd_analytics.figures.maps import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef
@@ -24,6 +24,7 @@ from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame, fixtures
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_words import place_name
+from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
@@ -103,6 +104,7 @@ class PlannerPage:
     drawing: PlannerDrawing | None
     rows: tuple[PlannerFigureRow, ...]
     spots: tuple[tuple[str, str, FloorSpot], ...]
+    watching: tuple[str, ...]
     is_made_up: bool
     mask: int
     distance: str
@@ -155,6 +157,7 @@ def _page(data: PlannerData) -> PlannerPage:
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
+        watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
         distance=distance,
@@ -254,6 +257,7 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
+    close = row.close_share
     if data.before is not None and data.why_not_compared is None and not any(hidden):
         changes = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
     return {
@@ -263,6 +267,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
+        "closeShare": None if hidden[0] is not None else [close.value, close.lo, close.hi],
         "report": changes,
     }
 

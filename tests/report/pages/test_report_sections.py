@@ -220,14 +220,23 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     tested, busiest = cards(sections.with_tested_spots()), cards(sections.complete())
     assert tested is not None
     assert busiest is not None
-    assert tested.title == "The two spots that are riskier than the floor"
+    assert tested.title == "The two spots that are riskier than their crowd explains"
     assert [c.change for c in tested.cards] == [
         "Stands out since Sun 25 Oct or longer",
         "New this week",
     ]
     assert busiest.title == "The three busiest spots"
     assert "fewer than 300 violations" in busiest.sub
-    assert "riskier than elsewhere" in render_html(sections.with_tested_spots())
+    assert "More time too close than crowding and chance explain" in render_html(sections.with_tested_spots())
+
+
+def test_a_place_that_is_watched_after_a_change_is_named_below_the_cards() -> None:
+    report = sections.with_tested_spots()
+    assert report.spots is not None
+    watching = (m.WatchedSpot(name="Door", area_id="door", changed_on=date(2026, 11, 9)),)
+    said = "Door: changed on Mon 9 Nov; watching since."
+    assert said not in render_html(report)
+    assert said in render_html(replace(report, spots=replace(report.spots, watching=watching)))
 
 
 # ---- what happened at the site ----

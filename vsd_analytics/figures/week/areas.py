@@ -15,6 +15,7 @@ from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
+from vsd_analytics.site.model import Area
 
 MIN_CAMERA_SHARE = 0.01
 """A camera that counts less of an area than this is not named as one that sees it."""
@@ -43,7 +44,8 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     """
     if not data.areas or data.why_no_violations is not None or data.why_no_places is not None:
         return Areas(rows=())
-    keys = [*(a.area_id for a in data.areas), None]
+    drawn: dict[str | None, Area] = {a.area_id: a for a in data.areas}
+    keys = [*drawn, None]
     places = {key: data.area(key) for key in keys}
     found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
     below = data.site.settings.mask_below
@@ -54,8 +56,9 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     for key in keys:
         measured, place = found[key], places[key]
         often, risky = measured.often, measured.risky
+        close = estimates.close_share(data, drawn.get(key))
         if (why := now.why(key, below=below)) is not None:
-            often, risky = (estimates.without_figures(e, why) for e in (often, risky))
+            often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
             often, risky = (estimates.without_change(e, why) for e in (often, risky))
@@ -66,12 +69,13 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         rows.append(
             AreaRow(
                 area_id=key,
-                name=rest if key is None else next(a.name for a in data.areas if a.area_id == key),
+                name=drawn[key].name if key in drawn else rest,
                 counted=measured.n if is_known and key not in now else None,
                 is_masked=key in now.small,
                 is_held_back=key in now.others,
                 often=often,
                 risky=risky,
+                close_share=close,
                 exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
                 share=often.value / total if often.value is not None and total else None,
                 difference=difference(data, place) if often.change is not None else None,

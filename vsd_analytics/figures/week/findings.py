@@ -54,7 +54,7 @@ class Findings:
 
     @cached_property
     def hotspots(self) -> hotspots.FloorHotspots:
-        """Where a person-hour is riskier than elsewhere (M20)."""
+        """Where people spend more time too close than the crowd explains (M20)."""
         return hotspots.hotspots(self._long, floor_id=self._floor_id, until=self._days[1])
 
     @cached_property

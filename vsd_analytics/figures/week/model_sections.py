@@ -53,7 +53,9 @@ class SpotCard:
     ratio: Estimate | None = _f(
         "Tested spots: violations over those expected at the floor's rate.", "ratio", "M20", default=None
     )
-    excess_per_week: float | None = _f("Tested spots: violations above the expected.", "per week", "M20", default=None)
+    excess_min_per_week: float | None = _f(
+        "Tested spots: time too close above what crowding explains.", "person-minutes a week", "M20", default=None
+    )
     is_new: bool | None = _f("Tested spots: it did not stand out a week earlier; None: not known.", default=None)
     since: date | None = _f("Tested spots: last day of the first window from which on it stood out.", default=None)
     is_since_first: bool = _f("True: that window is the first looked at, so it may be older.", default=False)
@@ -64,14 +66,30 @@ class SpotCard:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedSpot:
+    """A hotspot of an earlier window that a logged change made untestable until enough days have passed."""
+
+    name: str = _f("Its area, or where it lies; free text.")
+    area_id: str | None = _f("Identifier of its area; None on the rest of the floor.", default=None)
+    changed_on: date | None = _f("Local day of the last change of the log in or near it.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spots:
     """The numbered spots of the map."""
 
-    kind: SpotKind = _f("tested: riskier per person-hour than the floor (M20); busiest: areas with most violations.")
+    kind: SpotKind = _f(
+        "tested: more time too close than crowding explains (M20); busiest: areas with most violations."
+    )
     reason: Reason | None = _f("Why they are not tested ones; None when they are.", default=None)
     first: date | None = _f("First day of the test's window.", default=None)
     last: date | None = _f("Last day of it.", default=None)
     cards: tuple[SpotCard, ...] = _f("At most three.", metric="M20", default=())
+    watching: tuple[WatchedSpot, ...] = _f(
+        "Hotspots in or near which something was changed, with too few days since for a test.",
+        metric="M20",
+        default=(),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,7 @@ from datetime import date
 
 import numpy as np
 
+from vsd_analytics.figures.close_time import close_share_by_hour
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, HourState, When
@@ -81,6 +82,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
     hours, settings = data.hours, data.site.settings
     is_known = data.why_no_violations is None
     held = data.hidden.hours
+    close_share = close_share_by_hour(data.this)
     cells = []
     for i in timetable_hours(data, data.this):
         open_s = float(hours.open_s[i])
@@ -100,6 +102,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
                 is_masked=is_counted and i in held.small,
                 is_held_back=is_counted and i in held.others,
                 scaled=n / share if n is not None and state == "low_data" else None,
+                close_share=float(close_share[i]) if n is not None and np.isfinite(close_share[i]) else None,
                 share=share if open_s else None,
                 cameras_down=int((shares < settings.partial_hour_share).sum()) if open_s else 0,
             )

@@ -187,9 +187,10 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     often, risky = measured.often, measured.risky
+    close = estimates.close_share(data, data.floor)
     is_printed = True
     if (why := data.hidden.why_floor) is not None:
-        often, risky = (estimates.without_figures(e, why) for e in (often, risky))
+        often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
         is_printed = False
     elif is_compared and (
         is_small(measured.n_before, below=below)
@@ -205,6 +206,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     return Level(
         often=often,
         risky=risky,
+        close_share=close,
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
         violations=measured.n if is_printed and is_known and data.why_no_violations is None else None,

@@ -43,7 +43,17 @@ AREAS_COLUMNS: Final = (
 
 HOTSPOTS_COLUMNS: Final = (
     *("site", "floor", "week", "number", "name", "area", "x_m", "y_m", "kind", "per_open_hour", "lo", "hi"),
-    *("ratio", "ratio_lo", "ratio_hi", "excess_per_week", "new", "since", "days_present", "recorded_share", "sureness"),
+    *(
+        "ratio",
+        "ratio_lo",
+        "ratio_hi",
+        "excess_min_per_week",
+        "new",
+        "since",
+        "days_present",
+        "recorded_share",
+        "sureness",
+    ),
 )
 
 
@@ -155,7 +165,7 @@ def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
     ratio, seen = card.ratio or nothing, card.evidence
     return (
         *(card.number, safe_cell(card.name), card.area_id, *(card.at or (None, None)), kind),
-        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_per_week),
+        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_min_per_week),
         None if card.is_new is None else "yes" if card.is_new else "no",
         card.since.isoformat() if card.since else None,
         *((seen.days_present, seen.recorded_share, seen.sureness) if seen else (None, None, None)),
