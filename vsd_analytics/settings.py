@@ -55,6 +55,7 @@ SETTINGS: tuple[Setting, ...] = (
     Setting("min_days", "report", 5, "days", 2, 7, "Intervals need at least this many recorded days."),
     Setting("min_exposure_h", "report", 20.0, "person-hours", 0.0, 1e6, "Rates per person-hour need at least this much exposure."),
     Setting("confidence", "report", 0.95, "", 0.5, 0.999, "Confidence level of every interval."),
+    Setting("about_same_share", "report", 0.15, "", 0.01, 0.5, "A change is called about the same when its whole interval lies within 1 -+ this share."),
     Setting("mask_below", "report", 5, "", 0, 1000, "Counts from 1 to just under this are hidden in what leaves the operator's hands (small-count suppression)."),
     Setting("heat_steps", "report", (0.5, 1.0, 2.0, 4.0, 8.0), "violations per m2 per open hour", 0.0, 1e6, "Lower ends of the five colour bands of every map."),
     Setting("hour_steps", "report", (0.0, 50.0, 100.0, 150.0, 200.0), "violations per hour", 0.0, 1e6, "Lower ends of the five colour bands of the timetable."),

@@ -15,7 +15,7 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
-from vsd_analytics.figures.panels import HISTORY_WEEKS, WEEK, FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.panels import STEP_WEEKS, WEEK, FloorHours, Period, TwoPeriods
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
@@ -108,7 +108,7 @@ class Comparison:
 def days_needed(site: Site, *periods: Days) -> Days:
     """Return the local days a warehouse must hold to compare periods: these, and the weeks before the first."""
     first, last = min(p[0] for p in periods), max(p[1] for p in periods)
-    earliest = first - HISTORY_WEEKS * WEEK
+    earliest = first - STEP_WEEKS * WEEK
     extent = stored_extent(site, near=first)
     if extent is not None:
         earliest = max(earliest, min(first, extent.first_day - timedelta(days=extent.first_day.weekday())))

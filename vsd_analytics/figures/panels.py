@@ -28,6 +28,8 @@ Flags = NDArray[np.bool_]
 WEEK: Final = timedelta(days=7)
 HISTORY_WEEKS: Final = 5
 """Weeks before a period that tell the usual rates of its weekdays."""
+STEP_WEEKS: Final = 12
+"""Weeks before two periods that tell how much weeks differ."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

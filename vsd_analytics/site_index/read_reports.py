@@ -30,7 +30,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
 )
 from vsd_analytics.report.model.week import SCHEMA, Span
-from vsd_analytics.report.words.reasons import decode_reason
+from vsd_analytics.report.words.reasons import decode_reason, with_verdicts_of_today
 
 MAX_BYTES: Final = 20_000_000
 """A twin is a few hundred kilobytes; what is far larger is no twin and is not read into memory."""
@@ -211,7 +211,7 @@ def read_twin(path: Path) -> Twin:
     _check_schema(head.get("schema") if isinstance(head, dict) else None, path)
     try:
         needed = {f.name: head[f.name] for f in fields(Twin) if f.name in head}
-        twin = msgspec.convert(_cleaned(needed), Twin, dec_hook=decode_reason)
+        twin = msgspec.convert(with_verdicts_of_today(_cleaned(needed)), Twin, dec_hook=decode_reason)
         is_week = _is_week(twin.week)
     except (msgspec.ValidationError, RecursionError, ValueError, OverflowError) as error:
         raise _damaged(path, why=_said(error)) from None
