@@ -12,6 +12,7 @@ from report import fixtures as weeks
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has
@@ -265,3 +266,10 @@ def test_large_rises_are_multiples_and_large_falls_end() -> None:
     assert terms.moved(1.0) == "about doubled"
     assert terms.moved(1.6) == "rose to about 2.6 times last week’s"
     assert terms.moved(-0.99) == "almost stopped"
+
+
+def test_a_twin_of_before_may_say_no_clear_change() -> None:
+    data = to_json(with_verdicts("cannot_tell", "clear_fall"))
+    old = data.replace(b'"cannot_tell"', b'"no_clear_change"')
+    assert old != data
+    assert from_json(old) == from_json(data)
