@@ -45,7 +45,7 @@ def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
     report = w.report(site)
     assert report.state == "normal"
     verdicts = {a.area_id: a.often.verdict for a in report.areas}
-    assert verdicts == {"door": "clear_fall", "queue": "cannot_tell", None: "cannot_tell"}
+    assert verdicts == {"door": "clear_fall", "queue": "about_same", None: "about_same"}
     assert report.busiest_spot is not None
     assert report.busiest_spot.area_id == "queue"
     (line,) = report.log
