@@ -177,7 +177,7 @@ def test_closed_day_is_neither_missing_nor_zero(tmp_path: Path) -> None:
     assert {(c.state, c.violations) for c in report.when.cells if c.day.day == 11} == {("closed", None)}
     assert report.when.day_means[2].value is None
     assert report.coverage.cameras[0].days[2].share is None
-    assert report.level.often.verdict == "cannot_tell"
+    assert report.level.often.verdict == "about_same"
 
 
 # what an engine leaves out --------------------------------------------------------------------------------------------
