@@ -14,6 +14,7 @@ from report import model_classes as m
 from vsd_analytics.figures.week.bands import heat_bands
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.stats.estimates import verdict_of
 
 ROME = ZoneInfo("Europe/Rome")
 MONDAY = date(2026, 11, 9)
@@ -34,7 +35,7 @@ def estimate(value: float | None, change: float | None = None, half: float = 0.0
     if change is None:
         return m.Estimate(value=value, lo=value * 0.96, hi=value * 1.04, **more)
     lo, hi = change - half, change + half
-    verdict = "clear_fall" if hi < 0 else "clear_rise" if lo > 0 else "no_clear_change"
+    verdict = verdict_of(1 + lo, 1 + hi)
     said: dict[str, Any] = {"verdict": verdict, "hours_compared": 301.0, "change_lo": lo, "change_hi": hi}
     return m.Estimate(
         value=value, lo=value * 0.96, hi=value * 1.04, previous=value / (1 + change), change=change, **(said | more)
