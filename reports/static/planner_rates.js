@@ -192,7 +192,8 @@ function compareRates(A, B, R, isRisky) {
   const [factor, df] = smallSample(equalWeights(a), before.shares.map((p, c) => (p + after.shares[c]) / 2), noise);
   if (!Number.isFinite(factor)) return changed(a, b, { reason: word('reason.camera_both') });
   const gap = after.byDay.map((v, d) => v - before.byDay[d]);
-  const byDays = factor * dot(gap, gap), byWeeks = byDays + R.stepExtra * Math.max(0, byDays - sum(noise));
+  const byDays = factor * dot(gap, gap), ownWeeks = 2 * R.weekSd ** 2 / Math.max(1, a.nDays / 7);
+  const byWeeks = byDays + Math.max(R.stepExtra * (byDays - sum(noise)), ownWeeks);
   let half = studentT(R.q, df) * Math.sqrt(byDays), halfDf = df;
   // how weeks differ beyond their days: any part of a week has no history here, so the prior speaks
   if (studentT(R.q, R.stepDf) * Math.sqrt(byWeeks) > half) { half = studentT(R.q, R.stepDf) * Math.sqrt(byWeeks); halfDf = R.stepDf; }

@@ -44,7 +44,7 @@ def test_a_change_without_history_by_hand() -> None:
     gaps = [30 / 160 - 0.2, 41 / 160 - 0.22, 26 / 160 - 0.185, 47 / 160 - 0.26, 16 / 160 - 0.135]
     by_days = 5 / 4 * sum(gap**2 for gap in gaps)
     noise = 1 / 200 + 1 / 160
-    by_weeks = by_days + 1.3 * max(0.0, by_days - noise)
+    by_weeks = by_days + max(2.6 * (by_days - noise), 2 * 0.08**2)
     halves = [2.7764451051977934 * math.sqrt(by_days), 2.4469118511449692 * math.sqrt(by_weeks)]  # t on 4 and on 6
     found = compare_how_often([A], [X], [B], [X])
     assert found.theta == 0.8
@@ -82,12 +82,18 @@ def test_steps_lead_from_week_to_week_and_over_weeks_not_recorded() -> None:
 
 
 def test_prior_fades_as_own_steps_come() -> None:
-    assert step_variance(np.zeros(0), day_variance=0.02, noise=0.01) == pytest.approx((0.033, 6))
-    own_df = 2 * 16 / 11
-    both = (own_df * 0.04 + 3 * 0.033) / (own_df + 3)
-    found = step_variance(np.array([0.2, -0.2, 0.2, -0.2]), day_variance=0.02, noise=0.01)
+    assert step_variance(np.zeros(0), day_variance=0.02, noise=0.01) == pytest.approx((0.02 + 2.6 * 0.01, 6))
+    own_df = 2 * 4 / 5  # two steps: half of the prior's 6 degrees of freedom are left
+    both = (own_df * 0.04 + 3 * 0.046) / (own_df + 3)
+    found = step_variance(np.array([0.2, -0.2]), day_variance=0.02, noise=0.01)
     assert found == pytest.approx((both, own_df + 3))
-    assert step_variance(np.full(8, 0.2), day_variance=9.0, noise=0.0)[0] == pytest.approx(0.04)
+    assert step_variance(np.full(4, 0.2), day_variance=9.0, noise=0.0) == pytest.approx((0.04, 2 * 16 / 11))
+
+
+def test_calm_days_do_not_prove_calm_weeks() -> None:
+    assert step_variance(np.zeros(0), day_variance=0.001, noise=0.001)[0] == pytest.approx(0.001 + 2 * 0.08**2)
+    four_weeks = step_variance(np.zeros(0), day_variance=0.001, noise=0.001, n_days=28)
+    assert four_weeks[0] == pytest.approx(0.001 + 2 * 0.08**2 / 4)
 
 
 def test_one_week_in_which_something_changed_does_not_widen_all_that_follow() -> None:

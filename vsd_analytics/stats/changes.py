@@ -253,7 +253,7 @@ def _compare(
         if width is None:
             return _too_little(a, b, Reason("change.camera"))
     else:
-        width = _by_weeks(steps, day_variance=0.0, noise=0.0, confidence=confidence)
+        width = _by_weeks(steps, day_variance=0.0, noise=0.0, n_days=a.n_days, confidence=confidence)
     half = width.half
     if kind == "violations" and min(events_a, events_b) < SMALL_COUNT:
         noise = float((before.noise + after.noise).sum())
@@ -286,12 +286,14 @@ def _width(
         variance, df = pooled(variance, df, usual=usual)
     log_se = math.sqrt(variance)
     by_days = _Width(t_quantile(df, confidence=confidence) * log_se, log_se, df)
-    by_weeks = _by_weeks(steps, day_variance=day_variance, noise=float(noise.sum()), confidence=confidence)
+    by_weeks = _by_weeks(
+        steps, day_variance=day_variance, noise=float(noise.sum()), n_days=a.n_days, confidence=confidence
+    )
     return max(by_days, by_weeks, key=lambda width: width.half)
 
 
-def _by_weeks(steps: Floats, *, day_variance: float, noise: float, confidence: float) -> _Width:
-    variance, df = step_variance(steps, day_variance=day_variance, noise=noise)
+def _by_weeks(steps: Floats, *, day_variance: float, noise: float, n_days: int, confidence: float) -> _Width:
+    variance, df = step_variance(steps, day_variance=day_variance, noise=noise, n_days=n_days)
     log_se = math.sqrt(variance)
     return _Width(t_quantile(df, confidence=confidence) * log_se, log_se, df)
 
