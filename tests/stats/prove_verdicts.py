@@ -142,9 +142,8 @@ def level_rows(runs: int, seed: int) -> Iterator[Row]:
     for name, world in LEVELS.items():
         promised = "at least 88 %" if world.variation.correlation > 0.3 else "93 to 98 %"
         key = f"{world.variation.correlation:g}"
-        yield Row(
-            f"level of M0 holds the truth: {name}", promised, before.get(key, "-"), share(held(world, runs, seed=seed))
-        )
+        after = share(held(world, runs, seed=seed))
+        yield Row(f"level of M0 holds the truth: {name}", promised, before.get(key, "-"), after)
 
 
 def family(drawn: Drawn, site: int, week: int) -> tuple[list[str], list[str]]:

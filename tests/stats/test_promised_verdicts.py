@@ -1,4 +1,4 @@
-"""What is promised of verdicts and levels, in worlds whose days and weeks differ as stated; docs/statistics.md has more.
+"""What is promised of verdicts and levels, in worlds whose days and weeks differ as stated (docs/statistics.md).
 
 The bars are the promised ones. 800 sites a case know a share of 5 % to 1.5 points; the seeds are fixed.
 """

@@ -9,6 +9,7 @@ each whole week moved along in time ("shifted"), its days staying in place. A cl
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,7 +22,6 @@ from vsd_analytics.stats.quantiles import z_quantile
 
 MIN_WEEKS: Final = 10  # eight steps before the first of two weeks that are compared
 SEED: Final = 20261109
-WEEKS_A_YEAR: Final = 52
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,6 @@ class FalseAlarms:
         lo, hi: Its interval: Wilson's, with the weeks of the history in place of the shuffles, which repeat them.
         n_weeks: Weeks of history used.
         n_verdicts: Comparisons made.
-        a_year: Expected false verdicts in 52 weeks.
     """
 
     share: float
@@ -41,11 +40,6 @@ class FalseAlarms:
     hi: float
     n_weeks: int
     n_verdicts: int
-
-    @property
-    def a_year(self) -> float:
-        """Return the false verdicts to expect in a year of weekly reports."""
-        return WEEKS_A_YEAR * self.share
 
 
 def false_alarm_rate(
@@ -93,6 +87,19 @@ def false_alarm_rate(
         return None
     lo, hi = wilson(n_clear / n_verdicts, n=n_weeks, confidence=confidence)
     return FalseAlarms(n_clear / n_verdicts, lo, hi, n_weeks, n_verdicts)
+
+
+def together(figures: Sequence[FalseAlarms], *, confidence: float = DEFAULTS.confidence) -> FalseAlarms:
+    """Return the share of clear verdicts of several figures of the same weeks; their errors come together.
+
+    Args:
+        figures: One or more.
+        confidence: Of the interval, which has the weeks of the figure with the fewest.
+    """
+    n_weeks, n_verdicts = min(f.n_weeks for f in figures), sum(f.n_verdicts for f in figures)
+    share = sum(f.share * f.n_verdicts for f in figures) / n_verdicts
+    lo, hi = wilson(share, n=n_weeks, confidence=confidence)
+    return FalseAlarms(share, lo, hi, n_weeks, n_verdicts)
 
 
 def wilson(share: float, *, n: int, confidence: float) -> tuple[float, float]:

@@ -12,8 +12,8 @@ ones (von Neumann, Annals of Mathematical Statistics 12, 1941). The cap keeps on
 from making all later weeks uncertain; with fewer than 8 steps nothing is capped.
 
 Before there are 4 steps a prior counts as well, pooled from two real profiles. In a workplace the variance of weekly
-steps was what its days explain: weeks had no effect of their own. In a science museum it was 3.6 times that (day sd .40,
-week sd .22, lag-1 correlation .14). The prior is
+steps was what its days explain: weeks had no effect of their own. In a science museum it was 3.6 times that (day sd
+.40, week sd .22, lag-1 correlation .14). The prior is
 
     v + max(2.6 (v - noise), 2 .08^2 / W),
 
