@@ -15,14 +15,14 @@ from report.ingested_worlds import DOOR, QUEUE, messages, report, toml, world
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.figures.panels import FloorHours
-from vsd_analytics.figures.self_check import SelfCheck, self_check
+from vsd_analytics.figures.self_check import FloorSelfCheck, self_check
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.site.model import Site
 
 FIRST = date(2026, 8, 31)  # a Monday
 
 
-def checked(root: Path, *, weeks: int = 12, **options: Any) -> SelfCheck:
+def checked(root: Path, *, weeks: int = 12, **options: Any) -> FloorSelfCheck:
     with planted(site_of(root), first=FIRST, n_days=7 * weeks, **options) as warehouse:
         data = FloorHours(warehouse, floor=warehouse.site.floors[0])
         return self_check(data, until=FIRST + timedelta(days=7 * weeks - 1))

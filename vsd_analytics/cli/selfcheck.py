@@ -14,7 +14,7 @@ from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
-    from vsd_analytics.figures.self_check import SelfCheck
+    from vsd_analytics.figures.self_check import FloorSelfCheck
     from vsd_analytics.stats.false_alarms import FalseAlarms
 
 
@@ -56,7 +56,7 @@ def selfcheck(project: Project, floor_id: str | None, as_json: bool) -> int:
     return 0 if found.state == "ok" else 1
 
 
-def _text(found: SelfCheck) -> str:
+def _text(found: FloorSelfCheck) -> str:
     if found.both is None or found.false_a_year is None or found.weeks is None:
         return f"false alarms here: unknown; {reason_text(found.reason)}"
     n, lo, hi = found.false_a_year

@@ -27,7 +27,7 @@ Days = tuple[date, date]
 
 
 @dataclass(frozen=True, slots=True)
-class SelfCheck:
+class FloorSelfCheck:
     """How often a clear verdict on a floor is false, as its own weeks tell.
 
     Attributes:
@@ -78,7 +78,7 @@ def days_needed(site: Site) -> Days:
     return max(extent.first_day, monday - MAX_WEEKS * WEEK), max(extent.first_day, monday - timedelta(days=1))
 
 
-def self_check(data: FloorHours, *, until: date) -> SelfCheck:
+def self_check(data: FloorHours, *, until: date) -> FloorSelfCheck:
     """Return how often shuffled weeks of a floor would have been called a clear fall or rise.
 
     Args:
@@ -88,11 +88,11 @@ def self_check(data: FloorHours, *, until: date) -> SelfCheck:
     floor_id, settings = data.floor.floor_id, data.site.settings
     weeks = _weeks(data, until)
     if not weeks:
-        return SelfCheck(floor_id, None, 0, None, None, None, "not_enough_data", _too_few(0))
+        return FloorSelfCheck(floor_id, None, 0, None, None, None, "not_enough_data", _too_few(0))
     used, last = (weeks[0].first, weeks[-1].last), weeks[-1]
     if last.why_no_violations is not None:
         why = last.why_no_violations
-        return SelfCheck(floor_id, used, len(weeks), None, None, None, "not_measurable", why)
+        return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_measurable", why)
     panels = [data.panel(last.whole, week.days) for week in weeks]
     often = risky = None
     if len(weeks) >= MIN_WEEKS:
@@ -105,9 +105,9 @@ def self_check(data: FloorHours, *, until: date) -> SelfCheck:
     found = [figure for figure in (often, risky) if figure is not None]
     if not found:
         why = _too_few(len(weeks)) if len(weeks) < MIN_WEEKS else Reason("selfcheck.verdicts")
-        return SelfCheck(floor_id, used, len(weeks), None, None, None, "not_enough_data", why)
+        return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_enough_data", why)
     both = together(found, confidence=settings.confidence)
-    return SelfCheck(floor_id, used, len(weeks), often, risky, both, "ok", None)
+    return FloorSelfCheck(floor_id, used, len(weeks), often, risky, both, "ok", None)
 
 
 def _weeks(data: FloorHours, until: date) -> list[Period]:

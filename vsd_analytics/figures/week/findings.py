@@ -69,7 +69,7 @@ class Findings:
         return groups.groups(self._long, first=self._days[0], last=self._days[1])
 
     @cached_property
-    def self_check(self) -> self_check.SelfCheck:
+    def self_check(self) -> self_check.FloorSelfCheck:
         """How often the verdicts on the floor are false alarms, from the weeks stored up to this one."""
         return self_check.self_check(self._data, until=self._days[1])
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.self_check import SelfCheck as Found
+from vsd_analytics.figures.self_check import FloorSelfCheck
 from vsd_analytics.figures.week.model_sections import FalseAlarmShare, SelfCheck
 from vsd_analytics.stats.false_alarms import FalseAlarms
 
 
-def section(found: Found) -> SelfCheck:
+def section(found: FloorSelfCheck) -> SelfCheck:
     """Return the self-check as the report prints it."""
     expected, lo, hi = found.false_a_year or (None, None, None)
     return SelfCheck(
