@@ -88,9 +88,9 @@ def test_ranges_that_start_on_different_weekdays_are_matched(tmp_path: Path) -> 
     )
     assert found.n_pairs == 7
     change = found.places[0].split.often
-    assert change.verdict == "about_same"
+    assert change.verdict == "cannot_tell", "without history nobody knows how weeks differ"
     assert change.hi is not None
-    assert change.hi < 1.15, "a busy weekday is no noise"
+    assert change.hi < 1.4, "a busy weekday is no noise"
 
 
 @pytest.mark.parametrize("period", [0, 1])
