@@ -52,7 +52,7 @@ def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
     report = w.report(site)
     assert report.state == "normal"
     verdicts = {a.area_id: a.often.verdict for a in report.areas}
-    assert verdicts == {"door": "clear_fall", "queue": "about_same", None: "about_same"}
+    assert verdicts == {"door": "clear_fall", "queue": "cannot_tell", None: "cannot_tell"}
     assert report.busiest_spot is not None
     assert report.busiest_spot.area_id == "queue"
     (line,) = report.log
@@ -184,7 +184,7 @@ def test_closed_day_is_neither_missing_nor_zero(tmp_path: Path) -> None:
     assert {(c.state, c.violations) for c in report.when.cells if c.day.day == 11} == {("closed", None)}
     assert report.when.day_means[2].value is None
     assert report.coverage.cameras[0].days[2].share is None
-    assert report.level.often.verdict == "about_same"
+    assert report.level.often.verdict == "cannot_tell"
 
 
 # what an engine leaves out --------------------------------------------------------------------------------------------
