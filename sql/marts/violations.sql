@@ -25,7 +25,7 @@
 --   unit         violations per person-hour
 --   denominator  person-hours
 --   needs        20 person-hours; 5 days and 5 violations for an interval
---   uncertainty  day-clustered 95 % interval; four verdicts on the change
+--   uncertainty  day-clustered 95 % interval; five verdicts on the change
 --   by           vsd_analytics.figures.rates.level_risky
 -- figure: M10 Duration of violations
 --   definition   median, 90 % quantile, share of 30 s and longer, of violations that began in opening hours

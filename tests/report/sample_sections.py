@@ -176,7 +176,7 @@ def readings(report: page_model.WeekReport) -> m.Readings:
 def redesigns() -> tuple[m.Redesign, ...]:
     said: dict[str, Any] = {"at": datetime(2026, 10, 7, 9, tzinfo=ROME), "text": "Fourth till opened"}
     effect = m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall")
-    people = m.Estimate(value=None, change=0.04, change_lo=-0.02, change_hi=0.1, verdict="no_clear_change")
+    people = m.Estimate(value=None, change=0.04, change_lo=-0.02, change_hi=0.1, verdict="about_same")
     return (
         m.Redesign(
             number=1,

@@ -15,6 +15,7 @@ from vsd_analytics.figures.week.bands import heat_bands
 from vsd_analytics.figures.week.timetable import busiest_day
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.stats.estimates import verdict_of
 
 ROME = ZoneInfo("Europe/Rome")
 MONDAY = date(2026, 11, 9)
@@ -35,7 +36,7 @@ def estimate(value: float | None, change: float | None = None, half: float = 0.0
     if change is None:
         return m.Estimate(value=value, lo=value * 0.96, hi=value * 1.04, **more)
     lo, hi = change - half, change + half
-    verdict = "clear_fall" if hi < 0 else "clear_rise" if lo > 0 else "no_clear_change"
+    verdict = verdict_of(1 + lo, 1 + hi)
     said: dict[str, Any] = {"verdict": verdict, "hours_compared": 301.0, "change_lo": lo, "change_hi": hi}
     return m.Estimate(
         value=value, lo=value * 0.96, hi=value * 1.04, previous=value / (1 + change), change=change, **(said | more)
@@ -288,7 +289,7 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
                 since=estimate(20.5, -0.57, 0.07),
                 moved_after=0.92,
                 floor_share=1.04,
-                rest_verdict="no_clear_change",
+                rest_verdict="cannot_tell",
             ),
             m.LogLine(at=datetime(2026, 11, 12, 13, tzinfo=ROME), text="Camera 3 stopped sending.", kind="detected"),
         ),

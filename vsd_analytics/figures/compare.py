@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
+from types import MappingProxyType
 from typing import Literal
 
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import close_time, rates
+from vsd_analytics.figures.area_verdicts import Changes, area_changes
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
 from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
@@ -21,7 +23,7 @@ from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
 from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, RateEstimate
-from vsd_analytics.stats.rates import HISTORY_WEEKS
+from vsd_analytics.stats.weekly_steps import MAX_STEPS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -119,7 +121,7 @@ class Comparison:
 def days_needed(site: Site, *periods: Days) -> Days:
     """Return the local days a warehouse must hold to compare periods: these, and the weeks before the first."""
     first, last = min(p[0] for p in periods), max(p[1] for p in periods)
-    earliest = first - HISTORY_WEEKS * WEEK
+    earliest = first - MAX_STEPS * WEEK
     extent = stored_extent(site, near=first)
     if extent is not None:
         earliest = max(earliest, min(first, extent.first_day - timedelta(days=extent.first_day.weekday())))
@@ -165,7 +167,9 @@ def compare(
     places: tuple[PlaceChange, ...] = ()
     if is_compared:
         chosen: list[Area | None] = [*areas] if areas or not data.areas else [*data.areas, None]
-        places = (_place(pair, floor), *(_place(pair, area) for area in chosen if _is_placed(pair)))
+        whole = _place(pair, floor)
+        family = area_changes(pair) if _is_placed(pair) and chosen else {}
+        places = (whole, *(_place(pair, area, family=family) for area in chosen if _is_placed(pair)))
     paired = {day for days in pair.pairs for day in days}
     return Comparison(
         floor_id=floor.floor_id,
@@ -214,11 +218,17 @@ def _other_means(pair: TwoPeriods) -> tuple[State, Reason | None]:
     return "ok", None
 
 
-def _place(pair: TwoPeriods, where: Floor | Area | None) -> PlaceChange:
+def _place(
+    pair: TwoPeriods, where: Floor | Area | None, *, family: Mapping[str | None, Changes] = MappingProxyType({})
+) -> PlaceChange:
     """Return the change of the whole floor, an area, or (None) the rest of the floor."""
     area_id = where.area_id if isinstance(where, Area) else None
     periods = (pair.before, pair.now)
     before, now = (p.whole if isinstance(where, Floor) else p.area(area_id) for p in periods)
+    if isinstance(where, Floor) or area_id not in family:
+        often, risky = rates.change_often(pair, now), rates.change_risky(pair, now)
+    else:
+        often, risky = family[area_id]
     close = close_time.close_time(pair.now, where)
     return PlaceChange(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
@@ -234,11 +244,7 @@ def _place(pair: TwoPeriods, where: Floor | Area | None) -> PlaceChange:
         burden_a=close_time.burden(pair.before, close_time.close_time(pair.before, where)),
         burden_b=close_time.burden(pair.now, close),
         burden=close_time.change_burden(pair, close),
-        split=split_change(
-            often=rates.change_often(pair, now),
-            people=rates.change_people(pair, now),
-            risky=rates.change_risky(pair, now),
-        ),
+        split=split_change(often=often, people=rates.change_people(pair, now), risky=risky),
     )
 
 

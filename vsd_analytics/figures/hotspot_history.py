@@ -42,7 +42,7 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
+class PastSpot:
     """A hotspot of an earlier window: its id, that window's place among the windows, and its label there."""
 
     spot_id: str
@@ -71,8 +71,8 @@ class History:
     """
 
     now: Mapping[int, Identity]
-    resolved: tuple[Past, ...]
-    watching: tuple[Past, ...] = ()
+    resolved: tuple[PastSpot, ...]
+    watching: tuple[PastSpot, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -80,7 +80,7 @@ class _Known:
     spot_id: str
     inside: NDArray[np.bool_]
     middle: tuple[float, float]
-    past: Past
+    past: PastSpot
     since: int
     seen: int
 
@@ -112,7 +112,7 @@ def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell
                 if one.seen == k - 1 and (one.spot_id == spot_id or (one.inside & inside).any())
             ]
             middle = (spot.row, spot.column)
-            past = Past(spot_id, k, spot.label)
+            past = PastSpot(spot_id, k, spot.label)
             known[spot_id] = _Known(spot_id, inside, middle, past, since=min(stood, default=k), seen=k)
         for one in earlier:
             is_here = known[one.spot_id].seen == k or (one.inside & window.result.cells.is_hot).any()

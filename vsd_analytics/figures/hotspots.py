@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from vsd_analytics.figures.cell_places import CellPlace, place_of
 from vsd_analytics.figures.floor_days import Flags, FloorDays, Grid
-from vsd_analytics.figures.hotspot_history import Found, Identity, Past, follow
+from vsd_analytics.figures.hotspot_history import Found, Identity, PastSpot, follow
 from vsd_analytics.figures.hotspot_windows import CELL_M, State, Window, floor_windows, untested_by_change, window_of
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Site
@@ -253,7 +253,7 @@ def _spot(
     )
 
 
-def _past(one: Past, now: Window, then: Window, grid: Grid, areas: Sequence[Area], site: Site) -> ResolvedSpot:
+def _past(one: PastSpot, now: Window, then: Window, grid: Grid, areas: Sequence[Area], site: Site) -> ResolvedSpot:
     """Return a hotspot of an earlier window with what its cells show now."""
     assert now.found is not None
     assert then.found is not None

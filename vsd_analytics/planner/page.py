@@ -30,7 +30,9 @@ from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.reasons import reason_text, text_or_none
 from vsd_analytics.report.words.terms import capital, joined, verdict_words
+from vsd_analytics.stats.day_correlation import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
 from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
+from vsd_analytics.stats.weekly_steps import PRIOR_DF, PRIOR_EXTRA, PRIOR_WEEK_SD
 from vsd_analytics.version import VERSION
 
 UNIT: Final = 100
@@ -226,6 +228,13 @@ def _meta(
             "minEvents": MIN_EVENTS,
             "smallCount": SMALL_COUNT,
             "minWeeks": MIN_HISTORY_WEEKS,
+            "aboutSame": settings.about_same_share,
+            "stepExtra": PRIOR_EXTRA,
+            "weekSd": PRIOR_WEEK_SD,
+            "stepDf": PRIOR_DF,
+            "correlation": PRIOR_CORRELATION,
+            "correlationDays": PRIOR_DAYS,
+            "correlationMost": LARGEST,
             "mask": int(settings.mask_below),
             "rough": ROUGH_H,
             "q": quantiles(confidence),

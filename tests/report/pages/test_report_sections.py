@@ -294,9 +294,7 @@ def test_where_there_is_no_second_reading_the_page_says_why() -> None:
 
 def mixing(**more: Any) -> MixingChange:
     period = Mixing(1.0, 1.0, 0.1, 0.1, 1.0, 0.9, 1.1, 7, "ok", None)
-    behaviour = ChangeEstimate(
-        1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "no_clear_change", "ok", None, False
-    )
+    behaviour = ChangeEstimate(1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "cannot_tell", "ok", None, False)
     said: dict[str, Any] = {"close": 0.8, "crowding": 0.7, "layout": 1.04, "behaviour": behaviour}
     said |= {"crowding_share": None, "layout_share": None, "behaviour_share": None, "state": "ok", "reason": None}
     return MixingChange(period, period, **(said | more))

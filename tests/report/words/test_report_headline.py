@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
+from typing import get_args
 
 import pytest
 from report import sample_weeks as weeks
@@ -13,40 +14,54 @@ from report.sample_sections import redesigns
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has
 from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.result import Verdict
 
-VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
-CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02, "too_little_data": None}
+VERDICTS = get_args(Verdict)
+CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "about_same": 0.02, "cannot_tell": 0.02, "too_little_data": None}
 
 GOLDEN = {
     ("clear_fall", "clear_fall"): "Violations fell by about a seventh",
     ("clear_fall", "clear_rise"): "Violations fell by about a seventh, with 15% more people, but rose per person-hour",
-    (
-        "clear_fall",
-        "no_clear_change",
-    ): "Violations fell by about a seventh, with 15% more people: no clear change per person-hour",
+    ("clear_fall", "about_same"): (
+        "Violations fell by about a seventh, with 15% more people: about the same per person-hour"
+    ),
+    ("clear_fall", "cannot_tell"): (
+        "Violations fell by about a seventh, with 15% more people: no clear change per person-hour"
+    ),
     ("clear_fall", "too_little_data"): "Violations fell by about a seventh",
     ("clear_fall", "not_measurable"): "Violations fell by about a seventh",
     ("clear_rise", "clear_fall"): "Violations rose by about an eighth, with 15% more people, but fell per person-hour",
     ("clear_rise", "clear_rise"): "Violations rose by about an eighth, and per person-hour too",
-    (
-        "clear_rise",
-        "no_clear_change",
-    ): "Violations rose by about an eighth, with 15% more people: no clear change per person-hour",
+    ("clear_rise", "about_same"): (
+        "Violations rose by about an eighth, with 15% more people: about the same per person-hour"
+    ),
+    ("clear_rise", "cannot_tell"): (
+        "Violations rose by about an eighth, with 15% more people: no clear change per person-hour"
+    ),
     ("clear_rise", "too_little_data"): "Violations rose by about an eighth",
     ("clear_rise", "not_measurable"): "Violations rose by about an eighth",
-    ("no_clear_change", "clear_fall"): "Violations about the same as last week, but fewer per person-hour",
-    ("no_clear_change", "clear_rise"): "Violations about the same as last week, but more per person-hour",
-    ("no_clear_change", "no_clear_change"): "Violations about the same as last week",
-    ("no_clear_change", "too_little_data"): "Violations about the same as last week",
-    ("no_clear_change", "not_measurable"): "Violations about the same as last week",
+    ("about_same", "clear_fall"): "Violations about the same as last week, but fewer per person-hour",
+    ("about_same", "clear_rise"): "Violations about the same as last week, but more per person-hour",
+    ("about_same", "about_same"): "Violations about the same as last week",
+    ("about_same", "cannot_tell"): "Violations about the same as last week",
+    ("about_same", "too_little_data"): "Violations about the same as last week",
+    ("about_same", "not_measurable"): "Violations about the same as last week",
+    ("cannot_tell", "clear_fall"): "No clear change in violations since last week, but fewer per person-hour",
+    ("cannot_tell", "clear_rise"): "No clear change in violations since last week, but more per person-hour",
+    ("cannot_tell", "about_same"): "No clear change in violations since last week",
+    ("cannot_tell", "cannot_tell"): "No clear change in violations since last week",
+    ("cannot_tell", "too_little_data"): "No clear change in violations since last week",
+    ("cannot_tell", "not_measurable"): "No clear change in violations since last week",
     ("too_little_data", "clear_fall"): "Fewer violations per person-hour; too little data on how often",
     ("too_little_data", "clear_rise"): "More violations per person-hour; too little data on how often",
-    ("too_little_data", "no_clear_change"): "Too little data to say whether violations changed",
+    ("too_little_data", "about_same"): "Too little data to say whether violations changed",
+    ("too_little_data", "cannot_tell"): "Too little data to say whether violations changed",
     ("too_little_data", "too_little_data"): "Too little data to say whether violations changed",
     ("too_little_data", "not_measurable"): "Too little data to say whether violations changed",
 }
@@ -176,7 +191,7 @@ def planted_redesign(**other: object) -> Redesign:
         doubts=(),
         running=effect,
         n_watched=6,
-        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="no_clear_change"),
+        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="cannot_tell"),
         **other,  # type: ignore[arg-type]
     )
 
@@ -321,3 +336,10 @@ def test_large_rises_are_multiples_and_large_falls_end() -> None:
     assert terms.moved(1.0) == "about doubled"
     assert terms.moved(1.6) == "rose to about 2.6 times last week’s"
     assert terms.moved(-0.99) == "almost stopped"
+
+
+def test_a_twin_of_before_may_say_no_clear_change() -> None:
+    data = to_json(with_verdicts("cannot_tell", "clear_fall"))
+    old = data.replace(b'"cannot_tell"', b'"no_clear_change"')
+    assert old != data
+    assert from_json(old) == from_json(data)

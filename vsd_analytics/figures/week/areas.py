@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
+from vsd_analytics.figures.area_verdicts import Changes, area_changes
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
@@ -48,6 +49,9 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     keys = [*drawn, None]
     places = {key: data.area(key) for key in keys}
     found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
+    if is_compared:
+        judged = area_changes(data.pair)
+        found = {key: _with_verdicts(measured, judged[key]) for key, measured in found.items()}
     below = data.site.settings.mask_below
     now = data.hidden.places
     before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
@@ -85,6 +89,15 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         )
     rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
     return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
+
+
+def _with_verdicts(measured: estimates.Measured, judged: Changes) -> estimates.Measured:
+    """Return both numbers of an area with the verdicts of its family, where they have one at all."""
+    often, risky = (
+        estimate if estimate.verdict in (None, "too_little_data") else replace(estimate, verdict=change.verdict)
+        for estimate, change in zip((measured.often, measured.risky), judged, strict=True)
+    )
+    return replace(measured, often=often, risky=risky)
 
 
 def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> HeldBack[str | None]:

@@ -242,6 +242,31 @@ class Causes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FalseAlarmShare:
+    """How often shuffled weeks of the floor got a clear verdict."""
+
+    share: float = _f("Clear verdicts over verdicts on weeks in which nothing changed on average.", "share")
+    lo: float = _f("Lower end of its interval.", "share")
+    hi: float = _f("Upper end of its interval.", "share")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelfCheck:
+    """How often the verdicts on the floor are false alarms, as its own weeks tell."""
+
+    n_weeks: int = _f("Weeks it comes from.", "weeks")
+    both: FalseAlarmShare | None = _f("Of both verdicts on the floor.", default=None)
+    often: FalseAlarmShare | None = _f("Of verdicts on how often.", metric="M0", default=None)
+    risky: FalseAlarmShare | None = _f("Of verdicts on how risky.", metric="M7", default=None)
+    verdicts_a_year: int = _f("Verdicts on the floor in 52 weekly reports.", "verdicts", default=0)
+    false_a_year: float | None = _f("False ones to expect among them.", "verdicts", default=None)
+    false_a_year_lo: float | None = _f("Lower end of its interval.", "verdicts", default=None)
+    false_a_year_hi: float | None = _f("Upper end of its interval.", "verdicts", default=None)
+    state: State = _f("Whether it can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OutlookHour:
     """One open hour of the next week."""
 

@@ -30,6 +30,7 @@ from vsd_analytics.figures.week.model_sections import (
     Outlook,
     Readings,
     Redesign,
+    SelfCheck,
     Spots,
     Trend,
     UnusualHours,
@@ -122,5 +123,6 @@ class WeekReport:
     trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
     outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
+    selfcheck: SelfCheck | None = _f("How often the verdicts on the floor are false alarms.", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)

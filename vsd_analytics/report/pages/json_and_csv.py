@@ -19,7 +19,7 @@ from vsd_analytics.figures.week.results import AreaRow, HourCell
 from vsd_analytics.report.model import week
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text
+from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text, with_verdicts_of_today
 from vsd_analytics.result import Reason
 from vsd_analytics.store.spreadsheet import safe_cell
 
@@ -86,7 +86,8 @@ def to_json(report: WeekReport) -> bytes:
 
 def from_json(data: bytes) -> WeekReport:
     """Return the report that a JSON text was made from; rendering it gives the same page."""
-    return msgspec.json.decode(data, type=WeekReport, dec_hook=decode_reason)
+    decoded = with_verdicts_of_today(msgspec.json.decode(data))
+    return msgspec.convert(decoded, WeekReport, dec_hook=decode_reason)
 
 
 def json_schema() -> dict[str, Any]:

@@ -161,7 +161,7 @@ def _change(often: Estimate | None, report: WeekReport, *, within: bool = False)
     if often.verdict in ("clear_fall", "clear_rise") and often.change is not None:
         said = say("spots.change", change=fmt.fewer_more(often.change), week=report.previous.number)
         return said, terms.direction(often.verdict)
-    key = "no_change" if often.verdict == "no_clear_change" else "little"
+    key = "no_change" if often.verdict in ("about_same", "cannot_tell") else "little"
     return say(f"spots.{'' if within else 'cap_'}{key}", week=report.previous.number), "same"
 
 

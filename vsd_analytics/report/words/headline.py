@@ -1,7 +1,7 @@
 """The words of the page, made by rule from the figures: headline, lead, three things to know, one question.
 
 The headline reads the two verdicts, never a point estimate alone. The catalogue's table `headline.pair` is the whole
-4 x 5 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
+5 x 6 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
 "because" is not.
 """
 
@@ -23,7 +23,7 @@ from vsd_analytics.report.words.things_to_know import question, things
 MAX_WORDS: Final = 15
 OWN_SHARE: Final = 0.8
 """A change of the floor is an area's own when at least this part of it lies there."""
-OFTEN: Final = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
+OFTEN: Final = ("clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data")
 RISKY: Final = (*OFTEN, "not_measurable")
 """The two keys of the table `headline.pair` of the catalogue: how often, how risky."""
 
@@ -227,7 +227,7 @@ def _normal_lead(report: WeekReport) -> list[Span]:
     match often.verdict:
         case "clear_fall" | "clear_rise":
             spans.append(Span(text=say("lead.clear", change=fmt.fewer_more(often.change), since=since, likely=likely)))
-        case "no_clear_change":
+        case "about_same" | "cannot_tell":
             said = say("lead.in_brackets", text=likely) if likely else ""
             spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
@@ -264,7 +264,7 @@ def _risk_spans(report: WeekReport) -> list[Span]:
         case "clear_fall" | "clear_rise":
             change, likely = fmt.fewer_more(risky.change), fmt.likely_change(risky)
             tail = say("lead.risky_clear", change=change, likely=likely, people=with_people)
-        case "no_clear_change":
+        case "about_same" | "cannot_tell":
             tail = say("lead.risky_same", people=with_people)
         case _:
             tail = say("lead.risky_other", people=with_people)

@@ -139,10 +139,10 @@ def _against(often: Estimate, since: str) -> str:
 
 
 def _own_change(row: AreaRow | None) -> str:
-    if row is None or row.often.change is None or row.often.verdict != "no_clear_change":
+    if row is None or row.often.change is None or row.often.verdict not in ("about_same", "cannot_tell"):
         return ""
     if round(row.often.change * 100) == 0:
-        return say("things.own_same")
+        return say("things.own_same") if row.often.verdict == "about_same" else ""
     key = "things.own_up" if row.often.change > 0 else "things.own_down"
     return say(key, percent=fmt.percent(abs(row.often.change)))
 
