@@ -1,4 +1,4 @@
-"""Draws the four charts of docs/statistics.md from the tables of docs/statistics-tables.md: `python docs/charts.py`.
+"""Draws the four charts of docs/statistics.md from the tables behind them: `python docs/charts.py`.
 
 A chart has no number of its own: each is read from the row named here, so that a table and its picture cannot differ.
 """
@@ -15,7 +15,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 DOCS = Path(__file__).resolve().parent
-TABLES = DOCS / "statistics-tables.md"
+TABLES = DOCS / "statistics.md"
 BEFORE, AFTER, INK, BAR = "#b9bdc4", "#1f5fa8", "#22262b", "#8a2f2f"
 ON_WHITE: Final = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
 _NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?")
