@@ -189,6 +189,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
             after=(date(2026, 10, 12), date(2026, 11, 8)),
             effect=effect,
             often=m.Estimate(value=None, change=-0.27, change_lo=-0.39, change_hi=-0.12, verdict="clear_fall"),
+            close=m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall"),
             people=people,
             compared_with=("End of aisle 2", "Pharmacy counter"),
             doubts=(read_reason("another entry of the log lies in the weeks after"),),

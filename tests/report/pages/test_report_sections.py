@@ -348,7 +348,7 @@ def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -
         "likely −39% to −12%",
     )
     assert (row.name, row.words, row.detail) == (
-        "Violations per person-hour",
+        "Share of time too close",
         "Clear fall, −31%",
         "likely −42% to −18%",
     )
@@ -360,6 +360,16 @@ def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -
     assumed, refused = table.notes
     assert "its area and the comparison areas would have moved alike" in assumed
     assert refused == "Main entrance: no result yet. Needs a whole week after the change, and 1 day is stored."
+
+
+def test_encounters_per_person_hour_of_a_redesign_are_not_judged_on_the_page() -> None:
+    """They rise where people stand about less, so a good change would be a clear rise beside a clear fall."""
+    rise = m.Estimate(value=None, change=0.58, change_lo=0.19, change_hi=1.09, verdict="clear_rise")
+    report = sections.complete()
+    worse = tuple(replace(r, effect=rise) if r.effect is not None else r for r in report.redesigns)
+    table = page_sections.redesigns(replace(report, redesigns=worse))
+    assert table is not None
+    assert "rise" not in " ".join(row.words for row in table.rows)
 
 
 # ---- outlook and unusual hours ----
