@@ -18,7 +18,20 @@ from vsd_analytics.cli.project import Project
 from vsd_analytics.version import VERSION
 
 COMMANDS = (
-    *("demo", "init", "calibrate", "engine", "log", "check", "ingest", "quarantine", "listen", "alarms", "build"),
+    *(
+        "demo",
+        "init",
+        "calibrate",
+        "engine",
+        "evaluate",
+        "log",
+        "check",
+        "ingest",
+        "quarantine",
+        "listen",
+        "alarms",
+        "build",
+    ),
     *("coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "forecast", "report", "planner", "site"),
     *("export", "purge", "sql", "schema", "verify", "doctor", "explain"),
 )
