@@ -69,11 +69,24 @@ class SimulatedCamera:
         return np.asarray(q[:, :2] / q[:, 2:])
 
 
+def surface() -> Array:
+    """Return points on the outside of a body of height 1, beside the joints: head with hair, shoulders, hips, shoes."""
+    turn = np.linspace(0, 2 * np.pi, 8, endpoint=False)
+    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(8)])
+    head = [ring * 0.055 * np.sqrt(1 - z**2) + (0, 0.01, 0.95 + 0.06 * z) for z in (0.0, 0.6, 0.9, 1.0)]
+    trunk = [ring * (0.14, 0.08, 0) + (0, 0, z) for z in (0.55, 0.65, 0.8)]
+    return np.concatenate([*head, *trunk])
+
+
 @dataclass(frozen=True)
 class Scene:
-    """What the camera saw, and the floor position of each person in it, shape (n, 2), metres."""
+    """What the camera saw, and the floor position of each person in it, shape (n, 2), metres.
+
+    The people have joints and no boxes; `box` are those around their whole bodies, shape (n, 4).
+    """
 
     people: People
+    box: Array
     xy: Array
     camera: SimulatedCamera
 
@@ -111,7 +124,8 @@ def simulate(
     rows: list[tuple[int, int]] = []
     places: list[Array] = []
     joints: list[Array] = []
-    shape = skeleton()
+    boxes: list[Array] = []
+    shape = np.concatenate([skeleton(), surface()])
     for frame in frames:
         t = frame / hz
         turn = heading + 0.15 * np.sin(t / 3 + begin)
@@ -128,7 +142,8 @@ def simulate(
             uv = camera.project(np.column_stack([flat + xy[i], body[:, 2]]))
             if not np.all((uv > 0) & (uv < SIZE)):  # NaN is outside
                 continue
-            uv = uv + rng.normal(0, noise_px, uv.shape)
+            boxes.append(np.concatenate([uv.min(axis=0), uv.max(axis=0)]) + rng.normal(0, noise_px, 4))
+            uv = uv[:N_JOINTS] + rng.normal(0, noise_px, (N_JOINTS, 2))
             uv[rng.random(N_JOINTS) < missing] = np.nan
             rows.append((int(frame), i))
             places.append(xy[i])
@@ -143,15 +158,13 @@ def simulate(
         joints=joint,
         frames=frames.astype(np.int64),
     )
-    return Scene(people, np.array(places).reshape(-1, 2), camera)
+    return Scene(people, np.array(boxes).reshape(-1, 4), np.array(places).reshape(-1, 2), camera)
 
 
-def boxes_only(scene: Scene, *, head_share: float = 0.07) -> People:
-    """Return the same people as boxes around the whole body: the joints, and the skull above the eyes."""
+def boxes_only(scene: Scene) -> People:
+    """Return the same people as boxes without joints."""
     people = scene.people
-    box = people.outline.copy()
-    box[:, 1] -= head_share * (box[:, 3] - box[:, 1])
-    return People(people.frame, people.track, box, np.full_like(people.joints, np.nan), people.frames)
+    return People(people.frame, people.track, scene.box, np.full_like(people.joints, np.nan), people.frames)
 
 
 def _nearest_m(camera: SimulatedCamera) -> float:

@@ -185,6 +185,7 @@ def _paper(
 
 def _calibrated(project: Project, camera: Camera, people: People, picture_px: tuple[int, int] | None) -> Seen:
     from vsd_analytics.engine.floor_method import locate
+    from vsd_analytics.engine.people_calibration_file import path_of, read_stated_error
     from vsd_analytics.errors import UsageError
 
     if not camera.calibrations:
@@ -194,10 +195,12 @@ def _calibrated(project: Project, camera: Camera, people: People, picture_px: tu
             fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
         )
     used = camera.calibrations[-1]
+    stated = path_of(project.site.root, camera.camera_id)
     return locate(
         people,
         homography=used.homography,
         picture_px=picture_px,
         within_m=project.site.settings.pair_max_m,
         name=used.calibration_id,
+        error=read_stated_error(stated, calibration_id=used.calibration_id),
     )

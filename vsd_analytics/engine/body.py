@@ -38,6 +38,18 @@ def ground_points(people: People) -> Array:
     return np.column_stack([u, np.where(has_joints, v, box[:, 3])])
 
 
+def feet(people: People) -> Array:
+    """Return the middle of the foot joints that are known, else of the bottom edge of the box, pixels, shape (n, 2).
+
+    Unlike `ground_points` it takes nothing from the head, which is above another spot of the floor in a tilted view.
+    """
+    box = people.outline
+    known = np.column_stack([_mean(people.joints[:, FEET, axis]) for axis in (0, 1)])
+    has_joints = np.isfinite(people.joints).any(axis=(1, 2))
+    middle = np.column_stack([(box[:, 0] + box[:, 2]) / 2, box[:, 3]])
+    return np.where(has_joints[:, None], known, middle)
+
+
 def is_valid(people: People) -> NDArray[np.bool_]:
     """Return which persons count, shape (n,): skeletons with a foot and 13 joints, or boxes without any joint."""
     known: NDArray[np.bool_] = np.all(np.isfinite(people.joints), axis=2)

@@ -51,8 +51,8 @@ def safe_spaces(
     """Return the disc of each person: as wide in the picture as `radius_m` is by the person's own body.
 
     The part of the body is `length_px` long in the picture and `length_m` in metres. So the half width of the ellipse
-    at the foot point is length_px radius_m / length_m. The scale of the floor plane along the picture's rows turns it into the
-    plane's unit.
+    at the foot point is length_px radius_m / length_m. The scale of the floor plane along the picture's rows turns it
+    into the plane's unit.
 
     Args:
         homography: 3x3, pixels to floor plane.
