@@ -11,8 +11,8 @@ from vsd_analytics.geometry.homography import as_matrix, project, to_floor, to_i
 
 N_CAMERAS: Final = 100
 SEED: Final = 14
-POPULATION_SD: Final = 0.03
-"""Mean height of the people seen against the population's, relative: no picture shows it."""
+POPULATION_SD: Final = 0.04
+"""Mean height of the people seen, and of their boxes, against what is assumed, relative: no picture shows it."""
 FOOT_PX: Final = 2.0
 FOOT_M: Final = 0.03
 """Error of a foot point: of the mark in pixels, and of where a foot is seen on a body in metres."""

@@ -53,6 +53,9 @@ _BOUNDS: Final = ((-1.5, 0.0, -0.5, -1.0, -0.4, -0.1), (1.5, 1.5, 0.5, 4.0, 0.4,
 _FAR: Final = 20.0
 """Residual of what the camera cannot have seen."""
 _ROUNDS: Final = 3
+"""Each round chooses the walkers again, by the camera of the last one."""
+_FIRST_STEPS, _FINISHED, _STEPS = 8, 3, 60
+"""Every start goes a few steps; the best ones go on to the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,16 +126,11 @@ def fit_camera(seen: Sightings, *, size_px: tuple[int, int]) -> Fitted | None:
     """
     some = thinned(seen)
     posture = _Posture(some, size_px)
-    found: OptimizeResult | None = None
-    for log_focal, tilt in _STARTS:
-        start = posture.start(log_focal, tilt)
-        if start is None:
-            continue
-        result = least_squares(posture.residuals, start, x_scale=_SCALE, bounds=_BOUNDS, max_nfev=60)
-        if found is None or result.cost < found.cost:
-            found = result
-    if found is None:
+    starts = [start for first in _STARTS if (start := posture.start(*first)) is not None]
+    tries = sorted((posture.fit(start, most=_FIRST_STEPS) for start in starts), key=lambda result: result.cost)
+    if not tries:
         return None
+    found = min((posture.fit(tried.x, most=_STEPS) for tried in tries[:_FINISHED]), key=lambda result: result.cost)
     n_walkers = 0
     if seen.has_tracks:
         walks = _stretches(seen, camera_of(found.x, size_px), found.x[_DEPTH])
@@ -147,7 +145,7 @@ def fit_camera(seen: Sightings, *, size_px: tuple[int, int]) -> Fitted | None:
                 np.append(found.x[:_SPEED], speed.usual),
                 x_scale=(*_SCALE, 0.1),
                 bounds=([*_BOUNDS[0], -np.inf], [*_BOUNDS[1], np.inf]),
-                max_nfev=60,
+                max_nfev=_STEPS,
             )
     camera = camera_of(found.x, size_px)
     heights = heights_m(camera, some, found.x[_DEPTH])[0]
@@ -183,6 +181,10 @@ class _Posture:
             return None
         first[3] += np.log(self._seen.body.high_m / np.median(heights[seen]))
         return np.clip(first, *_BOUNDS)
+
+    def fit(self, start: Array, *, most: int) -> OptimizeResult:
+        """Return the best parameters after at most so many steps."""
+        return least_squares(self.residuals, start, x_scale=_SCALE, bounds=_BOUNDS, max_nfev=most)
 
     def residuals(self, vector: Array) -> Array:
         camera = camera_of(vector, self._size_px)

@@ -21,7 +21,9 @@ MIN_PEOPLE: Final = 8
 """Fewer persons may all be short or tall."""
 MAX_SCATTER: Final = 0.20
 """Heights that differ more than this are not those of upright people."""
-MAX_ERROR: Final = 0.25
+MAX_BOX_TILT_DEG: Final = 40.0
+"""Above, the middle of a box's bottom edge is so far from the feet that even the true camera measures 7 % wrong."""
+MAX_ERROR: Final = 0.30
 """Relative sd of a distance of 2 m from which on a calibration would mislead."""
 
 
@@ -83,6 +85,12 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
     fitted = fit_camera(seen, size_px=size_px)
     if fitted is None:
         raise _refused("no camera explains the places and heights of the people", "check --size and the columns")
+    tilt_deg = np.degrees(fitted.camera.tilt_rad)
+    if not seen.has_lean and tilt_deg > MAX_BOX_TILT_DEG:
+        raise _refused(
+            f"the camera looks down by {tilt_deg:.0f} degrees, and the bottom of a box is not at the feet there",
+            "give joints in place of boxes, or measure points: --points FILE",
+        )
     if not fitted.scatter <= MAX_SCATTER:
         raise _refused(
             f"the heights of the people differ by {fitted.scatter:.0%} for the best camera",

@@ -34,9 +34,9 @@ class Body:
     depth_sd_m: float
 
 
-BOX: Final = Body(0.0, 1.79, 0.15, 0.05)
-"""A box around a walking adult. 1.70 m of body, as the paper takes it, and what a box adds: shoes, hair and margin. The
-depth is half of that of a body between two steps. Both agree with annotated boxes of known cameras (docs/engine.md)."""
+BOX: Final = Body(0.0, 1.76, 0.15, 0.05)
+"""A box around a walking adult: 1.70 m of body, as the paper takes it, and 6 cm of shoes, hair and margin. The depth is
+half of that of a body between two steps. Annotated boxes of known cameras have 1.78 to 1.80 m (docs/engine.md)."""
 JOINTS: Final = Body(0.077, 1.40, 0.0, 0.001)
 """Ankles and neck: .045 and .825 of 1.70 m (Drillis and Contini 1966)."""
 
