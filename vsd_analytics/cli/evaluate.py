@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 @click.argument("messages", type=click.Path(path_type=Path))
 @click.option(
     "--truth",
-    required=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="CSV of true positions: frame or ts, track_id, x_m, y_m.",
@@ -34,13 +33,19 @@ if TYPE_CHECKING:
     metavar="METRES",
     help="Pairs closer than this violate (default: 2).",
 )
+@click.option("--size", metavar="WxH", help="Picture size of a data set without images.")
 @json_option
 @pass_project
-def evaluate(project: Project, messages: Path, truth: Path, distance_m: float, as_json: bool) -> None:
+def evaluate(
+    project: Project, messages: Path, truth: Path | None, distance_m: float, size: str | None, as_json: bool
+) -> None:
     """Compare an engine's frame messages with true positions: precision, recall and F1 of pairs and persons.
 
     Scores are pooled over all frames, and averaged over frames. Their 95 % intervals come from blocks of time. Persons
     are compared by their track id. Only frames that both files have are scored.
+
+    A folder with Images, HumanJoints and Annotations, as the paper's authors published, needs no --truth: the ratios
+    are searched for each part of the body, and the calibration from people is scored beside them.
 
     \b
     Example:
@@ -49,7 +54,13 @@ def evaluate(project: Project, messages: Path, truth: Path, distance_m: float, a
     """
     from vsd_analytics.engine.evaluation import evaluate as compare
     from vsd_analytics.engine.truth import read_messages, read_positions
+    from vsd_analytics.errors import UsageError
 
+    if messages.is_dir():
+        _data_set(messages, distance_m=distance_m, size=size, as_json=as_json)
+        return
+    if truth is None:
+        raise UsageError("nothing to compare the messages with", fix=f"vsd evaluate {messages} --truth positions.csv")
     positions = read_positions(truth)
     done = compare(read_messages(messages, clock=positions.clock), positions, distance_m=distance_m)
     if positions.n_bad:
@@ -59,6 +70,24 @@ def evaluate(project: Project, messages: Path, truth: Path, distance_m: float, a
         return
     for line in _lines(done):
         click.echo(line)
+
+
+def _data_set(folder: Path, *, distance_m: float, size: str | None, as_json: bool) -> None:
+    """Print the paper's tables for a folder of its layout."""
+    from vsd_analytics.cli.picture_sizes import parse_size
+    from vsd_analytics.engine.published_layout import read_sequences
+    from vsd_analytics.engine.reproduction import reproduce
+
+    rows = reproduce(read_sequences(folder, size_px=parse_size(size) if size else None), distance_m=distance_m)
+    if as_json:
+        emit_json(rounded({"distance_m": distance_m, "rows": [asdict(row) for row in rows]}))
+        return
+    click.echo(f"persons closer than {distance_m:g} m to somebody, mean over frames; pairs pooled over frames")
+    click.echo(f"{'sequence':<28}{'method':<8}{'F1 persons':<20}{'0/0 as 0':<10}{'F1 pairs':<20}setting")
+    for row in rows:
+        published = "–" if row.f1_published != row.f1_published else f"{row.f1_published:.3f}"
+        scores = f"{_text(row.persons.f1):<20}{published:<10}{_text(row.pairs.f1):<20}"
+        click.echo(f"{row.sequence:<28}{row.method:<8}{scores}{row.setting}".rstrip())
 
 
 def _as_dict(done: Evaluation) -> dict[str, Any]:

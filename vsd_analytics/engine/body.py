@@ -52,7 +52,7 @@ def feet(people: People) -> Array:
 
 def is_valid(people: People) -> NDArray[np.bool_]:
     """Return which persons count, shape (n,): skeletons with a foot and 13 joints, or boxes without any joint."""
-    known: NDArray[np.bool_] = np.all(np.isfinite(people.joints), axis=2)
+    known = np.asarray(np.isfinite(people.joints).all(axis=2), dtype=np.bool_)
     has_foot = known[:, FEET].any(axis=1)
     is_box = ~known.any(axis=1) & np.isfinite(people.box).all(axis=1)
     return np.asarray(is_box | (has_foot & (known.sum(axis=1) >= MIN_JOINTS)))

@@ -180,7 +180,7 @@ class _Posture:
         if seen.mean() < 0.8:
             return None
         first[3] += np.log(self._seen.body.high_m / np.median(heights[seen]))
-        return np.clip(first, *_BOUNDS)
+        return np.asarray(np.clip(first, *_BOUNDS))
 
     def fit(self, start: Array, *, most: int) -> OptimizeResult:
         """Return the best parameters after at most so many steps."""

@@ -63,6 +63,25 @@ def frame_mean(hits: Hits) -> Scores:
     return Scores(*(_ratio(share, defined) for share, defined in shares))
 
 
+def f1_of(hits: Hits) -> float:
+    """Return the pooled F1 without its interval; NaN where nothing is there or found."""
+    above, below = _fractions(hits)[2]
+    return float(above.sum() / below.sum()) if below.sum() else float("nan")
+
+
+def f1_of_frames(hits: Hits, *, counts_empty: bool = False) -> float:
+    """Return the mean F1 of frames without its interval.
+
+    Args:
+        hits: Per frame.
+        counts_empty: Frames with nothing there and nothing found count 0, as in the published evaluation; else they
+            do not count.
+    """
+    above, below = _fractions(hits)[2]
+    counted = (below > 0) | counts_empty
+    return float((above / np.maximum(below, 1))[counted].mean()) if counted.any() else float("nan")
+
+
 def _fractions(hits: Hits) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Return numerator and denominator of precision, recall and F1, per frame."""
     found, there = hits.hit + hits.false, hits.hit + hits.missed
