@@ -45,9 +45,9 @@ def feet(people: People) -> Array:
     """
     box = people.outline
     known = np.column_stack([_mean(people.joints[:, FEET, axis]) for axis in (0, 1)])
-    has_joints = np.isfinite(people.joints).any(axis=(1, 2))
+    has_joints = np.isfinite(people.joints).reshape(len(people), -1).any(axis=1)
     middle = np.column_stack([(box[:, 0] + box[:, 2]) / 2, box[:, 3]])
-    return np.where(has_joints[:, None], known, middle)
+    return np.where(np.expand_dims(has_joints, 1), known, middle)
 
 
 def is_valid(people: People) -> NDArray[np.bool_]:

@@ -41,6 +41,8 @@ CENTRE_SD: Final = 0.06
 """Of the axis above or below the middle of the picture, in picture heights."""
 HEIGHT_M, HEIGHT_SD = 4.0, 1.0
 """Usual height of a camera and the sd of its logarithm: says almost nothing."""
+UNTRACKED_PEOPLE: Final = 150
+"""Parts of walks count at most like so many persons: without track ids one person has several."""
 MIN_WALKERS: Final = 8
 STRETCH_M: Final = 1.2
 """A stretch of a walk is long enough to measure when half of them are longer than this."""
@@ -132,21 +134,21 @@ def fit_camera(seen: Sightings, *, size_px: tuple[int, int]) -> Fitted | None:
         return None
     found = min((posture.fit(tried.x, most=_STEPS) for tried in tries[:_FINISHED]), key=lambda result: result.cost)
     n_walkers = 0
-    if seen.has_tracks:
-        walks = _stretches(seen, camera_of(found.x, size_px), found.x[_DEPTH])
-        for _ in range(_ROUNDS if walks is not None else 0):
-            assert walks is not None
-            speed = _Speed(seen, walks, found.x, size_px)
-            if speed.n_walkers < MIN_WALKERS:
-                break
-            n_walkers = speed.n_walkers
-            found = least_squares(
-                lambda p, speed=speed: np.concatenate([posture.residuals(p), speed.residuals(p)]),  # type: ignore[misc]
-                np.append(found.x[:_SPEED], speed.usual),
-                x_scale=(*_SCALE, 0.1),
-                bounds=([*_BOUNDS[0], -np.inf], [*_BOUNDS[1], np.inf]),
-                max_nfev=_STEPS,
-            )
+    # links between frames lose those who walk fast across the picture, so without track ids speeds would mislead
+    walks = _stretches(seen, camera_of(found.x, size_px), found.x[_DEPTH]) if seen.has_tracks else None
+    for _ in range(_ROUNDS if walks is not None else 0):
+        assert walks is not None
+        speed = _Speed(seen, walks, found.x, size_px)
+        if speed.n_walkers < MIN_WALKERS:
+            break
+        n_walkers = speed.n_walkers
+        found = least_squares(
+            lambda p, speed=speed: np.concatenate([posture.residuals(p), speed.residuals(p)]),  # type: ignore[misc]
+            np.append(found.x[:_SPEED], speed.usual),
+            x_scale=(*_SCALE, 0.1),
+            bounds=([*_BOUNDS[0], -np.inf], [*_BOUNDS[1], np.inf]),
+            max_nfev=_STEPS,
+        )
     camera = camera_of(found.x, size_px)
     heights = heights_m(camera, some, found.x[_DEPTH])[0]
     off = np.log(np.where(heights > 0, heights, np.nan) / seen.body.high_m)
@@ -169,6 +171,7 @@ class _Posture:
         self._total = np.bincount(self._of, weight)
         # without tracks the body's own spread is in every row; with tracks once per person
         self._mean_sd = np.hypot(BODY_SD, 1 / np.sqrt(self._total))
+        self._weight_of_mean = 1.0 if seen.has_tracks else np.sqrt(min(1.0, UNTRACKED_PEOPLE / len(self._person)))
         self._lean_sd = np.hypot(LEAN_SD, mark) * seen.body.high_m * np.sqrt(np.bincount(self._of)[self._of])
         self._within = np.sqrt(np.bincount(self._of)[self._of] > 1)
 
@@ -194,7 +197,7 @@ class _Posture:
         off = np.where(is_seen, off, 1.0)
         mean = np.bincount(self._of, self._weight * off) / self._total
         within = np.where(is_seen, self._within * (off - mean[self._of]) / self._row_sd, _FAR)
-        parts = [_cauchy(mean / self._mean_sd), _cauchy(within)]
+        parts = [_cauchy(mean / self._mean_sd) * self._weight_of_mean, _cauchy(within)]
         if self._seen.has_lean:
             parts.append(_cauchy(np.where(np.isfinite(lean), lean / self._lean_sd, _FAR)))
         usual = [

@@ -17,6 +17,8 @@ from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.homography import to_floor
 
 MIN_ROWS: Final = 40
+MIN_ROWS_UNTRACKED: Final = 150
+"""Without track ids the same few people may come back in all frames."""
 MIN_PEOPLE: Final = 8
 """Fewer persons may all be short or tall."""
 MAX_SCATTER: Final = 0.20
@@ -74,10 +76,11 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
     """
     seen = sightings(people, size_px=size_px)
     n_people = len(np.unique(seen.who)) if seen.has_tracks else None
-    if len(seen.low) < MIN_ROWS or (n_people is not None and n_people < MIN_PEOPLE):
+    least = MIN_ROWS if seen.has_tracks else MIN_ROWS_UNTRACKED
+    if len(seen.low) < least or (n_people is not None and n_people < MIN_PEOPLE):
         many = f"{len(seen.low)} whole people in {len(people.frames):,} frames"
         many += "" if n_people is None else f", of {n_people} persons"
-        fix = f"give at least {MIN_ROWS}, of {MIN_PEOPLE} persons; boxes that the picture's edge cuts off do not count"
+        fix = f"give at least {least}, of {MIN_PEOPLE} persons; boxes that the picture's edge cuts off do not count"
         raise _refused(many, fix)
     outside = np.mean((seen.low < 0).any(axis=1) | (seen.low > np.array(size_px)).any(axis=1))
     if outside > 0.2:

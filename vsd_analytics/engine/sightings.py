@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,8 @@ EDGE_PX: Final = 5.0
 """A box this near to the picture's edge is cut off there."""
 ROWS_PER_TRACK: Final = 30
 MAX_ROWS: Final = 3000
+LINK_LENGTHS, LINK_CHANGE = 0.5, 0.2
+"""Half a body length is what somebody walks in .6 s; a body's length in the picture changes by less than a fifth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +53,9 @@ class Sightings:
         low: Lower marks in pixels, shape (n, 2).
         high: Upper marks in pixels, shape (n, 2).
         has_lean: Whether the columns of both marks were seen apart: for joints, not for boxes.
-        who: Number of the person, shape (n,); every row its own where there are no tracks.
+        who: Number of the person, shape (n,); without track ids of a part of its walk (`tracklets`).
         frame: Shape (n,).
-        has_tracks: Whether `who` comes from tracks.
+        has_tracks: Whether `who` comes from the detector's track ids.
     """
 
     body: Body
@@ -102,22 +105,48 @@ def sightings(people: People, *, size_px: tuple[int, int]) -> Sightings:
     rows = np.flatnonzero(chosen & (np.linalg.norm(high - low, axis=1) > 0))
     tracks = people.track[rows]
     has_tracks = bool(len(rows)) and all(track is not None for track in tracks)
-    who = np.unique(tracks.astype(str), return_inverse=True)[1] if has_tracks else np.arange(len(rows))
+    if has_tracks:
+        who = np.unique(tracks.astype(str), return_inverse=True)[1]
+    else:
+        who = tracklets(low[rows], np.linalg.norm(high[rows] - low[rows], axis=1), people.frame[rows])
     return Sightings(
         body, low[rows], high[rows], bool(uses_joints), who.astype(np.intp), people.frame[rows], has_tracks
     )
 
 
+def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return a number for each row that rows of the same person in successive frames share, shape (n,).
+
+    Two rows are linked when each is the nearest to the other in the two frames, within `LINK_LENGTHS` body lengths and
+    of about the same length. Where somebody passes close by the link breaks, and a new number begins.
+
+    Args:
+        uv: Feet in pixels, shape (n, 2).
+        length_px: Length of each body, shape (n,).
+        frame: In order, shape (n,).
+    """
+    who = np.arange(len(uv))
+    starts = np.flatnonzero(np.r_[True, frame[1:] != frame[:-1]]) if len(frame) else np.empty(0, dtype=np.intp)
+    spans = list(zip(starts, np.r_[starts[1:], len(frame)], strict=True))
+    for before, after in pairwise(slice(*span) for span in spans):
+        apart = np.linalg.norm(uv[before][:, None] - uv[after][None], axis=2)
+        size = np.sqrt(length_px[before][:, None] * length_px[after][None])
+        alike = np.abs(np.log(length_px[before][:, None] / length_px[after][None])) < LINK_CHANGE
+        apart = np.where(alike & (apart < LINK_LENGTHS * size), apart / size, np.inf)
+        to, back = apart.argmin(axis=1), apart.argmin(axis=0)
+        rows = np.arange(len(to))
+        linked = (back[to] == rows) & np.isfinite(apart[rows, to])
+        who[after.start + to[linked]] = who[before.start + rows[linked]]
+    return np.unique(who, return_inverse=True)[1].astype(np.intp)
+
+
 def thinned(seen: Sightings) -> Sightings:
     """Return at most `ROWS_PER_TRACK` rows of each person and `MAX_ROWS` in all, evenly over time."""
     order = np.lexsort((seen.frame, seen.who))
-    if seen.has_tracks:
-        size = np.bincount(seen.who)
-        rank = np.arange(len(order)) - np.repeat(np.cumsum(size) - size, size)[: len(order)]
-        every = np.ceil(size / ROWS_PER_TRACK).astype(np.intp)[seen.who[order]]
-        order = order[rank % every == 0]
-    else:
-        order = np.argsort(seen.frame, kind="stable")
+    size = np.bincount(seen.who)
+    rank = np.arange(len(order)) - np.repeat(np.cumsum(size) - size, size)
+    every = np.ceil(size / ROWS_PER_TRACK).astype(np.intp)[seen.who[order]]
+    order = order[rank % every == 0]
     return seen.rows(order[:: max(1, -(-len(order) // MAX_ROWS))])
 
 
