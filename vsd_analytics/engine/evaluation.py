@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vsd_analytics.engine.people import Array
 from vsd_analytics.engine.safe_space import pairs_of_frames
 from vsd_analytics.engine.scores import Hits, Scores, frame_mean, pooled
-from vsd_analytics.engine.truth import Found, Positions
+from vsd_analytics.engine.truth import FoundPairs, Positions
 from vsd_analytics.errors import InputError
 
 ERROR_WITHIN_M = 6.0
@@ -53,7 +53,7 @@ class Evaluation:
     n_unnamed: int
 
 
-def evaluate(found: Found, truth: Positions, *, distance_m: float) -> Evaluation:
+def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evaluation:
     """Compare persons and pairs by track id, in the frames that both files have.
 
     A true pair that is not found counts as missed, also when one of its persons was not detected. A found pair counts
@@ -110,7 +110,7 @@ class _Measured:
 class _Persons:
     """Gives every (frame, track id) of truth and messages one number."""
 
-    def __init__(self, frames: NDArray[np.int64], truth: Positions, found: Found) -> None:
+    def __init__(self, frames: NDArray[np.int64], truth: Positions, found: FoundPairs) -> None:
         self._frames = frames
         self._number: dict[tuple[int, object], int] = {}
         self._add(truth.instant, truth.track)
@@ -144,7 +144,7 @@ class _Persons:
         who = self._of(instant, track)
         return self._coded(who[a], who[b], np.linalg.norm(xy[a] - xy[b], axis=1))
 
-    def found_pairs(self, found: Found, *, beyond_m: float) -> _Measured:
+    def found_pairs(self, found: FoundPairs, *, beyond_m: float) -> _Measured:
         """Return the pairs that were sent, and those derived from metres: in frames without sent pairs, and farther."""
         used = np.isin(found.instant, self._frames)
         a, b = (self._of(found.instant[used], side[used]) for side in (found.a, found.b))

@@ -25,7 +25,7 @@ FOLDERS = ("HumanJoints", "Annotations")
 
 
 @dataclass(frozen=True, slots=True)
-class Sequence:
+class LabelledSequence:
     """One sequence: its name as `dataset/sequence`, all detected people, and those with true distances."""
 
     name: str
@@ -33,7 +33,7 @@ class Sequence:
     labelled: Labelled
 
 
-def read_sequences(folder: Path, *, size_px: tuple[int, int] | None = None) -> list[Sequence]:
+def read_sequences(folder: Path, *, size_px: tuple[int, int] | None = None) -> list[LabelledSequence]:
     """Read all sequences of a data set, or of all data sets in a folder.
 
     Args:
@@ -66,7 +66,7 @@ def _data_sets(folder: Path) -> Iterator[Path]:
             yield candidate
 
 
-def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> Sequence:
+def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> LabelledSequence:
     name = f"{data_set.name}/{joints.name}"
     pictures = data_set / "Images" / joints.name
     images = sorted(p for p in pictures.iterdir() if p.is_file()) if pictures.is_dir() else []
@@ -97,7 +97,7 @@ def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> 
     counted = people.rows(np.array(rows, dtype=np.intp))
     counted = People(counted.frame, counted.track, counted.box, counted.joints, np.unique(counted.frame))
     a, b, distance_m = (np.array([pair[i] for pair in pairs]) for i in range(3))
-    return Sequence(
+    return LabelledSequence(
         name, people, Labelled(counted, a.astype(np.intp), b.astype(np.intp), distance_m.astype(np.float64), size)
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from vsd_analytics.engine.body import PART_M, feet
 from vsd_analytics.engine.people_calibration import calibrate_from_people
-from vsd_analytics.engine.published_layout import Sequence
+from vsd_analytics.engine.published_layout import LabelledSequence
 from vsd_analytics.engine.ratio_search import joined, search
 from vsd_analytics.engine.scores import Hits, Scores, f1_of_frames, frame_mean, pooled
 from vsd_analytics.errors import CalibrationError
@@ -19,7 +19,7 @@ PARTS: Final = tuple(PART_M)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class MethodScores:
     """One method on one sequence, or on all sequences of a data set together (`sequence` ends with /all).
 
     Attributes:
@@ -39,13 +39,13 @@ class Row:
     pairs: Scores
 
 
-def reproduce(sequences: list[Sequence], *, distance_m: float) -> list[Row]:
+def reproduce(sequences: list[LabelledSequence], *, distance_m: float) -> list[MethodScores]:
     """Return the scores of each part of the body with its best ratios, and of the calibration from people.
 
     Ratios are chosen for each sequence, as it is one camera, by the mean F1 of persons over frames. The calibration
     from people uses no truth.
     """
-    rows: list[Row] = []
+    rows: list[MethodScores] = []
     gathered: dict[tuple[str, str], list[tuple[Hits, Hits]]] = {}
     for sequence in sequences:
         for method in (*PARTS, "people"):
@@ -58,7 +58,7 @@ def reproduce(sequences: list[Sequence], *, distance_m: float) -> list[Row]:
     return rows
 
 
-def _scored(sequence: Sequence, method: str, distance_m: float) -> tuple[str, Hits, Hits]:
+def _scored(sequence: LabelledSequence, method: str, distance_m: float) -> tuple[str, Hits, Hits]:
     labelled = sequence.labelled
     for part in PARTS:
         if part == method:
@@ -73,5 +73,7 @@ def _scored(sequence: Sequence, method: str, distance_m: float) -> tuple[str, Hi
     return f"error {found.error:.0%}", *labelled.hits(apart, distance_m=distance_m)
 
 
-def _row(sequence: str, method: str, setting: str, pairs: Hits, persons: Hits) -> Row:
-    return Row(sequence, method, setting, frame_mean(persons), f1_of_frames(persons, counts_empty=True), pooled(pairs))
+def _row(sequence: str, method: str, setting: str, pairs: Hits, persons: Hits) -> MethodScores:
+    return MethodScores(
+        sequence, method, setting, frame_mean(persons), f1_of_frames(persons, counts_empty=True), pooled(pairs)
+    )

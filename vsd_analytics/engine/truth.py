@@ -42,7 +42,7 @@ class Positions:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundPairs:
     """What frame messages say, in order of instants.
 
     Attributes:
@@ -88,7 +88,7 @@ def read_positions(path: Path) -> Positions:
     return Positions(instant, track[order], xy[order], np.unique(instant), clock, int((~usable).sum()))
 
 
-def read_messages(path: Path, *, clock: Clock) -> Found:
+def read_messages(path: Path, *, clock: Clock) -> FoundPairs:
     """Read frame messages as they are compared with the truth.
 
     Args:
@@ -142,7 +142,7 @@ def read_messages(path: Path, *, clock: Clock) -> Found:
         instants=np.unique(np.array(instants, dtype=np.int64)),
         clock=clock,
     )
-    return Found(
+    return FoundPairs(
         positions,
         instant=np.array([p[0] for p in pairs], dtype=np.int64),
         a=np.array([p[1] for p in pairs], dtype=object),
