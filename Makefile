@@ -62,6 +62,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_thinning.py
 	$(BIN)/python tests/realdata/prove_atc.py
 	$(BIN)/python tests/realdata/prove_crowding.py
+	$(BIN)/python tests/engine/prove_engine.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python docs/generate_reference.py docs
