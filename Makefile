@@ -37,7 +37,8 @@ lint: $(VENV)/.installed-test
 prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/stats/prove_intervals.py --people 10
-	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --shops 10
+	$(BIN)/python tests/stats/prove_verdicts.py
+	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --people 400 --stored 40
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_changes.py --sites 1000
 	$(BIN)/python tests/stats/prove_decomposition.py
@@ -60,6 +61,8 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_cameras.py
 	$(BIN)/python tests/realdata/prove_thinning.py
 	$(BIN)/python tests/realdata/prove_atc.py
+	$(BIN)/python tests/realdata/prove_crowding.py
+	$(BIN)/python tests/engine/prove_engine.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python docs/generate_reference.py docs

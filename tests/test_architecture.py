@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / "vsd_analytics"
 
 # From the lowest room to the highest: a module imports from its own room and those before it, inside functions too.
 ROOMS = (
-    *("base", "store", "site", "geometry", "config", "ingest", "stats", "warehouse", "retention", "figures"),
+    *("base", "store", "site", "geometry", "config", "ingest", "stats", "engine", "warehouse", "retention", "figures"),
     *("report", "planner", "site_index", "simulate", "live", "doctor", "cli"),
 )
 BASE = {"errors", "resources", "result", "schema", "settings", "version"}

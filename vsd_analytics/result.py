@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import Any, Final, Literal, TypeAlias
 
 State = Literal["ok", "not_enough_data", "not_measurable"]
-Verdict = Literal["clear_fall", "clear_rise", "no_clear_change", "too_little_data"]
+Verdict = Literal["clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data"]
+"""What an interval of a change allows to say; "too_little_data" where there is none."""
 Design = Literal["beside", "alone"]
 """How a change of the log is judged: beside areas that were left alone, or the area by itself."""
 

@@ -82,6 +82,29 @@ function weekdayProfile(k, past, weekday, pastWeekday, minWeeks) {
   });
 }
 
+/* How days in a row resemble each other, and what that does to a variance: see stats/day_correlation.py. */
+function dayCorrelation(past, weekday, R) {
+  const expected = past.x.map((x, c) => {
+    const n = {}, h = {};
+    x.forEach((v, d) => { n[weekday[d]] = (n[weekday[d]] || 0) + past.n[c][d]; h[weekday[d]] = (h[weekday[d]] || 0) + v; });
+    return x.map((v, d) => h[weekday[d]] > 0 ? v * n[weekday[d]] / h[weekday[d]] : 0);
+  });
+  const residual = [], days = new Set();
+  weekday.forEach((w, d) => {
+    const usual = sum(expected.map(row => row[d]));
+    if (usual > 0) { residual.push(sum(past.n.map(row => row[d])) / usual - 1); days.add(w); }
+  });
+  const squares = dot(residual, residual), D = residual.length, free = D - days.size;
+  if (free <= 0 || squares <= 0) return R.correlation;
+  const own = dot(residual.slice(1), residual.slice(0, -1)) / squares * D / (D - 1);
+  return Math.min(Math.max((free * own + R.correlationDays * R.correlation) / (free + R.correlationDays), 0), R.correlationMost);
+}
+function inflation(r, D) {
+  let A = 1;
+  for (let k = 1; k < D; k++) A += 2 * (1 - k / D) * r ** k;
+  return A / (1 - (A - 1) / (D - 1));
+}
+
 const refused = (k, rate, reason) => ({ rate, lo: null, hi: null, n: k.events, days: k.nDays, ok: false, reason });
 
 /* The rate of checked counts with its interval. `q` holds the quantiles of one confidence level. */
@@ -102,14 +125,20 @@ function level(k, profile, R, q, kind) {
   }
   const [factor, df] = smallSample(weights, days.shares, days.noise);
   if (!Number.isFinite(factor)) return refused(k, rate, word('reason.camera'));
-  let half = studentT(q, df) * Math.sqrt(factor * dot(days.byDay, days.byDay));
+  const widened = factor * inflation(profile ? profile.correlation : R.correlation, k.nDays);
+  let half = studentT(q, df) * Math.sqrt(widened * dot(days.byDay, days.byDay));
   if (k.events < R.smallCount) half = Math.max(half, q.z * Math.sqrt(sum(days.noise)));
   const plain = !profile || profile.some((p, c) => days.totals[c] > 0 && !p.has);
   return { rate, lo: rate * Math.exp(Math.min(missed, 0) - half), hi: rate * Math.exp(Math.max(missed, 0) + half), n: k.events, days: k.nDays, df, ok: true, reason: null, wide: plain || missed !== 0 };
 }
 
-const profileOf = (k, past, weekday, R) => past && past.weekday.length
-  ? weekdayProfile(k, { n: k.kept.map(c => past.n[c]), x: k.kept.map(c => past.x[c]) }, weekday, past.weekday, R.minWeeks) : null;
+function profileOf(k, past, weekday, R) {
+  if (!past || !past.weekday.length) return null;
+  const kept = { n: k.kept.map(c => past.n[c]), x: k.kept.map(c => past.x[c]) };
+  const profile = weekdayProfile(k, kept, weekday, past.weekday, R.minWeeks);
+  profile.correlation = dayCorrelation(kept, past.weekday, R);
+  return profile;
+}
 
 /* How often (M0): sum over cameras of violations / recorded open hours. */
 function howOften(panel, R, weekday, past) {
@@ -125,8 +154,13 @@ function howRisky(panel, R, weekday, past) {
   return level(k, profileOf(k, past, weekday, R), R, R.q, 'risky');
 }
 
-const verdictOf = (lo, hi) => lo === null && hi === null ? 'too_little_data'
-  : (hi === null ? Infinity : hi) < 1 ? 'clear_fall' : (lo === null ? 0 : lo) > 1 ? 'clear_rise' : 'no_clear_change';
+function verdictOf(lo, hi, same) {
+  if (lo === null && hi === null) return 'too_little_data';
+  const low = lo === null ? 0 : lo, high = hi === null ? Infinity : hi;
+  if (high < 1) return 'clear_fall';
+  if (low > 1) return 'clear_rise';
+  return 1 - same <= low && high <= 1 + same ? 'about_same' : 'cannot_tell';
+}
 
 function changed(a, b, more) {
   const [rateA, rateB] = [a, b].map(k => k.kept.length ? rateOf(k) : null);
@@ -151,15 +185,19 @@ function compareRates(A, B, R, isRisky) {
   if (Math.max(a.events, b.events) < R.minEvents) return changed(a, b, { reason: word('reason.few') });
   if (low < R.minEvents) {
     const [[loA, hiA], [loB, hiB]] = [limits(a, R), limits(b, R)], lo = loB / hiA, hi = loA > 0 ? hiB / loA : null;
-    const verdict = verdictOf(lo, hi);
-    return changed(a, b, verdict === 'no_clear_change' ? { reason: word('reason.few') } : { lo, hi, verdict });
+    const verdict = verdictOf(lo, hi, R.aboutSame);
+    return changed(a, b, verdict.startsWith('clear') ? { lo, hi, verdict } : { reason: word('reason.few') });
   }
   const before = influence(a), after = influence(b), noise = before.noise.map((v, c) => v + after.noise[c]);
   const [factor, df] = smallSample(equalWeights(a), before.shares.map((p, c) => (p + after.shares[c]) / 2), noise);
   if (!Number.isFinite(factor)) return changed(a, b, { reason: word('reason.camera_both') });
   const gap = after.byDay.map((v, d) => v - before.byDay[d]);
-  let half = studentT(R.q, df) * Math.sqrt(factor * dot(gap, gap));
+  const byDays = factor * dot(gap, gap), ownWeeks = 2 * R.weekSd ** 2 / Math.max(1, a.nDays / 7);
+  const byWeeks = byDays + Math.max(R.stepExtra * (byDays - sum(noise)), ownWeeks);
+  let half = studentT(R.q, df) * Math.sqrt(byDays), halfDf = df;
+  // how weeks differ beyond their days: any part of a week has no history here, so the prior speaks
+  if (studentT(R.q, R.stepDf) * Math.sqrt(byWeeks) > half) { half = studentT(R.q, R.stepDf) * Math.sqrt(byWeeks); halfDf = R.stepDf; }
   if (low < R.smallCount) half = Math.max(half, R.q.z * Math.sqrt(sum(noise)));
   const theta = after.rate / before.rate, lo = theta * Math.exp(-half), hi = theta * Math.exp(half);
-  return changed(a, b, { lo, hi, df, verdict: verdictOf(lo, hi) });
+  return changed(a, b, { lo, hi, df: halfDf, verdict: verdictOf(lo, hi, R.aboutSame) });
 }

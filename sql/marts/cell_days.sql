@@ -14,12 +14,12 @@
 --   violation_s   person-seconds in violation, where each person stands
 --   n_violations  violations whose mean midpoint lies here
 -- figure: M20 Hotspots
---   definition   places of 28 days where violations per person-hour are clearly above the floor's, ranked by what could be saved; new,
---                persisting, resolved
+--   definition   places of 28 days with clearly more time in violation than crowding explains (M19, and company that people keep
+--                everywhere), ranked by what could be saved; new, persisting, resolved, watching after a logged change
 --   unit         list
---   denominator  person-hours by day and cell
---   needs        14 recorded days of 28, 300 violations, in a week recorded to 60 %
---   uncertainty  moderated day-clustered t, false discovery rate 5 %; 95 % interval of the ratio
+--   denominator  person-hours expected in violation, by day and cell
+--   needs        14 recorded days of 28, since the last logged change in or near the place; 300 violations; a week recorded to 60 %
+--   uncertainty  moderated t over days that resemble their neighbours, false discovery rate 5 %; 95 % interval of the ratio
 --   by           vsd_analytics.figures.hotspots.hotspots
 -- steps:
 --   stood  500 mm: hotspots are found on cells of half a metre, about the space of one standing person

@@ -20,12 +20,12 @@
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
 --   is_together      the two move in one group; null where that cannot be known
--- figure: M7 How risky (headline 2)
+-- figure: M7 Encounters per person-hour (headline 2)
 --   definition   violations / person-hours
 --   unit         violations per person-hour
 --   denominator  person-hours
 --   needs        20 person-hours; 5 days and 5 violations for an interval
---   uncertainty  day-clustered 95 % interval; four verdicts on the change
+--   uncertainty  day-clustered 95 % interval; five verdicts on the change
 --   by           vsd_analytics.figures.rates.level_risky
 -- figure: M10 Duration of violations
 --   definition   median, 90 % quantile, share of 30 s and longer, of violations that began in opening hours

@@ -109,6 +109,7 @@ def planted(
                     "is_inferred": False,
                     "n_violations_open": n_all if share else None,
                     "exposure_open_s": person_s if share else None,
+                    "violation_s": 40.0 * n_all if share else None,
                 }
             )
     used = []

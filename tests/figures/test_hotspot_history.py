@@ -10,23 +10,26 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from vsd_analytics.figures.hotspot_history import Found, History, follow
-from vsd_analytics.stats.hotspots import Cells, Hotspots, PlaceRate, Spot
+from vsd_analytics.stats.hotspots import Cells, Explained, Hotspots, PlaceRate, Spot
 
 FIRST = date(2026, 9, 6)
 
 
 def window(week: int, *rows: str) -> Found:
-    """Return a window whose hotspots are the connected # of a drawing (top row is y = 0)."""
+    """Return a window whose hotspots are the connected # of a drawing (top row is y = 0); of ~ a change is watched."""
     hot = np.array([[c == "#" for c in row] for row in rows])
     label, n = ndimage.label(hot, structure=np.ones((3, 3)))
     blank = np.full(hot.shape, np.nan)
     cells = Cells(blank, blank, blank, blank, blank, hot, hot, label.astype(np.int64))
-    rate = PlaceRate(20, 10, 5, 28, 2.0, 1.5, 2.5)
+    rate = PlaceRate(20, 10, 50, 28, 2.0, 1.5, 2.5)
     spots = []
     for k in range(1, n + 1):
         r, c = np.nonzero(label == k)
         spots.append(Spot(k, k, len(r), float(r.mean()), float(c.mean()), int(r[0]), int(c[0]), 0.01, rate))
-    return Found(FIRST + timedelta(days=7 * week), Hotspots(cells, tuple(spots), 28))
+    none = np.zeros((28, *hot.shape))
+    explained = Explained(none, none, none, none.astype(bool))
+    watched = np.array([[c == "~" for c in row] for row in rows])
+    return Found(FIRST + timedelta(days=7 * week), Hotspots(cells, tuple(spots), 28, explained), watched)
 
 
 def of(*windows: Found) -> History:
@@ -51,7 +54,7 @@ def test_two_metres_away_is_the_same_place_and_farther_is_new() -> None:
     far = of(window(0, "#......"), window(1, "...#..."))
     assert [(i.spot_id, i.state) for i in near.now.values()] == [("ground-x-3-y10", "persisting")]
     assert [(i.spot_id, i.state) for i in far.now.values()] == [("ground-x0-y10", "new")]
-    assert [name for name, _ in far.resolved] == ["ground-x-3-y10"]
+    assert [one.spot_id for one in far.resolved] == ["ground-x-3-y10"]
     assert near.resolved == ()
 
 
@@ -64,7 +67,7 @@ def test_a_hotspot_that_comes_back_has_its_old_id_and_is_new() -> None:
 
 def test_resolved_is_reported_once() -> None:
     gone = [window(0, "##..."), window(1, ".....")]
-    assert [name for name, _ in of(*gone).resolved] == ["ground-x-2-y10"]
+    assert [one.spot_id for one in of(*gone).resolved] == ["ground-x-2-y10"]
     assert of(*gone, window(2, ".....")).resolved == ()
 
 
@@ -90,6 +93,23 @@ def test_two_places_with_one_name_are_distinguished() -> None:
     assert sorted(i.spot_id for i in history.now.values()) == ["ground-x-2-y10", "ground-x-2-y10-2"]
 
 
+def test_a_hotspot_that_was_changed_is_watched_and_not_resolved() -> None:
+    history = of(window(0, "##..."), window(1, "~~~.."), window(2, "~~~.."))
+    assert (history.now, history.resolved) == ({}, ())
+    assert [(one.spot_id, one.window) for one in history.watching] == [("ground-x-2-y10", 0)]
+
+
+def test_a_watched_hotspot_that_is_gone_is_resolved_once() -> None:
+    weeks = [window(0, "##..."), window(1, "~~~.."), window(2, ".....")]
+    assert [(one.spot_id, one.window) for one in of(*weeks).resolved] == [("ground-x-2-y10", 0)]
+    assert of(*weeks, window(3, ".....")).resolved == ()
+
+
+def test_a_watched_hotspot_that_is_still_there_persists_under_its_name() -> None:
+    (one,) = of(window(0, "##..."), window(1, "~~~.."), window(2, "##...")).now.values()
+    assert (one.spot_id, one.state, one.since) == ("ground-x-2-y10", "persisting", FIRST)
+
+
 def test_no_window_has_no_history() -> None:
     assert of() == History({}, ())
 
@@ -104,7 +124,7 @@ def test_every_hotspot_has_one_id_and_ids_are_never_shared(drawings: list[list[s
     history = of(*windows)
     ids = [i.spot_id for i in history.now.values()]
     assert len(ids) == len(set(ids)) == len(windows[-1].result.spots)
-    assert not {name for name, _ in history.resolved} & set(ids)
+    assert not {one.spot_id for one in history.resolved} & set(ids)
     assert history == of(*windows)
 
 

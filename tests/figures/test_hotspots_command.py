@@ -83,14 +83,14 @@ def test_table_tells_place_ratio_excess_and_since(vsd: Run) -> None:
     assert first.endswith("2026-10-11 or earlier")
     assert " times" not in first
     # columns are aligned
-    assert first[lines[2].index("times the floor's rate")].isdigit()
+    assert first[lines[2].index("times what its crowd explains")].isdigit()
 
 
 def test_what_is_gone_is_listed_below_with_its_ratio_now(vsd: Run) -> None:
-    told = [vsd("--range", str(LAST - timedelta(days=7 * k)))[1] for k in range(3)]
+    told = [vsd("--range", str(LAST - timedelta(days=7 * k)))[1] for k in range(6)]
     (gone,) = [out for out in told if "standing out no more" in out]
     line = gone.splitlines()[-1]
-    assert "times the floor's rate, now " in line
+    assert "times what its crowd explains, now " in line
     assert "m from Queue" in line
 
 
@@ -177,7 +177,7 @@ def test_small_counts_are_held_back(found: FloorHotspots) -> None:
 
 
 def test_numbers_have_six_digits_and_missing_is_null(found: FloorHotspots) -> None:
-    first = replace(found.spots[0], lo=None, hi=None, excess_lo=None, excess_hi=None, ratio=2.123456789)
+    first = replace(found.spots[0], lo=None, hi=None, excess_min_lo=None, excess_min_hi=None, ratio=2.123456789)
     row = hotspot_export.spot_row(first)
     assert (row["ratio"], row["lo"]) == (2.12346, None)
     assert tuple(row) == hotspot_export.COLUMNS

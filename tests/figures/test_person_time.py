@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
 
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
 
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.close_time import burden, change_burden, change_close_share, close_share, close_time
+from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
 from vsd_analytics.figures.person_time import PersonTime, person_time
-from vsd_analytics.site.model import Site
+from vsd_analytics.site.model import Area, Site
 
 FIRST = date(2026, 11, 9)
 COUPLE = ("a", "b")
@@ -87,3 +89,43 @@ def test_days_make_the_intervals(tmp_path: Path) -> None:
         assert level.lo <= level.rate <= level.hi <= 1
     assert found.people.hi - found.people.lo > 0.1 * found.people.rate
     assert found.close.hi - found.close.lo < 0.01  # every scene has the same share
+
+
+def test_areas_and_the_rest_add_up_to_the_floors_time_too_close(tmp_path: Path) -> None:
+    site = replace(make_site(tmp_path), areas=(Area("near", "Near", "ground", ((8, -5), (20, -5), (20, 5), (8, 5))),))
+    rows = scene(T0)
+    put(site, [*rows, *beats(T0, T0 + HOUR)])
+    inside = [row for row in rows if 8000 <= row.x < 20_000]
+    with open_days(site, FIRST.isoformat()) as warehouse:
+        period = Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, FIRST)
+        floor, near, rest = (close_time(period, where) for where in (site.floors[0], site.areas[0], None))
+        share = close_share(period, near)
+        minutes = burden(period, floor)
+    np.testing.assert_allclose(near.n + rest.n, floor.n)
+    assert near.exposure_h.sum() * 3600 == pytest.approx(len(inside))
+    together = [row for row in inside if row.track != "c"]  # the couple is never alone; c is, but for their passing
+    passing = {r.ts for r in together if abs(r.x - 10_000) ** 2 + (r.y - 2500) ** 2 < 2000**2}
+    assert share.rate == pytest.approx((len(together) + len(passing)) / len(inside))
+    assert minutes.rate == pytest.approx(recount(rows)[0] / 60)
+
+
+def test_less_dwelling_lowers_the_burden_and_leaves_the_share(tmp_path: Path) -> None:
+    """Half of the scenes: the same share of the time is too close, and half of the person-minutes an hour."""
+    site = make_site(tmp_path, min_exposure_h=0.0)
+    rows = []
+    for d in range(14):
+        for k in range((2 + d % 7 % 3) * (2 if d < 7 else 1)):
+            rows += scene(T0 + d * DAY + k * 100_000)
+        rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
+    put(site, rows)
+    last = FIRST + timedelta(days=13)
+    with open_days(site, FIRST.isoformat(), last.isoformat()) as warehouse:
+        data = FloorHours(warehouse, floor=site.floors[0])
+        pair = TwoPeriods(Period(data, FIRST, FIRST + timedelta(days=6)), Period(data, FIRST + timedelta(days=7), last))
+        place = close_time(pair.now, site.floors[0])
+        share, minutes = change_close_share(pair, place), change_burden(pair, place)
+    assert share.theta == pytest.approx(1.0)
+    assert minutes.theta == pytest.approx(0.5)
+    assert minutes.verdict == "clear_fall"
+    assert minutes.rate_b == pytest.approx(np.mean([2 + d % 3 for d in range(7)]) * recount(scene(T0))[0] / 60)
+    assert (share.n_a, minutes.n_b) == (None, None)  # person-seconds are no number of violations

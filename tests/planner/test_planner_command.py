@@ -31,7 +31,7 @@ def test_a_page_is_written_and_its_figures_are_reported(vsd, tmp_path: Path) -> 
     assert page.stat().st_size == told["bytes"]
     assert told["before"] == "2026-W45"
     assert [p["id"] for p in told["places"]] == ["floor", "area:queue", "area:door", "rest"]
-    assert told["places"][0]["often"]["verdict"] == "clear_fall"
+    assert told["places"][0]["often"]["verdict"] == "cannot_tell"
     assert vsd("--week", "2026-W46", "--out", "-")[1] == page.read_text(encoding="utf-8")
 
 

@@ -7,6 +7,7 @@ import hashlib
 import json
 import re
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ import pytest
 from planner import dense_floor as dense
 from planner import planted_shop as planted
 
+from vsd_analytics.figures.cell_places import CellPlace
+from vsd_analytics.figures.hotspots import ResolvedSpot
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
 from vsd_analytics.report.words.reasons import read_reason, reason_text
@@ -104,6 +107,19 @@ def test_a_place_with_too_few_is_not_reported(shop: Site) -> None:
 
 def test_equal_data_give_equal_bytes(masked: PlannerData, texts: dict[str, str]) -> None:
     assert render_planner(masked) == texts["masked"]
+
+
+def test_a_place_that_is_watched_after_a_change_is_named_below_the_hotspots(masked: PlannerData) -> None:
+    ring = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+    place = CellPlace(
+        x_m=0.5, y_m=0.5, peak_x_m=0.5, peak_y_m=0.5, area_id="door", area_name="Door",
+        nearest_id=None, nearest_name=None, nearest_m=None, polygons=((ring,),), area_m2=1.0,
+    )  # fmt: skip
+    spot = ResolvedSpot("ground-x0-y0", place, 2.0, None, None, None, None, (), changed_on=date(2026, 11, 9))
+    found = replace(masked.hotspots, watching=(spot,))
+    said = "Door: changed on Mon 9 Nov; watching since."
+    assert said not in render_planner(masked)
+    assert said in render_planner(replace(masked, hotspots=found))
 
 
 def test_hostile_names_stay_text(masked: PlannerData) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -15,6 +15,7 @@ from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
+from vsd_analytics.result import Verdict
 
 STATIC = shipped("reports") / "static"
 VIEWS = (
@@ -50,7 +51,7 @@ def test_the_script_says_what_is_there_and_all_of_it() -> None:
     asked = set(re.findall(r"(?:\bword|\bsay)\('([\w.]+)'", code))
     asked |= {key for pair in re.findall(r"\? '([\w.]+)' : '([\w.]+)'", code) for key in pair} & set(known)
     asked |= {f"reason.none_{kind}" for kind in ("often", "risky")}
-    asked |= {f"words.{verdict}" for verdict in ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")}
+    asked |= {f"words.{verdict}" for verdict in get_args(Verdict)}
     assert asked == set(known)
 
 

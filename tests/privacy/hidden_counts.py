@@ -45,6 +45,8 @@ POINTS: Mapping[worlds.Place, tuple[str | None, int]] = {
 """Where violations happen: the area (None: the rest of the floor) and the camera that sees it."""
 PLACES = ("queue", "door", None)
 SETTINGS = "[analysis]\nhotspot_days = 14\nhotspot_min_days = 4\nhotspot_min_violations = 20\n"
+CLOSE_H = 20 / 3600
+"""Time that each of the two people of a violation is too close: two frames of ten seconds."""
 Key = tuple[int, int, int, int]
 """Week, point, day, hour."""
 Weights = Mapping[Key, float]
@@ -218,17 +220,23 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     if level["violations"] is not None:
         known.exact(every, level["violations"], f"{source} level.violations")
     _per_person_hour(known, every, level["risky"], level["exposure_h"], f"{source} level.risky")
+    _time_close(known, every, level["close_share"], level["exposure_h"], f"{source} level.close_share")
     for row in told["areas"]:
         place, name = row["area_id"], f"{source} areas.{row['area_id']}"
         keys = keys_of(week, place=place)
         _label(known, keys, row["counted"], row, name)
         _rate(known, world, week, place, row["often"], f"{name}.often")
         _per_person_hour(known, keys, row["risky"], row["exposure_h"], f"{name}.risky")
+        _time_close(known, keys, row["close_share"], row["exposure_h"], f"{name}.close_share")
     for cell in told["when"]["cells"]:
         day = (date.fromisoformat(cell["day"]) - monday(week)).days
         if day < N_DAYS:
             keys = keys_of(week, day=day, hour=cell["hour"])
             _label(known, keys, cell["violations"], cell, f"{source} when {day} {cell['hour']}")
+            share = cell["close_share"]
+            if share is not None and share < 1 and (week, 0, day) not in world.lost:  # one person stands alone: 1 h
+                hours = dict.fromkeys(keys, 2 * CLOSE_H)
+                known.rounded(hours, share / (1 - share), f"{source} when close_share", digits=5)
     for row in told["trend"]["weeks"] if told["trend"] else []:
         of = (date.fromisoformat(row["monday"]) - FIRST).days // 7
         if row["often"] is not None:
@@ -241,6 +249,8 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
         n = figures[name]["value"] if name == "M8" else figures[name]["denominator"] if name == "M10" else None
         if n is not None:
             known.exact(every, n, f"{source} {name}")
+    if figures["M6"]["value"] is not None:
+        _time_close(known, every, figures["M6"], figures["M6"]["denominator"], f"{source} M6")
     for row in figures["M15"]["rows"] or []:
         _rate(known, world, week, row["area"], {"value": row["often"]}, f"{source} M15")
     for row in figures["M9"]["rows"] or []:
@@ -250,11 +260,15 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     for row in figures["M20"]["rows"] or []:
         if row["spot_id"] not in shapes:
             continue
-        keys = [k for of in (week - 1, week) for k in keys_of(of) if k[1] in shapes[row["spot_id"]]]
+        near, people = shapes[row["spot_id"]]
+        window = [k for of in (week - 1, week) for k in keys_of(of)]
         if row["n"] is not None:
-            known.exact(keys, row["n"], f"{source} M20.n")
-        if row["ratio"] is not None and row["expected"] is not None:
-            known.rounded(dict.fromkeys(keys, 1.0), row["ratio"] * row["expected"], f"{source} M20.ratio", digits=5)
+            known.exact([k for k in window if k[1] in near], row["n"], f"{source} M20.n")
+        if row["ratio"] is not None:  # a reader who knows what is expected there, and how long each violation lasts
+            hours = {k: people[k[1]] * CLOSE_H for k in window if people[k[1]]}
+            close_h = row["violation_h"]
+            close_h = sum(h * world.n[k] for k, h in hours.items()) if close_h is None else close_h
+            known.rounded(hours, close_h, f"{source} M20.ratio", digits=5)
 
 
 def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
@@ -262,16 +276,25 @@ def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None,
         known.rounded(dict.fromkeys(keys, 1.0), e["value"] * hours, s, digits=5)
 
 
-def spot_points(world: World, week: int) -> dict[str, list[int]]:
-    """Return which points lie in each hotspot, of the week and gone, as their outlines on maps show."""
+def _time_close(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:
+    """Add a share of person-time too close, for a reader who knows person-hours and how long each violation lasts."""
+    if e is not None and e["value"] is not None and hours is not None:
+        known.rounded(dict.fromkeys(keys, 2 * CLOSE_H), e["value"] * hours, s, digits=5)
+
+
+def spot_points(world: World, week: int) -> dict[str, tuple[list[int], list[int]]]:
+    """Return the points whose violations each hotspot counts, and how many of a point's two people stand in it."""
     until = monday(week) + timedelta(days=6)
     first, _ = analysis.days_needed(world.site, until)
     with open_warehouse(world.site, first, until) as warehouse:
         found = analysis.hotspots(warehouse, until=until)
     inside = {}
-    for spot in (*found.spots, *found.resolved):
+    for spot in (*found.spots, *found.resolved, *found.watching):
         shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in spot.place.polygons])
-        inside[spot.spot_id] = [p for p, (x, y) in enumerate(POINTS) if shapely.contains_xy(shape, x + 0.76, y + 0.01)]
+        around = shape.buffer(1.0, join_style="mitre")
+        near = [p for p, (x, y) in enumerate(POINTS) if shapely.contains_xy(around, x + 0.76, y + 0.01)]
+        people = [sum(bool(shapely.contains_xy(shape, x + s, y + 0.01)) for s in (0.01, 1.51)) for x, y in POINTS]
+        inside[spot.spot_id] = near, people
     return inside
 
 

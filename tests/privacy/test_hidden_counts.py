@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -69,15 +70,37 @@ def test_hotspots_of_two_weeks_do_not_tell_the_small_count_of_the_later(
     assert "door" not in {spot.place.area_id for spot in pages[3].hotspots.spots}
 
 
-def test_a_hotspot_with_a_small_week_is_shown_without_figures(world: hidden.World) -> None:
-    report = week_report(planted.with_settings(world.site, hotspot_days=21), hidden.monday(3))
+def test_a_hotspot_with_a_small_week_is_shown_without_figures(tmp_path: Path) -> None:
+    """The door is a hotspot in five weeks of six, also in the last; in the third last it has hardly a violation."""
+    rates = ((0, 20.0), (1, 0.0), (DOOR, 25.0), (3, 4.0), (4, 3.0))
+    busy = {**{(w, p): n for w in range(6) for p, n in rates}, (3, DOOR): 0.7}
+    small = hidden.build(tmp_path / "site", 1, n_weeks=6, busy=busy)
+    assert 0 < small.sum(hidden.keys_of(3, place="door")) < hidden.BELOW
+    report = week_report(planted.with_settings(small.site, hotspot_days=42), hidden.monday(5))
     assert report.spots is not None
     [card] = [c for c in report.spots.cards if c.area_id == "door"]
     assert report.spots.kind == "tested"
-    assert (card.ratio.value if card.ratio else 0, card.excess_per_week) == (None, None)
+    assert (card.ratio.value if card.ratio else 0, card.excess_min_per_week) == (None, None)
     [row] = [r for r in csv.DictReader(io.StringIO(to_csv(report)["hotspots.csv"])) if r["area"] == "door"]
-    assert (row["ratio"], row["ratio_lo"], row["excess_per_week"]) == ("", "", "")
+    assert (row["ratio"], row["ratio_lo"], row["excess_min_per_week"]) == ("", "", "")
     assert reason_text(GIVES_AWAY) in render_html(report)
+
+
+def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(
+    reports: dict[int, WeekReport], pages: dict[int, PlannerData]
+) -> None:
+    told = json.loads(to_json(reports[3]))
+    hidden_areas = {a["area_id"]: a for a in told["areas"] if a["is_masked"] or a["is_held_back"]}
+    assert "door" in hidden_areas
+    for rows in (hidden_areas.values(), (r for r in told["figures"]["M15"]["rows"] if r["area"] in hidden_areas)):
+        for row in rows:
+            share = row["close_share"]
+            assert (share["value"] if isinstance(share, dict) else share) is None
+    assert all(a["close_share"]["value"] is not None for a in json.loads(to_json(reports[2]))["areas"])
+    for cell in told["when"]["cells"]:
+        assert cell["close_share"] is None or not (cell["is_masked"] or cell["is_held_back"])
+    [door] = [p for p in pages[3].places if p.place_id == "area:door"]
+    assert door.close_share.value is None
 
 
 def test_the_planner_s_cells_sum_to_their_area_and_never_to_more(

@@ -133,7 +133,7 @@ def tested(report: page_model.WeekReport) -> m.Spots:
                 area_id="a0",
                 often=report.areas[0].often,
                 ratio=m.Estimate(value=2.67, lo=2.41, hi=2.93),
-                excess_per_week=1204.0,
+                excess_min_per_week=1204.0,
                 is_new=False,
                 since=date(2026, 10, 25),
                 is_since_first=True,
@@ -146,7 +146,7 @@ def tested(report: page_model.WeekReport) -> m.Spots:
                 name="Near Main entrance",
                 at=(4.1, 5.4),
                 ratio=m.Estimate(value=3.9, lo=3.3, hi=4.6),
-                excess_per_week=927.0,
+                excess_min_per_week=927.0,
                 is_new=True,
                 since=date(2026, 11, 15),
                 evidence=evidence(sureness="medium", error_m=None),
@@ -176,7 +176,7 @@ def readings(report: page_model.WeekReport) -> m.Readings:
 def redesigns() -> tuple[m.Redesign, ...]:
     said: dict[str, Any] = {"at": datetime(2026, 10, 7, 9, tzinfo=ROME), "text": "Fourth till opened"}
     effect = m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall")
-    people = m.Estimate(value=None, change=0.04, change_lo=-0.02, change_hi=0.1, verdict="no_clear_change")
+    people = m.Estimate(value=None, change=0.04, change_lo=-0.02, change_hi=0.1, verdict="about_same")
     return (
         m.Redesign(
             number=1,
@@ -189,6 +189,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
             after=(date(2026, 10, 12), date(2026, 11, 8)),
             effect=effect,
             often=m.Estimate(value=None, change=-0.27, change_lo=-0.39, change_hi=-0.12, verdict="clear_fall"),
+            close=m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall"),
             people=people,
             compared_with=("End of aisle 2", "Pharmacy counter"),
             doubts=(read_reason("another entry of the log lies in the weeks after"),),

@@ -12,8 +12,10 @@ import numpy as np
 from report import model_classes as m
 
 from vsd_analytics.figures.week.bands import heat_bands
+from vsd_analytics.figures.week.timetable import busiest_day
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.stats.estimates import verdict_of
 
 ROME = ZoneInfo("Europe/Rome")
 MONDAY = date(2026, 11, 9)
@@ -34,7 +36,7 @@ def estimate(value: float | None, change: float | None = None, half: float = 0.0
     if change is None:
         return m.Estimate(value=value, lo=value * 0.96, hi=value * 1.04, **more)
     lo, hi = change - half, change + half
-    verdict = "clear_fall" if hi < 0 else "clear_rise" if lo > 0 else "no_clear_change"
+    verdict = verdict_of(1 + lo, 1 + hi)
     said: dict[str, Any] = {"verdict": verdict, "hours_compared": 301.0, "change_lo": lo, "change_hi": hi}
     return m.Estimate(
         value=value, lo=value * 0.96, hi=value * 1.04, previous=value / (1 + change), change=change, **(said | more)
@@ -85,7 +87,8 @@ def when(hours: tuple[m.HourCell, ...]) -> m.When:
     for h in range(24):
         value, n = mean([c for c in full if c.hour == h])
         by_hour.append(m.HourMean(hour=h, value=value, hours=n))
-    return m.When(cells=hours, day_means=tuple(days), hour_means=tuple(by_hour))
+    top = busiest_day({(c.day, c.hour): float(c.violations or 0) for c in full})
+    return m.When(cells=hours, day_means=tuple(days), hour_means=tuple(by_hour), busiest_day=top)
 
 
 def camera(k: int, name: str, hours: tuple[m.HourCell, ...], *, is_weak: bool) -> m.CameraRecord:
@@ -240,6 +243,7 @@ def areas(names: tuple[str, ...] = AREA_NAMES) -> tuple[m.AreaRow, ...]:
             risky=estimate((e.value or 0) / 31.0),
             exposure_h=(e.value or 0) * 2.4,
             share=s,
+            difference=None if e.change is None or e.previous is None else e.previous * e.change,
             recorded_share=r,
             cameras=c,
         )
@@ -284,6 +288,8 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
                 area_name=names[1],
                 since=estimate(20.5, -0.57, 0.07),
                 moved_after=0.92,
+                floor_share=1.04,
+                rest_verdict="cannot_tell",
             ),
             m.LogLine(at=datetime(2026, 11, 12, 13, tzinfo=ROME), text="Camera 3 stopped sending.", kind="detected"),
         ),

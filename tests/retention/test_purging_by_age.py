@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from datetime import UTC, date
 from pathlib import Path
 
 import pytest
@@ -24,10 +25,16 @@ from aged_projects import (
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
+from vsd_analytics.figures.week.stored_records import StoredRecords, stored_records
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.warehouse.build import build
 
 ALL = f"{DAYS[0]}..{DAYS[2]}"
+
+
+def without_stored(twin: str) -> str:
+    """Return a report's JSON without its sentence on what is stored, which a purge is meant to change."""
+    return json.dumps({k: v for k, v in json.loads(twin).items() if k != "stored"})
 
 
 def figures(root: Path) -> dict[str, str]:
@@ -41,7 +48,7 @@ def figures(root: Path) -> dict[str, str]:
     }
     out = root.parent / f"{root.name}-report"
     vsd(root, "report", "--week", "2026-W46", "--format", "json", "--out", str(out))
-    found["report"] = next(out.rglob("*.json")).read_text(encoding="utf-8")
+    found["report"] = without_stored(next(out.rglob("*.json")).read_text(encoding="utf-8"))
     shutil.rmtree(out)
     return found
 
@@ -87,8 +94,8 @@ def test_records_go_and_every_figure_stays_to_the_byte(project: Path) -> None:
 
 def test_purging_day_by_day_gives_what_purging_at_once_gives(project: Path) -> None:
     before = figures(project)
-    for date in DAYS[1:]:
-        vsd(project, "purge", "--older-than", date, "--force")
+    for cut in DAYS[1:]:
+        vsd(project, "purge", "--older-than", cut, "--force")
         assert figures(project) == before
     vsd(project, "purge", "--older-than", "2026-11-12", "--force")
     assert raw_days(project) == set()
@@ -102,8 +109,8 @@ def test_a_day_whose_only_hour_was_sealed_before_is_sealed_whole(tmp_path: Path)
     found = [m for d, some in hours.items() for m in messages(camera="cam-1", day=d, hours=some)]
     vsd(root, "ingest", str(write(root / "f.jsonl", found)))
     before = vsd(root, "hours", "--range", ALL, "--by", "camera", "--json")
-    for date in DAYS[1:]:
-        vsd(root, "purge", "--older-than", date, "--force")
+    for cut in DAYS[1:]:
+        vsd(root, "purge", "--older-than", cut, "--force")
         assert vsd(root, "hours", "--range", ALL, "--by", "camera", "--json") == before
     assert raw_days(root) == {f"date={DAYS[2]}"}
     assert litter(root) == []
@@ -259,3 +266,12 @@ def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
         (row,) = opened.rows("select count(*) as n, count(n_dropped) as n_known from coverage")
     assert row["n"] > 0
     assert row["n_known"] == 0
+
+
+def test_a_report_says_what_is_stored_and_when_the_rest_went(project: Path, purged: Path) -> None:
+    before = stored_records(load_site(project), at=date(2026, 12, 10))
+    after = stored_records(load_site(purged), at=date(2026, 12, 10))
+    first, last = (date.fromisoformat(d) for d in (DAYS[0], DAYS[2]))
+    assert before == StoredRecords(first_day=first, n_overdue_days=1, has_pseudonyms=False)  # 9 November: 31 days old
+    purged_on = NOW.astimezone(UTC).date()
+    assert after == StoredRecords(first_day=last, purged_before=last, purged_on=purged_on, has_pseudonyms=False)

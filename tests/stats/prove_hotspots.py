@@ -1,216 +1,139 @@
-"""Prove the hotspot test on simulated floors: python tests/stats/prove_hotspots.py --floors 1000 --shops 10.
+"""Prove the hotspot test: python tests/stats/prove_hotspots.py --floors 400 --people 100 --stored 5.
 
-Each floor has 24 x 18 cells of 1 m with an uneven crowd of 400 person-hours a day; violations follow exposure, a shock
-of the day (log sd as stated), a shock of the cell and day (log sd .3), and Poisson chance. In the rows that say so, the
-rate within 1.6 m of a planted place is 2.5 times as high; the shocks of the day come in patches of floor some 6 m wide
-rather than cell by cell; or a camera that sees a third of the floor is down for four days. Beside our test stands the
-usual one, Getis-Ord Gi* on counts. The shops are those of the people simulator, as if seen without error.
+The floors are those of `floor_worlds`, 14 x 20 cells of 1 m over 28 days. `--floors` counts those whose cells are drawn
+at once, `--people` those of single people, counted pair by pair. `--stored` floors of single people go through import,
+store, facts and marts as positions in metres; `--stored 40` is the full proof.
 """
 
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from datetime import datetime, timedelta
-from functools import partial
-from zoneinfo import ZoneInfo
+import csv
+import tempfile
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
 
 import numpy as np
-from scipy import ndimage
-from scipy.special import ndtr
+from floor_worlds import (
+    COLUMNS,
+    FRAMES,
+    HOURS,
+    PLANTED_M,
+    ROWS,
+    Cube,
+    People,
+    Variation,
+    away,
+    cells,
+    inner,
+    people,
+    positions,
+)  # fmt: skip
 
-from vsd_analytics.stats.hotspots import Hotspots, benjamini_hochberg, hotspots
+from vsd_analytics.stats.hotspots import hotspots
 
-ROWS, COLUMNS = 18, 24
-RADIUS_M = 1.6
-CELL_DAY_SD = 0.3
-REACH_M = 3.0  # smoothing reaches so far: what lies beyond has nothing of the planted place
-
-
-@dataclass(frozen=True)
-class World:
-    """One row of the table."""
-
-    n_days: int
-    episodes_per_day: float
-    day_sd: float
-    ratio: float = 1.0
-    is_down: bool = False
-    is_patchy: bool = False
-
-
-SIZES = [(28, 1200.0), (28, 300.0), (14, 1200.0), (7, 1200.0)]
-WORLDS = [
-    *(World(days, n, sd, ratio) for ratio in (1.0, 2.5) for days, n in SIZES for sd in (0.05, 0.10, 0.25)),
-    *(World(28, 1200.0, sd, ratio, is_patchy=True) for ratio in (1.0, 2.5) for sd in (0.05, 0.10, 0.25)),
-    *(World(28, 1200.0, sd, ratio, is_down=True) for ratio in (1.0, 2.5) for sd in (0.05, 0.10, 0.25)),
-]
-
-
-def draw(world: World, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    """Return violations and person-hours, shape (n_days, ROWS, COLUMNS), and the planted place (row, column)."""
-    y, x = np.mgrid[:ROWS, :COLUMNS]
-    crowd = np.full((ROWS, COLUMNS), 0.15)
-    for _ in range(5):
-        row, column = rng.uniform(0, ROWS), rng.uniform(0, COLUMNS)
-        crowd += rng.uniform(0.4, 1.5) * np.exp(-((y - row) ** 2 + (x - column) ** 2) / (2 * rng.uniform(2, 5) ** 2))
-    place = int(rng.integers(4, ROWS - 4)), int(rng.integers(4, COLUMNS - 4))
-    busy = np.array([0.9, 0.85, 0.9, 1.0, 1.2, 1.4, 0.75])[np.arange(world.n_days) % 7]
-    exposure_h = 400 * crowd / crowd.sum() * busy[:, None, None] * rng.gamma(25, 1 / 25, (world.n_days, ROWS, COLUMNS))
-    shock = np.exp(rng.normal(0, world.day_sd, (world.n_days, 1, 1)))
-    own = rng.normal(0, 1, exposure_h.shape)
-    if world.is_patchy:
-        own = ndimage.gaussian_filter(own, sigma=(0, 2, 2), mode="wrap")
-    shock = shock * np.exp(CELL_DAY_SD * own / own.std())
-    rate = world.episodes_per_day / 400 * shock * risk(world, place)
-    return rng.poisson(rate * exposure_h).astype(float), exposure_h, place
+REACH_M = 3.0
+"""Smoothing reaches so far: what lies beyond has nothing of the planted place."""
+NULL_PEOPLE = {
+    "people walk independently": People(),
+    "risk grows with density, nobody differs": People(peaks=3),
+    "couples in an uneven crowd": People(in_company=0.4, peaks=3),
+    "couples cross a corridor": People(in_company=1, is_corridor=True),
+    "more position noise on one side": People(in_company=0.4, noise_m=(0.1, 0.5)),
+    "people wait at a counter": People(counter_share=0.15),
+}
+NULL_CELLS = {
+    "patches, days independent": Variation(),
+    "patches, days correlated .5": Variation(correlation=0.5),
+    "patches, days correlated .8": Variation(correlation=0.8),
+    "patches, weeks sd .22": Variation(week_sd=0.22),
+}
+PLANTED = {
+    "planted 2.5": Variation(ratio=2.5),
+    "planted 2.5, days correlated .5": Variation(ratio=2.5, correlation=0.5),
+    "planted 2.5, days correlated .8": Variation(ratio=2.5, correlation=0.8),
+    "planted 2.5, weeks sd .22": Variation(ratio=2.5, week_sd=0.22),
+    "planted 2.5, fixed a week ago": Variation(ratio=2.5, fixed_days_ago=7),
+    "planted 2.5, fixed two weeks ago": Variation(ratio=2.5, fixed_days_ago=14),
+}
 
 
-def risk(world: World, place: tuple[int, int]) -> np.ndarray:
-    """Return the true rate of each cell over that of a cell away from the planted place."""
-    return np.where(away(place) <= RADIUS_M, world.ratio, 1.0)
+def outcome(cube: Cube) -> tuple[bool, bool, bool]:
+    """Return any hot cell away from a planted place, whether half of its cells are found, and a spot within 1 m."""
+    found = hotspots(cube.violation_h, cube.exposure_h, cube.mixed_h, sigma_cells=1.0, is_eligible=inner())
+    is_planted = cube.place[0] >= 0
+    distance = away(cube.place)
+    elsewhere = distance > PLANTED_M + REACH_M if is_planted else np.ones((ROWS, COLUMNS), dtype=bool)
+    share = float(found.cells.is_hot[distance <= PLANTED_M].mean()) if is_planted else 0.0
+    near = any(np.hypot(s.row - cube.place[0], s.column - cube.place[1]) <= 1 for s in found.spots)
+    return bool((found.cells.is_hot & elsewhere).any()), share >= 0.5, bool(near)
 
 
-def away(place: tuple[int, int]) -> np.ndarray:
-    """Return the distance of each cell from a place, in cells (metres)."""
-    y, x = np.mgrid[:ROWS, :COLUMNS]
-    return np.hypot(y - place[0], x - place[1])
-
-
-def recorded_cells(world: World) -> np.ndarray:
-    """Return which cells were recorded on which days: all, or one third of the floor not on days 9 to 12."""
-    recorded = np.ones((world.n_days, ROWS, COLUMNS), dtype=bool)
-    if world.is_down:
-        recorded[8:12, :, : COLUMNS // 3] = False
-    return recorded
-
-
-def getis_ord(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gi* of a surface with binary weights of the 8 neighbours and the cell itself, and which cells pass BH."""
-    window = np.ones((3, 3))
-    total = ndimage.convolve(counts, window, mode="constant")
-    n_near = ndimage.convolve(np.ones_like(counts), window, mode="constant")
-    n, mean, sd = counts.size, counts.mean(), counts.std()
-    z = (total - mean * n_near) / (sd * np.sqrt((n * n_near - n_near**2) / (n - 1)))
-    return z, benjamini_hochberg(ndtr(-z).ravel()).reshape(z.shape) <= 0.05
-
-
-def outcome(seed: int, world: World) -> tuple[bool, float, float, float, int]:
-    """Return any false cell, share of planted cells found, distance of the nearest spot, interval holds, Gi* false."""
-    key = [seed, world.n_days, int(world.episodes_per_day), int(100 * world.day_sd), int(10 * world.ratio)]
-    n, x_h, place = draw(world, np.random.default_rng(key))
-    recorded = recorded_cells(world)
-    n, x_h = np.where(recorded, n, 0.0), np.where(recorded, x_h, 0.0)
-    found = hotspots(n, x_h, sigma_cells=1.0, is_recorded=recorded, min_days=min(14, world.n_days))
-    # what smoothing carries beyond the planted cells is not false; without a planted place every cell is
-    is_null = away(place) > RADIUS_M + REACH_M if world.ratio > 1 else np.ones((ROWS, COLUMNS), dtype=bool)
-    planted = (away(place) <= RADIUS_M) & (world.ratio > 1)
-    share = float(found.cells.is_hot[planted].mean()) if planted.any() else np.nan
-    nearest = min((float(np.hypot(s.row - place[0], s.column - place[1])) for s in found.spots), default=np.inf)
-    usual = getis_ord(n.sum(axis=0))[1]
-    return (
-        bool((found.cells.is_hot & is_null).any()),
-        share,
-        nearest,
-        _is_held(found, x_h, risk(world, place)),
-        int((usual & is_null).sum()),
-    )
-
-
-def _is_held(found: Hotspots, x_h: np.ndarray, true_risk: np.ndarray) -> float:
-    """Tell whether the first spot's interval holds the true ratio of its cells; NaN without a spot."""
-    if not found.spots:
-        return np.nan
-    spot = found.spots[0]
-    inside = found.cells.label == spot.label
-    site = (x_h * true_risk).sum(axis=(1, 2)) / x_h.sum(axis=(1, 2))
-    truth = (x_h * true_risk)[:, inside].sum() / (site[:, None] * x_h[:, inside]).sum()
-    return float((spot.rate.lo or 0.0) <= truth <= (spot.rate.hi or np.inf))
-
-
-def row(world: World, pool: ProcessPoolExecutor, n_floors: int) -> str:
+def row(name: str, world: Variation | People, n_floors: int) -> str:
     """Return the table's row of one world."""
-    found = list(pool.map(partial(outcome, world=world), range(n_floors), chunksize=50))
-    false, share, nearest, held, usual = (np.array(v) for v in zip(*found, strict=True))
-    told = ["none" if world.ratio == 1 else f"{world.ratio:g}", f"{world.n_days}", f"{world.episodes_per_day:,.0f}"]
-    more = "a third of the floor down 4 days" if world.is_down else "days differ by patch" if world.is_patchy else ""
-    told += [f"{world.day_sd:.2f}", more, f"{false.mean():.1%}"]
-    if world.ratio == 1:
-        told += ["-", "-", "-"]
-    else:
-        told += [f"{share.mean():.0%}", f"{np.mean(nearest <= 1):.0%}", f"{np.nanmean(held):.0%}"]
-    return f"| {' | '.join([*told, f'{np.mean(usual > 0):.0%}', f'{usual.mean():.0f}'])} |"
+    told = []
+    for seed in range(n_floors):
+        rng = np.random.default_rng([seed, 11])
+        told.append(outcome(cells(world, rng) if isinstance(world, Variation) else people(world, rng)))
+    false, found, near = np.mean(told, axis=0)
+    has_place = isinstance(world, Variation) and world.ratio > 1
+    more = (f"{found:.0%}", f"{near:.0%}") if has_place else ("-", "-")
+    return f"| {' | '.join((name, f'{n_floors}', f'{false:.1%}', *more))} |"
 
 
-def two_places(seed: int, gap_m: int) -> tuple[bool, bool]:
-    """Return if two planted places side by side are reported as two within 1 m, and whether neighbours alone do."""
-    rng = np.random.default_rng([seed, gap_m])
-    world = World(28, 1200.0, 0.25, 2.5)
-    n, x_h, place = draw(world, rng)
-    other = place[0], place[1] + (gap_m if place[1] < COLUMNS / 2 else -gap_m)
-    is_other = (away(other) <= RADIUS_M) & (away(place) > RADIUS_M)
-    n = n + rng.poisson((world.ratio - 1) * world.episodes_per_day / 400 * x_h * is_other)
-    found = hotspots(n, x_h, sigma_cells=1.0)
-    near = [min((np.hypot(s.row - p[0], s.column - p[1]) for s in found.spots), default=np.inf) for p in (place, other)]
-    return len(found.spots) == 2 and max(near) <= 1, ndimage.label(found.cells.is_hot, structure=np.ones((3, 3)))[
-        1
-    ] == 2
+def stored(world: People, seed: int) -> int:
+    """Return how many hotspots the product finds on a floor whose positions were imported."""
+    from vsd_analytics.figures.hotspots import hotspots as floor_hotspots
+    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.pipeline import ingest
+    from vsd_analytics.site.model import Camera, Floor, Site
+    from vsd_analytics.warehouse.warehouse import Warehouse
 
-
-def shop(seed: int) -> str:
-    """Return the row of one made-up shop: four weeks of people who walk, look, wait and queue."""
-    from vsd_analytics.simulate import simulate_day, violations
-    from vsd_analytics.simulate.shop import AREA_RECTS, DEPTH_M, WIDTH_M
-
-    edges = [np.arange(side + 1) for side in (int(DEPTH_M), int(WIDTH_M))]
-    counted, exposure = [], []
-    for k in range(28):
-        midnight = datetime(2026, 10, 19, tzinfo=ZoneInfo("Europe/Rome")) + timedelta(days=k)
-        hours = (10, 18) if midnight.weekday() == 6 else (8, 21)
-        opens, closes = (midnight.replace(hour=h) for h in hours)
-        day = simulate_day(opens, closes=closes, seed=seed, interval_s=3.0, display_moved=True)
-        episodes = violations(day)
-        counted.append(np.histogram2d(episodes.y_m, episodes.x_m, bins=edges)[0])
-        exposure.append(np.histogram2d(day.y_m, day.x_m, bins=edges)[0] * day.interval_ms / 3.6e6)
-    n, x_h = np.array(counted), np.array(exposure)
-    found = hotspots(n, x_h, sigma_cells=1.0)
-    x0, y0, x1, y1 = AREA_RECTS["checkout-queue"]
-    first = found.spots[0]
-    is_there = x0 <= first.column + 0.5 <= x1 and y0 <= first.row + 0.5 <= y1
-    _, usual = getis_ord(n.sum(axis=0))
-    safe = found.cells.is_tested & (found.cells.ratio <= 1)
-    told = [f"{seed}", f"{n.sum() / 28:,.0f}", f"{len(found.spots)}", "yes" if is_there else "no"]
-    told += [f"{first.rate.ratio:.2f} ({first.rate.lo:.2f} to {first.rate.hi:.2f})", f"{int((usual & safe).sum())}"]
-    return f"| {' | '.join(told)} |"
+    first, interval_s = date(2026, 10, 19), 3600 / FRAMES
+    view = ((0.0, 0.0), (float(COLUMNS), 0.0), (float(COLUMNS), float(ROWS)), (0.0, float(ROWS)))
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        camera = Camera("cam", "Cam", "floor", hz=1 / interval_s, view=view)
+        opening = (((9 * 60, (9 + HOURS) * 60),),) * 7
+        site = Site("s", "S", "UTC", root, floors=(Floor("floor", "Floor"),), cameras=(camera,), opening=opening)
+        frame, x, y = positions(world, np.random.default_rng([seed, 11]))
+        day, k = frame // (HOURS * FRAMES), frame % (HOURS * FRAMES)
+        start_s = datetime(first.year, first.month, first.day, 9, tzinfo=UTC).timestamp()
+        ts = start_s + day * 86400 + k * interval_s
+        path = root / "positions.csv"
+        with path.open("w", newline="", encoding="utf-8") as out:
+            writer = csv.writer(out)
+            rows = zip(ts.tolist(), range(len(ts)), x.round(3).tolist(), y.round(3).tolist(), strict=True)
+            writer.writerows((f"{t:.1f}", i, a, b) for t, i, a, b in rows)
+        options = IngestOptions(format="positions", columns=("ts", "track_id", "x_m", "y_m"), period_s=interval_s)
+        last = first + timedelta(days=27)
+        ingest(site, [path], options, now=datetime(2026, 12, 1, tzinfo=UTC))
+        with Warehouse(site, first, last) as warehouse:
+            warehouse.materialise("episodes", "violations")
+            found = floor_hotspots(warehouse)
+        if found.state != "ok":
+            raise SystemExit(f"not tested: {found.reason}")
+        return len(found.spots)
 
 
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--floors", type=int, default=1000)
-    parser.add_argument("--shops", type=int, default=0)
+    parser.add_argument("--floors", type=int, default=400)
+    parser.add_argument("--people", type=int, default=100)
+    parser.add_argument("--stored", type=int, default=0)
     arguments = parser.parse_args()
-    with ProcessPoolExecutor(2) as pool:
-        if arguments.floors:
-            columns = ["planted ratio", "days", "violations a day", "day sd", "", "any false hotspot"]
-            columns += ["planted cells found", "located within 1 m", "interval holds the ratio"]
-            columns += ["Gi* on counts: any false cell", "Gi* on counts: false cells"]
-            print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
-            for world in WORLDS:
-                print(row(world, pool, arguments.floors), flush=True)
-            print(
-                "\n| metres between two places | seen as two, each within 1 m | hot cells fall in two |\n|---|---|---|"
-            )
-            for gap_m in (4, 5, 6):
-                told = list(pool.map(partial(two_places, gap_m=gap_m), range(arguments.floors), chunksize=50))
-                print(f"| {gap_m} | {' | '.join(f'{share:.0%}' for share in np.mean(told, axis=0))} |", flush=True)
-        if arguments.shops:
-            columns = ["seed", "violations a day", "hotspots", "first is the checkout queue", "its ratio"]
-            columns += ["Gi* on counts: cells no riskier than the site"]
-            print(f"\n| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
-            for line in pool.map(shop, range(1, arguments.shops + 1)):
-                print(line, flush=True)
+    columns = "world", "floors", "any false hotspot", "planted place found", "located within 1 m"
+    print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}")
+    for worlds, n in ((NULL_PEOPLE, arguments.people), (NULL_CELLS, arguments.floors), (PLANTED, arguments.floors)):
+        for name, world in worlds.items():
+            if n:
+                print(row(name, world, n), flush=True)
+    if arguments.stored:
+        print("\n| world | floors through the store | floors with a hotspot |\n|---|---|---|")
+        for name in ("risk grows with density, nobody differs", "couples in an uneven crowd"):
+            n_found = sum(stored(NULL_PEOPLE[name], seed) > 0 for seed in range(arguments.stored))
+            print(f"| {name} | {arguments.stored} | {n_found} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -151,14 +151,14 @@ def test_doubling_people_moves_crowding_alone() -> None:
     assert found.layout == pytest.approx(1.0, abs=0.02)
     assert found.behaviour is not None
     assert found.behaviour.theta == pytest.approx(1.0, abs=0.05)
-    assert found.behaviour.verdict == "no_clear_change"
+    assert found.behaviour.verdict == "cannot_tell", "one week without history says little of how weeks differ"
     assert found.crowding_share == pytest.approx(1.0, abs=0.03)
     shares = (found.crowding_share, found.layout_share, found.behaviour_share)
     assert sum(s or 0.0 for s in shares) == pytest.approx(1.0)
 
 
 def test_companions_are_behaviour() -> None:
-    alone, paired = (days(np.random.default_rng(6 + k), 5, pairs=share) for k, share in enumerate((0.0, 0.5)))
+    alone, paired = (days(np.random.default_rng(6 + k), 3, pairs=share) for k, share in enumerate((0.0, 0.9)))
     found = compare_mixing(
         (alone[0], paired[0]), (alone[1], paired[1]), ([alone[2]], [paired[2]]),
         cell_m=CELL_M, distance_m=DISTANCE_M, min_person_h=1,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,7 +24,7 @@ hours = arrays(np.float64, (2, 7), elements=st.floats(1, 24))
 
 
 def brute_force_change(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
-    """House plan 7.3, written with loops, for cameras that all recorded all days."""
+    """House plan 7.3 and the prior of weekly steps, with loops, for cameras that all recorded all days."""
     influences, rates = [], []
     for n in (n_a, n_b):
         rate = sum(n[c].sum() / x[c].sum() for c in range(len(n)))
@@ -35,7 +37,12 @@ def brute_force_change(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray) -> tuple
         )
     n_days = n_a.shape[1]
     variance = n_days / (n_days - 1) * sum((b - a) ** 2 for a, b in zip(*influences, strict=True))
-    factor = np.exp(stats.t.ppf(0.975, n_days - 1) * np.sqrt(variance))
+    noise = 0.0
+    for n, rate in zip((n_a, n_b), rates, strict=True):
+        noise += sum((n[c].sum() / x[c].sum() / rate) ** 2 / n[c].sum() for c in range(len(n)))
+    by_weeks = variance + max(2.6 * (variance - noise), 2 * 0.08**2)
+    halves = (stats.t.ppf(0.975, n_days - 1) * np.sqrt(variance), stats.t.ppf(0.975, 6) * np.sqrt(by_weeks))
+    factor = np.exp(max(halves))
     theta = rates[1] / rates[0]
     return theta, theta / factor, theta * factor
 
@@ -90,7 +97,9 @@ def test_camera_without_common_hours_is_left_out_of_both() -> None:
 def test_weekday_profile_cancels_when_weekdays_are_paired() -> None:
     change = compare_how_often([PROFILE * 20], HOURS[:1], [PROFILE * 10], HOURS[:1])
     assert change.theta == pytest.approx(0.5)
-    assert change.log_se == pytest.approx(0, abs=1e-12)
+    assert change.log_se == pytest.approx(math.sqrt(2) * 0.08, abs=1e-12), (
+        "only weeks may differ: the prior of weekly steps"
+    )
     assert change.verdict == "clear_fall"
 
 
@@ -149,7 +158,7 @@ def test_more_people_at_the_same_risk_explain_the_whole_rise() -> None:
     crowd = compare_exposure(people, HOURS[0], people * 1.5, HOURS[0])
     risky = compare_how_risky(n, people, n * 1.5, people * 1.5)
     split = split_change(often=often, people=crowd, risky=risky)
-    assert (often.verdict, crowd.verdict, risky.verdict) == ("clear_rise", "clear_rise", "no_clear_change")
+    assert (often.verdict, crowd.verdict, risky.verdict) == ("clear_rise", "clear_rise", "cannot_tell")
     assert split.people_share == pytest.approx(1)
     assert split.rest == pytest.approx(1)
     assert crowd.rate_a == pytest.approx(people.sum() / 86)
@@ -170,7 +179,7 @@ def test_split_multiplies_back_to_the_whole_change() -> None:
 
 def test_split_of_an_unclear_change_names_no_share() -> None:
     same = compare_how_often([PROFILE], HOURS[:1], [PROFILE[::-1]], HOURS[:1])
-    assert same.verdict == "no_clear_change"
+    assert same.verdict == "cannot_tell"
     assert split_change(often=same, people=same, risky=same).people_share is None
 
 
@@ -179,8 +188,13 @@ def test_split_of_an_unclear_change_names_no_share() -> None:
     [
         (0.8, 0.99, "clear_fall"),
         (1.01, 1.2, "clear_rise"),
-        (0.9, 1.0, "no_clear_change"),
-        (1.0, 1.1, "no_clear_change"),
+        (0.9, 1.0, "about_same"),
+        (1.0, 1.1, "about_same"),
+        (0.85, 1.15, "about_same"),
+        (0.84, 1.05, "cannot_tell"),
+        (0.95, 1.16, "cannot_tell"),
+        (None, 1.05, "cannot_tell"),
+        (0.95, None, "cannot_tell"),
         (1.5, None, "clear_rise"),
         (None, None, "too_little_data"),
     ],

@@ -18,9 +18,9 @@ from vsd_analytics.cli.project import Project
 from vsd_analytics.version import VERSION
 
 COMMANDS = (
-    *("demo", "init", "calibrate", "log", "check", "ingest", "quarantine", "listen", "alarms", "build"),
-    *("coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "forecast", "report", "planner", "site"),
-    *("export", "purge", "sql", "schema", "verify", "doctor", "explain"),
+    *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "quarantine", "listen", "alarms"),
+    *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "selfcheck", "forecast"),
+    *("report", "planner", "site", "export", "purge", "sql", "schema", "verify", "doctor", "explain"),
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""
 

@@ -13,7 +13,10 @@ from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from vsd_analytics.config.calibrate import Calibrated
+    from vsd_analytics.engine.people_calibration import FromPeople
 
 
 @click.command()
@@ -22,37 +25,129 @@ if TYPE_CHECKING:
     "--matrix", type=click.Path(path_type=Path), metavar="FILE", help="3x3 homography, picture px to floor m."
 )
 @click.option("--points", type=click.Path(path_type=Path), metavar="FILE", help="CSV of u,v,x,y: four points or more.")
+@click.option(
+    "--from-people",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Boxes or joints of people over time (see vsd engine run); needs no measuring.",
+)
+@click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people.")
 @click.option("--from", "valid_from", metavar="INSTANT", help="When the camera was put there (default: always).")
 @json_option
 @pass_project
 def calibrate(
-    project: Project, camera: str, matrix: Path | None, points: Path | None, valid_from: str | None, as_json: bool
+    project: Project,
+    camera: str,
+    matrix: Path | None,
+    points: Path | None,
+    from_people: Path | None,
+    size: str | None,
+    valid_from: str | None,
+    as_json: bool,
 ) -> int:
     """Compute a camera's homography from picture to floor, and draw a picture to check it.
 
-    Without --matrix and --points, draw the calibration in force again.
+    With --from-people, nothing is measured by hand: people of usual height and walks give horizon, focal length,
+    tilt, roll and height of the camera. The error is stated, and too uncertain results are refused. The floor's
+    origin is then below the camera, x to the right and y ahead.
+
+    Without --matrix, --points and --from-people, draw the calibration in force again.
 
     \b
     Example:
       vsd calibrate cam-1 --points points.csv
       vsd calibrate cam-1 --matrix cam-1.txt --from 2026-11-01T07:00
+      vsd calibrate cam-1 --from-people people.csv --size 1920x1080
       vsd calibrate cam-1
     """
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.errors import UsageError
 
-    if matrix is not None and points is not None:
-        raise UsageError("--matrix and --points exclude each other", fix="give one of them")
+    if sum(given is not None for given in (matrix, points, from_people)) > 1:
+        raise UsageError("--matrix, --points and --from-people exclude each other", fix="give one of them")
     since = None if valid_from is None else instant(valid_from, zone=project.site.timezone, what="--from")
+    if from_people is not None:
+        return _from_people(project, camera, from_people, size=size, since=since, as_json=as_json)
     done = calibration.calibrate(project.site, camera_id=camera, matrix=matrix, points=points, valid_from=since)
+    return _shown(project, done, _lines(done), {}, as_json=as_json)
+
+
+def _shown(project: Project, done: Calibrated, lines: list[str], more: dict[str, object], *, as_json: bool) -> int:
+    """Print what was done and its warnings; return the exit code."""
     if as_json:
-        emit_json(_as_dict(done))
+        emit_json({**_as_dict(done), **more})
     else:
-        for line in _lines(done):
+        for line in lines:
             click.echo(line)
         for code, sentence in done.warnings:
             project.say(f"warning[{code}]: {sentence}")
     return 1 if {"W402", "W403"} & {code for code, _ in done.warnings} else 0
+
+
+def _from_people(
+    project: Project, camera_id: str, people: Path, *, size: str | None, since: datetime | None, as_json: bool
+) -> int:
+    """Calibrate a camera from the people it sees, and put the result into force."""
+    import tempfile
+
+    import numpy as np
+
+    from vsd_analytics.cli.picture_sizes import parse_size
+    from vsd_analytics.config import calibrate as calibration
+    from vsd_analytics.engine.people_calibration import calibrate_from_people
+    from vsd_analytics.engine.people_calibration_file import path_of, write_stated_error
+    from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.errors import UsageError
+
+    known = next((c.picture_px for c in project.site.cameras if c.camera_id == camera_id), None)
+    picture_px = known if size is None else parse_size(size)
+    if picture_px is None:
+        raise UsageError(f"the picture size of {camera_id} is not known", fix="--size 1920x1080")
+    found = calibrate_from_people(read_people(people, size_px=picture_px), size_px=picture_px)
+    with tempfile.TemporaryDirectory() as folder:
+        matrix = Path(folder) / f"{camera_id}.txt"
+        np.savetxt(matrix, found.homography, fmt="%.12g")
+        done = calibration.calibrate(project.site, camera_id=camera_id, matrix=matrix, valid_from=since)
+    write_stated_error(path_of(project.site.root, camera_id), found, calibration_id=done.calibration_id)
+    return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
+
+
+def _people_lines(done: Calibrated, found: FromPeople) -> list[str]:
+    import numpy as np
+
+    camera = found.camera
+    what = "skeletons" if found.uses_joints else "boxes"
+    who = "" if found.n_people is None else f" of {found.n_people:,} persons, {found.n_walkers:,} of them walking"
+    near, far = np.quantile(found.map[:, 2], [0.1, 0.9])
+    tilt, roll = np.degrees([camera.tilt_rad, camera.roll_rad])
+    return [
+        f"{done.camera_id}: from {found.n_rows:,} {what}{who}",
+        f"camera {camera.height_m:.2f} m high, tilt {tilt:.1f} degrees, roll {roll:.1f} degrees, "
+        f"focal length {camera.focal_px / found.size_px[0]:.2f} picture widths",
+        f"error (one sd): distances {found.error:.0%} by the camera; 2 m with the feet's error ±{near:.2f} m in the "
+        f"best tenth of the floor, ±{far:.2f} m in the worst",
+        *_lines(done)[1:],
+    ]
+
+
+def _people_dict(found: FromPeople) -> dict[str, object]:
+    import numpy as np
+
+    camera = found.camera
+    return {
+        "height_m": round(camera.height_m, 3),
+        "tilt_deg": round(float(np.degrees(camera.tilt_rad)), 2),
+        "roll_deg": round(float(np.degrees(camera.roll_rad)), 2),
+        "focal_px": round(camera.focal_px, 1),
+        "n_rows": found.n_rows,
+        "n_people": found.n_people,
+        "n_walkers": found.n_walkers,
+        "distance_error": round(found.error, 4),
+        "error_map": [
+            dict(zip(("x_m", "y_m", "sd_of_2_m", "camera_part"), row, strict=True))
+            for row in found.map.round(3).tolist()
+        ],
+    }
 
 
 def _lines(done: Calibrated) -> list[str]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 
 
+ENCOUNTERS = "encounters per person-hour"
+
+
 def table(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return rows of texts as lines with aligned columns; control characters and line ends in a text are replaced."""
     clean = [[plain(cell).replace("\n", " ") for cell in row] for row in rows]
@@ -76,16 +79,17 @@ def change_text(found: BeforeAfterFigure) -> str:
     lines += _effect(found)
     lines += _running(found)
     lines += _floor(found)
-    rows = [("violations per person-hour", "after against before", "verdict")]
+    # encounters per person-hour rise when people stand about less, so they get no verdict of their own
+    rows = [("encounters per person-hour", "after against before", "")]
     for name, estimate in (("the area alone", found.alone), ("the comparison areas", found.comparison)):
         if estimate is not None:
-            rows.append((name, *change(estimate)))
+            rows.append((name, change(estimate)[0], ""))
     if (near := found.neighbours) is not None:
-        rows.append(("2 to 5 m around the area", *change(near.risky)))
+        rows.append(("2 to 5 m around the area", change(near.risky)[0], ""))
         if near.effect is not None and near.effect.theta is not None:
             relative = ratio(near.effect.theta, near.effect.lo, near.effect.hi)
-            rows.append(("  relative to the comparison areas", relative, verdict_text(near.effect.verdict)))
-    rows += [("", "", ""), ("people per open hour", "", "")]
+            rows.append(("  relative to the comparison areas", relative, ""))
+    rows += [("", "", ""), ("people per open hour", "after against before", "verdict")]
     people = (("in the area", found.people), ("2 to 5 m around it", None if near is None else near.people))
     rows += [(name, *change(e)) for name, e in people if e is not None]
     lines += table(rows)
@@ -120,8 +124,8 @@ def _effect(found: BeforeAfterFigure) -> list[str]:
     measured = (
         ("time too close per open hour", found.burden),
         ("share of their time that people are too close", found.close),
-        ("violations per person-hour", found.effect),
         ("violations per open hour", found.often),
+        (ENCOUNTERS, found.effect),
     )
     for name, effect in measured:
         if effect is None:
@@ -129,9 +133,12 @@ def _effect(found: BeforeAfterFigure) -> list[str]:
         if effect.theta is None:
             lines.append(f"  {name}: too little data: {reason_text(effect.reason)}")
             continue
-        verdict = f": {verdict_text(effect.verdict)}" if found.is_credible else ""
+        verdict = f": {verdict_text(effect.verdict)}" if found.is_credible and name != ENCOUNTERS else ""
         lines.append(f"  {name}: {ratio(effect.theta, effect.lo, effect.hi)}{verdict}")
         lines += [f"    {text}" for text in _robustness(effect)]
+    lines.append(
+        "    they rise by themselves where people stand about less: time too close says what became of the risk"
+    )
     if found.routes is not None and found.burden is not None and found.burden.theta is not None:
         people, closeness = percent(found.routes.people), percent(found.routes.closeness)
         lines.append(

@@ -188,6 +188,13 @@ Fix: the line named.""",
     "E406": """\
 A calibration file cannot be read: it is not there, you may not read it, or it is not plain text.
 Fix: check the path (on the command line it starts where you are, in vsd.toml at the folder of that file).""",
+    "E411": """\
+The people of a recording cannot calibrate their camera; the message says why. Nothing was changed.
+Common causes: a short recording, a wrong --size, people all at one distance, boxes of half bodies.
+Fix: give a longer recording with track ids, or measure points: vsd calibrate CAMERA --points FILE.csv""",
+    "E412": """\
+Messages and truth cannot be compared: they have no frame, or no track id of a person, in common.
+Fix: give the truth of the same recording, with the frame numbers and track ids of the detector's file.""",
     "W401": """\
 The calibration comes from few points. Four points always fit exactly, so their error says nothing, and with
 five an error of one is spread over all. Fix: measure six or more, spread over the floor.""",

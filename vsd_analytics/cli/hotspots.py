@@ -1,4 +1,4 @@
-"""`vsd hotspots`: where a person-hour is riskier than elsewhere on the floor."""
+"""`vsd hotspots`: where people spend more time too close than the crowd explains."""
 
 from __future__ import annotations
 
@@ -48,12 +48,14 @@ def hotspots(
     share: bool,
     as_json: bool,
 ) -> None:
-    """Print the places where a person-hour is clearly riskier than elsewhere on the floor, and since when.
+    """Print the places where people spend clearly more time too close than the crowd explains, and since when.
 
     Looks at the 28 days that end with the week or range (setting hotspot_days). A busy place is not a hotspot for being
-    busy. The test allows for chance and for differences between days. Places are ranked by the violations above the
-    floor's rate: what could be saved. Compared with the 28 days a week earlier, a hotspot is new or persisting; past
-    hotspots are listed below.
+    busy: the map of burden shows those. The test allows for chance and for differences between days and weeks. Places
+        are
+    ranked by the time above what crowding explains: what could be saved. Compared with the 28 days a week earlier, a
+    hotspot is new or persisting; past hotspots are listed below. After a change of the log in or near a hotspot, it is
+    watched until enough days have passed.
 
     \b
     Example:
@@ -131,9 +133,14 @@ def _text(found: FloorHotspots) -> str:
     elif not found.spots:
         lines.append("no place differs from the rest beyond chance")
     else:
-        rows = [("No", "place", "times the floor's rate", "above it a week", "since"), *map(_row, found.spots)]
+        rows = [
+            ("No", "place", "times what its crowd explains", "minutes above it a week", "since"),
+            *map(_row, found.spots),
+        ]
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    if found.watching:
+        lines += ["", "changed, and watched since:", *map(_watched, found.watching)]
     if found.resolved:
         lines += ["", f"standing out no more, against the days to {found.compared_with}:", *map(_gone, found.resolved)]
     return "\n".join([*lines, *(f"note: {reason_text(note)}" for note in found.notes)])
@@ -142,18 +149,30 @@ def _text(found: FloorHotspots) -> str:
 def _row(spot: FloorSpot) -> tuple[str, ...]:
     between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
     above = (
-        "" if spot.excess_lo is None or spot.excess_hi is None else f" ({spot.excess_lo:,.0f} to {spot.excess_hi:,.0f})"
+        ""
+        if spot.excess_min_lo is None or spot.excess_min_hi is None
+        else f" ({spot.excess_min_lo:,.0f} to {spot.excess_min_hi:,.0f})"
     )
     since = {"new": "new", None: "first look"}.get(
         spot.state, f"{spot.since}{' or earlier' if spot.is_since_first else ''}"
     )
-    return f"{spot.number:>2}", _place(spot), f"{spot.ratio:.1f}{between}", f"{spot.excess_per_week:,.0f}{above}", since
+    return (
+        f"{spot.number:>2}",
+        _place(spot),
+        f"{spot.ratio:.1f}{between}",
+        f"{spot.excess_min_per_week:,.0f}{above}",
+        since,
+    )
 
 
 def _gone(spot: ResolvedSpot) -> str:
     between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
     now = "nobody was there" if spot.ratio is None else f"now {spot.ratio:.1f} times{between}"
-    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times the floor's rate, {now}"
+    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times what its crowd explains, {now}"
+
+
+def _watched(spot: ResolvedSpot) -> str:
+    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times what its crowd explains; changed on {spot.changed_on}"
 
 
 def _place(spot: FloorSpot | ResolvedSpot) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vsd_analytics.figures.hotspots import SEEN_SHARE
+from vsd_analytics.figures.hotspot_windows import SEEN_SHARE
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M

@@ -32,10 +32,10 @@ class Windows:
         before, after: First and last local day of each; whole weeks, equally many.
         n_weeks: Weeks in each.
         trend: First and last day of the weeks before the change that tell how weeks differ: up to twelve, after the
-            latest earlier entry of the area or the whole site, and `before` at least.
+            latest earlier entry of the area, and `before` at least.
         left_out: First and last day left out around the change; None when none is.
-        watched: First and last day of the weeks since the change: up to 26, before the next entry of the area or the
-            whole site, and `after` at least.
+        watched: First and last day of the weeks since the change: up to 26, before the next entry of the area, and
+            `after` at least.
     """
 
     before: Days
@@ -94,7 +94,8 @@ def windows_of(
         side, days = ("before", end_before - first) if n_before < 1 else ("after", last - start_after)
         why = Reason(f"redesign.week_{side}", days=max(0, days.days + 1))
         return None, Reason("redesign.washout", reason=why, days=n_out) if n_out else why
-    own = [local_day(site, e) for e in read_log(site) if e != entry and e.area_id in (None, area_id)]
+    # an entry for the whole site moves the comparison areas as well: it is a caution, and ends no window
+    own = [local_day(site, e) for e in read_log(site) if e != entry and e.area_id == area_id]
     earlier, later = max((d for d in own if d <= end_before), default=None), [d for d in own if d >= start_after]
     n_trend = min(n_before, max(weeks, REFERENCE_WEEKS))
     if earlier is not None:

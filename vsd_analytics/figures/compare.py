@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
+from types import MappingProxyType
 from typing import Literal
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.figures import rates
+from vsd_analytics.figures import close_time, rates
+from vsd_analytics.figures.area_verdicts import Changes, area_changes
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
 from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
@@ -20,8 +22,8 @@ from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
 from vsd_analytics.stats.decomposition import MixingChange
-from vsd_analytics.stats.estimates import ChangeSplit, RateEstimate
-from vsd_analytics.stats.rates import HISTORY_WEEKS
+from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, RateEstimate
+from vsd_analytics.stats.weekly_steps import MAX_STEPS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -58,7 +60,11 @@ class PlaceChange:
         area_id: The area's id.
         name: Its name.
         often_a, often_b: How often in each period (M0), over all hours that enter rates.
-        risky_a, risky_b: How risky (M7), likewise.
+        risky_a, risky_b: Encounters per person-hour (M7), likewise.
+        close_share_a, close_share_b: Share of person-time too close (M6), of anybody.
+        close_share: Its change over the hours compared.
+        burden_a, burden_b: Person-minutes too close per open hour.
+        burden: Its change over the hours compared.
         split: The changes of how often, people and how risky over the hours compared, and what people explain.
     """
 
@@ -69,6 +75,12 @@ class PlaceChange:
     often_b: RateEstimate
     risky_a: RateEstimate
     risky_b: RateEstimate
+    close_share_a: RateEstimate
+    close_share_b: RateEstimate
+    close_share: ChangeEstimate
+    burden_a: RateEstimate
+    burden_b: RateEstimate
+    burden: ChangeEstimate
     split: ChangeSplit
 
 
@@ -109,7 +121,7 @@ class Comparison:
 def days_needed(site: Site, *periods: Days) -> Days:
     """Return the local days a warehouse must hold to compare periods: these, and the weeks before the first."""
     first, last = min(p[0] for p in periods), max(p[1] for p in periods)
-    earliest = first - HISTORY_WEEKS * WEEK
+    earliest = first - MAX_STEPS * WEEK
     extent = stored_extent(site, near=first)
     if extent is not None:
         earliest = max(earliest, min(first, extent.first_day - timedelta(days=extent.first_day.weekday())))
@@ -155,7 +167,9 @@ def compare(
     places: tuple[PlaceChange, ...] = ()
     if is_compared:
         chosen: list[Area | None] = [*areas] if areas or not data.areas else [*data.areas, None]
-        places = (_place(pair, floor), *(_place(pair, area) for area in chosen if _is_placed(pair)))
+        whole = _place(pair, floor)
+        family = area_changes(pair) if _is_placed(pair) and chosen else {}
+        places = (whole, *(_place(pair, area, family=family) for area in chosen if _is_placed(pair)))
     paired = {day for days in pair.pairs for day in days}
     return Comparison(
         floor_id=floor.floor_id,
@@ -204,11 +218,18 @@ def _other_means(pair: TwoPeriods) -> tuple[State, Reason | None]:
     return "ok", None
 
 
-def _place(pair: TwoPeriods, where: Floor | Area | None) -> PlaceChange:
+def _place(
+    pair: TwoPeriods, where: Floor | Area | None, *, family: Mapping[str | None, Changes] = MappingProxyType({})
+) -> PlaceChange:
     """Return the change of the whole floor, an area, or (None) the rest of the floor."""
     area_id = where.area_id if isinstance(where, Area) else None
     periods = (pair.before, pair.now)
     before, now = (p.whole if isinstance(where, Floor) else p.area(area_id) for p in periods)
+    if isinstance(where, Floor) or area_id not in family:
+        often, risky = rates.change_often(pair, now), rates.change_risky(pair, now)
+    else:
+        often, risky = family[area_id]
+    close = close_time.close_time(pair.now, where)
     return PlaceChange(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
         area_id=area_id,
@@ -217,11 +238,13 @@ def _place(pair: TwoPeriods, where: Floor | Area | None) -> PlaceChange:
         often_b=rates.level_often(pair.now, now),
         risky_a=rates.level_risky(pair.before, before),
         risky_b=rates.level_risky(pair.now, now),
-        split=split_change(
-            often=rates.change_often(pair, now),
-            people=rates.change_people(pair, now),
-            risky=rates.change_risky(pair, now),
-        ),
+        close_share_a=close_time.close_share(pair.before, close_time.close_time(pair.before, where)),
+        close_share_b=close_time.close_share(pair.now, close),
+        close_share=close_time.change_close_share(pair, close),
+        burden_a=close_time.burden(pair.before, close_time.close_time(pair.before, where)),
+        burden_b=close_time.burden(pair.now, close),
+        burden=close_time.change_burden(pair, close),
+        split=split_change(often=often, people=rates.change_people(pair, now), risky=risky),
     )
 
 

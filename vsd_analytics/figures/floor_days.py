@@ -109,6 +109,7 @@ class FloorDays:
         self._warehouse, self.floor = warehouse, floor
         self.first, self.n_days = warehouse.first, (warehouse.last - warehouse.first).days + 1
         self.cameras: Sequence[Camera] = [c for c in warehouse.site.cameras if c.floor_id == floor.floor_id]
+        self._places = {c.camera_id: k for k, c in enumerate(self.cameras)}
         self._ids = pa.array([c.camera_id for c in self.cameras], pa.string())
         self.unknown: dict[tuple[int, int], Reason] = {}
         self.is_open, self.is_used = self._camera_days()
@@ -123,6 +124,10 @@ class FloorDays:
     def day(self, index: int) -> date:
         """Return the day of an index."""
         return self.first + timedelta(days=index)
+
+    def camera_index(self, camera_id: str) -> int:
+        """Return the place of a camera in `cameras`."""
+        return self._places[camera_id]
 
     def span(self, first: date, last: date) -> slice:
         """Return the loaded days from `first` to `last` as a slice."""
@@ -192,10 +197,9 @@ class FloorDays:
         )
         is_open = np.zeros(self.n_days, dtype=np.bool_)
         is_used = np.zeros((len(self.cameras), self.n_days), dtype=np.bool_)
-        places = {c.camera_id: k for k, c in enumerate(self.cameras)}
         least = self._warehouse.site.settings.min_coverage
         for row in rows:
-            camera, day = places[row["camera_id"]], self.index(row["local_date"])
+            camera, day = self._places[row["camera_id"]], self.index(row["local_date"])
             is_open[day] |= row["open_s"] > 0
             if row["recorded_s"] > 0 and (why := self._why_unknown(row)) is not None:
                 self.unknown[camera, day] = why

@@ -15,10 +15,11 @@ from vsd_analytics.result import Reason
 
 DIGITS: Final = 6
 PLANE: Final = "floor metres on a local plane: x to the right, y up; not longitude and latitude"
-UNIT: Final = "times the floor's violations per person-hour"
+UNIT: Final = "time too close over what the crowd there explains"
 COLUMNS: Final = (
     *("number", "id", "state", "since", "area_id", "place", "x_m", "y_m", "peak_x_m", "peak_y_m", "area_m2"),
-    *("ratio", "lo", "hi", "n", "expected", "exposure_h", "excess_per_week", "excess_lo", "excess_hi", "q"),
+    *("ratio", "lo", "hi", "n", "violation_h", "expected_h", "exposure_h"),
+    *("excess_min_per_week", "excess_min_lo", "excess_min_hi", "q"),
 )
 
 
@@ -33,11 +34,14 @@ def without_small(found: FloorHotspots, *, below: int, revealing: Collection[str
         revealing: Ids of hotspots that would tell a small count (`report.hidden.revealing_spots`).
     """
     spots = tuple(s for s in found.spots if s.n >= below and s.spot_id not in revealing)
-    large = (r for r in found.resolved if r.n is None or r.n == 0 or r.n >= below)
-    resolved = tuple(r for r in large if r.spot_id not in revealing)
-    n_held = len(found.spots) + len(found.resolved) - len(spots) - len(resolved)
+    resolved, watching = (
+        tuple(r for r in of if (not r.n or r.n >= below) and r.spot_id not in revealing)
+        for of in (found.resolved, found.watching)
+    )
+    n_held = sum(len(of) for of in (found.spots, found.resolved, found.watching))
+    n_held -= len(spots) + len(resolved) + len(watching)
     notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=below)) if n_held else found.notes
-    return replace(found, spots=spots, resolved=resolved, notes=notes, n=None, grid=None, cells=None)
+    return replace(found, spots=spots, resolved=resolved, watching=watching, notes=notes, n=None, grid=None, cells=None)
 
 
 def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]:
@@ -55,7 +59,8 @@ def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]
         "exposure_h": found.exposure_h,
         "compared_with": found.compared_with,
         "hotspots": [{**spot_row(s), "polygons": s.place.polygons} for s in found.spots],
-        "resolved": [{**_resolved_row(r), "polygons": r.place.polygons} for r in found.resolved],
+        "resolved": [{**_past_row(r, "resolved"), "polygons": r.place.polygons} for r in found.resolved],
+        "watching": [{**_past_row(r, "watching"), "polygons": r.place.polygons} for r in found.watching],
         "notes": list(found.notes),
     }
     if with_cells:
@@ -66,10 +71,12 @@ def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]
 def as_geojson(found: FloorHotspots) -> dict[str, Any]:
     """Return a GeoJSON FeatureCollection (RFC 7946 but for its plane: floor metres), one feature per hotspot.
 
-    Properties are those of a row; the hotspots that are gone follow with state "resolved". `coordinate_system`, of the
-    collection and of each feature, names the plane.
+    Properties are those of a row; the hotspots that are gone follow with state "resolved", those watched after a change
+    with "watching". `coordinate_system`, of the collection and of each feature, names the plane.
     """
-    rows = [(spot_row(s), s.place) for s in found.spots] + [(_resolved_row(r), r.place) for r in found.resolved]
+    rows = [(spot_row(s), s.place) for s in found.spots]
+    rows += [(_past_row(r, "resolved"), r.place) for r in found.resolved]
+    rows += [(_past_row(r, "watching"), r.place) for r in found.watching]
     features = [
         {
             "type": "Feature",
@@ -111,10 +118,10 @@ def cell_rows(found: FloorHotspots) -> list[dict[str, Any]]:
     ]
 
 
-def _resolved_row(spot: ResolvedSpot) -> dict[str, Any]:
+def _past_row(spot: ResolvedSpot, state: str) -> dict[str, Any]:
     return {
         "id": spot.spot_id,
-        "state": "resolved",
+        "state": state,
         "area_id": spot.place.area_id,
         "place": spot.place.name,
         "x_m": _plain(spot.place.x_m),
@@ -124,6 +131,7 @@ def _resolved_row(spot: ResolvedSpot) -> dict[str, Any]:
         "lo": _plain(spot.lo),
         "hi": _plain(spot.hi),
         "n": spot.n,
+        "changed_on": _plain(spot.changed_on),
     }
 
 

@@ -1,11 +1,12 @@
-"""The same hotspot in one week and the next: who is new, who persists, who is gone.
+"""The same hotspot in one week and the next: who is new, who persists, who is gone, who is watched after a change.
 
 The windows are walked from the oldest to the newest. A hotspot takes over the id of a known one when they share cells,
 or their middles are at most 2 m apart; most shared cells first, then the nearest, each id once. Ids that were gone are
 known as well. Any other gets a new id: the floor's, and the square metre of its middle, such as `ground-x6-y5` (`-2`
 when taken). A hotspot that splits in two is not new: both parts have the date of the old one, and one has its id. Where
-two merge into one, none is reported as gone. So an id follows from stored data alone, and stays while windows reach
-back to it, or it does not move.
+two merge into one, none is reported as gone. Where the log names a change and too few days have passed since, a hotspot
+is watched: it is neither gone nor present, and has the same id until the test can decide. So an id follows from stored
+data alone, and stays while windows reach back to it, or it does not move.
 """
 
 from __future__ import annotations
@@ -32,10 +33,21 @@ class Found:
     Attributes:
         last: Its last day.
         result: The test's cells and hotspots; the cells of all windows are the same ones.
+        is_watched: Cells that a logged change left with too few days to be tested; None = none.
     """
 
     last: date
     result: Hotspots
+    is_watched: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PastSpot:
+    """A hotspot of an earlier window: its id, that window's place among the windows, and its label there."""
+
+    spot_id: str
+    window: int
+    label: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +66,13 @@ class History:
 
     Attributes:
         now: Identity by label of its hotspots.
-        resolved: Id and label, in the window before, of hotspots that are gone: none of their cells is hot now.
+        resolved: Hotspots of the window before, or watched in it, that are gone: none of their cells is hot now.
+        watching: Hotspots in or near which something was changed, with too few days since to decide.
     """
 
     now: Mapping[int, Identity]
-    resolved: tuple[tuple[str, int], ...]
+    resolved: tuple[PastSpot, ...]
+    watching: tuple[PastSpot, ...] = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -66,9 +80,14 @@ class _Known:
     spot_id: str
     inside: NDArray[np.bool_]
     middle: tuple[float, float]
-    label: int
+    past: PastSpot
     since: int
     seen: int
+
+    @property
+    def is_hot_then(self) -> bool:
+        """Return whether it was hot, not watched, in the window in which it was last seen."""
+        return self.past.window == self.seen
 
 
 def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell: tuple[int, int]) -> History:
@@ -93,23 +112,34 @@ def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell
                 if one.seen == k - 1 and (one.spot_id == spot_id or (one.inside & inside).any())
             ]
             middle = (spot.row, spot.column)
-            known[spot_id] = _Known(spot_id, inside, middle, spot.label, since=min(stood, default=k), seen=k)
+            past = PastSpot(spot_id, k, spot.label)
+            known[spot_id] = _Known(spot_id, inside, middle, past, since=min(stood, default=k), seen=k)
+        for one in earlier:
+            is_here = known[one.spot_id].seen == k or (one.inside & window.result.cells.is_hot).any()
+            if one.seen == k - 1 and not is_here and _is_watched(one, window):
+                known[one.spot_id].seen = k
     if not windows:
         return History({}, ())
     newest = len(windows) - 1
     now = {
-        one.label: Identity(
+        one.past.label: Identity(
             one.spot_id,
             None if newest == 0 else "new" if one.since == newest else "persisting",
             windows[one.since].last,
             one.since == 0,
         )
         for one in known.values()
-        if one.seen == newest
+        if one.seen == newest and one.is_hot_then
     }
     is_hot = windows[-1].result.cells.is_hot
     gone = [one for one in known.values() if one.seen == newest - 1 and not (one.inside & is_hot).any()]
-    return History(now, tuple((one.spot_id, one.label) for one in sorted(gone, key=lambda one: one.spot_id)))
+    watched = [one for one in known.values() if one.seen == newest and not one.is_hot_then]
+    resolved, watching = (tuple(sorted((one.past for one in of), key=lambda p: p.spot_id)) for of in (gone, watched))
+    return History(now, resolved, watching)
+
+
+def _is_watched(one: _Known, window: Found) -> bool:
+    return window.is_watched is not None and bool((one.inside & window.is_watched).any())
 
 
 def _named(result: Hotspots, known: Sequence[_Known], *, cell_m: float) -> dict[int, str]:

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.floor_days import NO_FLOOR
+from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, history, in_units, knows_distances
 from vsd_analytics.figures.groups import PURGED, camera_lives
-from vsd_analytics.figures.panels import Array, Flags, Period, Place
+from vsd_analytics.figures.panels import Period, Place
 from vsd_analytics.figures.rates import not_measured
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import how_often
 from vsd_analytics.warehouse.dimensions import QUARTER_MS
 
 NO_GROUPS: Final = Reason("ids.no_groups")
@@ -78,7 +78,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
         people=_people(period),
         exposure_h=float(panel.exposure_h.sum()),
         peak=_peak(period),
-        close=_close(period, data.violation_h, data.everyone.cameras & _knows_distances(period)),
+        close=close_share(period, close_time(period, data.floor)),
         close_between=_close_between(period, able),
     )
 
@@ -92,33 +92,9 @@ def _people(period: Period) -> RateEstimate:
         now.x_h,
         confidence=settings.confidence,
         min_days=settings.min_days,
-        **_history(period, past.exposure_h * 3600, history_x_h=past.x_h),
+        **history(period, past.exposure_h * 3600, history_x_h=past.x_h),
     )
-    return _per_second(found, Reason("nobody.seen"))
-
-
-def _close(period: Period, violation_h: Array, cameras: Flags, *, has_history: bool = True) -> RateEstimate:
-    """Return the share of person-time in violation; without history where `violation_h` is of the period only."""
-    data, settings = period.data, period.data.site.settings
-    if not cameras.any():
-        return not_measured(NO_FLOOR)
-    place = Place(violation_h * 3600, data.everyone.exposure_h, cameras)
-    now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
-    found = how_risky(
-        now.n.sum(axis=0),
-        now.exposure_h.sum(axis=0),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        min_exposure_h=0.0,
-        **_history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
-    )
-    if found.rate is None:
-        return replace(found, reason=Reason("nobody.seen_open"))
-    found = _per_second(found, Reason("nobody.close"))
-    if found.lo is not None and found.exposure_h < settings.min_exposure_h:
-        reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
-        found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
-    return replace(found, hi=None if found.hi is None else min(1.0, found.hi))
+    return in_units(found, SECONDS, Reason("nobody.seen"))
 
 
 def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
@@ -140,39 +116,8 @@ def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
     counted = data.hours.is_counted & period.is_inside
     if (data.violation_h * counted)[able].sum() > 1.001 * (all_pairs_h * counted)[able].sum() + 1e-6:
         return not_measured(PURGED)
-    return _close(period, violation_h, able & _knows_distances(period), has_history=False)
-
-
-def _history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:
-    """Return the arguments that give weeks before to a level; none without any."""
-    days = period.history_days if n.shape[-1] else []
-    weekdays = [np.array([d.weekday() for d in of], dtype=np.int64) for of in (period.days, days)]
-    if not days:
-        return {"weekday": weekdays[0]}
-    return {"weekday": weekdays[0], "history_n": n, "history_weekday": weekdays[1], **divided_by}
-
-
-def _per_second(found: RateEstimate, nothing: Reason) -> RateEstimate:
-    """Return an estimate of person-seconds per hour as one of person-hours per hour."""
-    if found.rate is None:
-        return found
-    if found.n_events == 0:
-        return replace(found, lo=None, hi=None, state="ok", reason=nothing)
-    lo, hi = (None if v is None else v / 3600 for v in (found.lo, found.hi))
-    return replace(found, rate=found.rate / 3600, lo=lo, hi=hi, n_events=None)
-
-
-def _knows_distances(period: Period) -> Flags:
-    """Return the cameras whose distances are known in every hour of the period that they recorded."""
-    data = period.data
-    first, end = period.span_ms
-    rows = data.warehouse.rows(
-        "select camera_id, bool_and(violation_s is not null) as knows from camera_hours "
-        "where recorded_open_s > 0 and hour_start_ms >= $first and hour_start_ms < $end group by camera_id",
-        {"first": first, "end": end},
-    )
-    unknown = {r["camera_id"] for r in rows if not r["knows"]}
-    return np.array([c not in unknown for c in data.ids], dtype=np.bool_)
+    between = Place(violation_h * SECONDS, data.everyone.exposure_h, able & knows_distances(period))
+    return close_share(period, between, has_history=False)
 
 
 def _peak(period: Period) -> PeakQuarter | None:

@@ -12,7 +12,8 @@ from vsd_analytics.figures.panels import WEEK, Panel, Period, Place, TwoPeriods
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
-from vsd_analytics.stats.rates import HISTORY_WEEKS, how_often, how_risky
+from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.weekly_steps import MAX_STEPS
 
 
 def level_often(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:
@@ -64,7 +65,7 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
 def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`."""
     before, now = pair.compared(place, since=since)
-    settings, past = pair.data.site.settings, _past(pair, place, since)
+    settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_often(
         before.n,
         before.x_h,
@@ -74,13 +75,14 @@ def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
         history_x_h=[week.x_h for week in past],
         confidence=settings.confidence,
         min_days=settings.min_days,
+        about_same_share=settings.about_same_share,
     )
 
 
 def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how risky (M7) over the camera-hours compared."""
     before, now = pair.compared(place, since=since)
-    settings, past = pair.data.site.settings, _past(pair, place, since)
+    settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_risky(
         before.n.sum(axis=0),
         before.exposure_h.sum(axis=0),
@@ -91,13 +93,14 @@ def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
         confidence=settings.confidence,
         min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
+        about_same_share=settings.about_same_share,
     )
 
 
 def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of the mean number of people in a place over the camera-hours compared."""
     before, now = pair.compared(place)
-    settings, past = pair.data.site.settings, _past(pair, place, None)
+    settings, past = pair.data.site.settings, past_weeks(pair, place)
     return compare_exposure(
         before.exposure_h,
         before.x_h,
@@ -107,6 +110,7 @@ def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
         history_x_h=[week.x_h for week in past],
         confidence=settings.confidence,
         min_days=settings.min_days,
+        about_same_share=settings.about_same_share,
     )
 
 
@@ -129,15 +133,18 @@ def _panels(period: Period, place: Place, since: int | None, until: int | None) 
     return panel, period.data.panel(place, [] if is_part else period.history_days)
 
 
-def _past(pair: TwoPeriods, place: Place, since: int | None) -> list[Panel]:
-    """Return the weeks before the periods, on the weekdays compared; none for a part of a week or more than one."""
+def past_weeks(pair: TwoPeriods, place: Place, since: int | None = None) -> list[Panel]:
+    """Return the weeks before the periods, oldest first, on the weekdays compared.
+
+    None for a part of a week or more than one.
+    """
     days = [before for before, _ in pair.pairs]
     is_one_week = len({day.weekday() for day in days}) == len(days)
     if since is not None or not days or not is_one_week:
         return []
     earliest = min(days)
     later = {day for _, day in pair.pairs}
-    weeks = [[day - k * WEEK for day in days] for k in range(1, HISTORY_WEEKS + 1)]
+    weeks = [[day - k * WEEK for day in days] for k in range(MAX_STEPS, 0, -1)]
     return [pair.data.panel(place, week) for week in weeks if max(week) < earliest and not later & set(week)]
 
 

@@ -155,7 +155,7 @@ def seen_share(xy: ArrayLike, *, views: Sequence[Polygon], radius_m: float, boun
     """Return how much of the disc around each point lies in the union of the views.
 
     At the border of a view, neighbours outside it are missing, so too few pairs are found. A place whose seen share is
-    below `figures.hotspots.SEEN_SHARE` is not ranked by risk.
+    below `figures.hotspot_windows.SEEN_SHARE` is not ranked by risk.
 
     Args:
         xy: Points in floor metres, shape (n, 2).

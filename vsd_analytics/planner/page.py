@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
+from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
-from vsd_analytics.figures.maps import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef
@@ -24,12 +24,15 @@ from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame, fixtures
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_words import place_name
+from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.reasons import reason_text, text_or_none
 from vsd_analytics.report.words.terms import capital, joined, verdict_words
+from vsd_analytics.stats.day_correlation import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
 from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
+from vsd_analytics.stats.weekly_steps import PRIOR_DF, PRIOR_EXTRA, PRIOR_WEEK_SD
 from vsd_analytics.version import VERSION
 
 UNIT: Final = 100
@@ -103,6 +106,7 @@ class PlannerPage:
     drawing: PlannerDrawing | None
     rows: tuple[PlannerFigureRow, ...]
     spots: tuple[tuple[str, str, FloorSpot], ...]
+    watching: tuple[str, ...]
     is_made_up: bool
     mask: int
     distance: str
@@ -155,6 +159,7 @@ def _page(data: PlannerData) -> PlannerPage:
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
+        watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
         distance=distance,
@@ -223,6 +228,13 @@ def _meta(
             "minEvents": MIN_EVENTS,
             "smallCount": SMALL_COUNT,
             "minWeeks": MIN_HISTORY_WEEKS,
+            "aboutSame": settings.about_same_share,
+            "stepExtra": PRIOR_EXTRA,
+            "weekSd": PRIOR_WEEK_SD,
+            "stepDf": PRIOR_DF,
+            "correlation": PRIOR_CORRELATION,
+            "correlationDays": PRIOR_DAYS,
+            "correlationMost": LARGEST,
             "mask": int(settings.mask_below),
             "rough": ROUGH_H,
             "q": quantiles(confidence),
@@ -254,6 +266,7 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
+    close = row.close_share
     if data.before is not None and data.why_not_compared is None and not any(hidden):
         changes = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
     return {
@@ -263,6 +276,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
+        "closeShare": None if hidden[0] is not None else [close.value, close.lo, close.hi],
         "report": changes,
     }
 

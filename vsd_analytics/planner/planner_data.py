@@ -87,6 +87,7 @@ class PlaceRow:
         has_history: Its usual rates of weekdays are given; not where an earlier week holds its count back.
         often: How often (M0), with the change from the other week.
         risky: How risky (M7), likewise.
+        close_share: Share of person-time too close (M6) this week; None where it is hidden or unknown.
     """
 
     place_id: str
@@ -96,6 +97,7 @@ class PlaceRow:
     has_history: bool
     often: Estimate
     risky: Estimate
+    close_share: Estimate
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -260,7 +262,11 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
     names = [say("planner.whole_floor"), *(REST if a is None else a.name for a in areas)]
     ids = ["floor", *("rest" if a is None else f"area:{a.area_id}" for a in areas)]
     of_areas = [rows[None if a is None else a.area_id] for a in areas]
-    figures = [(level.often, level.risky), *((row.often, row.risky or level.risky) for row in of_areas)]
+    unknown_share = Estimate(value=None, state="not_measurable")
+    figures = [
+        (level.often, level.risky, level.close_share or unknown_share),
+        *((row.often, row.risky or level.risky, row.close_share or unknown_share) for row in of_areas),
+    ]
     places = [data.whole, *(data.area(None if a is None else a.area_id) for a in areas)]
     return tuple(
         PlaceRow(
@@ -271,8 +277,9 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
             has_history=k not in unknown,
             often=often,
             risky=risky,
+            close_share=close_share,
         )
-        for k, (place_id, name, area, place, (often, risky)) in enumerate(
+        for k, (place_id, name, area, place, (often, risky, close_share)) in enumerate(
             zip(ids, names, [None, *areas], places, figures, strict=True)
         )
     )

@@ -15,7 +15,8 @@ SAID: Final = "planner.script."
 SAID_TOO: Final = (
     *("format.tiny", "format.same", "format.fewer", "format.more", "format.no_change", "format.likely"),
     *("format.likely_fewer", "format.likely_more", "format.likely_between", "format.hours", "format.under_an_hour"),
-    *("words.clear_fall", "words.clear_rise", "words.no_clear_change", "words.too_little_data"),
+    *("words.clear_fall", "words.clear_rise", "words.about_same", "words.cannot_tell"),
+    "words.too_little_data",
 )
 
 

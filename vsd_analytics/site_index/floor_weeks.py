@@ -163,7 +163,7 @@ def verdict_of(estimate: Estimate) -> Literal["fall", "rise", "same"] | None:
             return "fall"
         case "clear_rise":
             return "rise"
-        case "no_clear_change":
+        case "about_same" | "cannot_tell":
             return "same"
         case _:
             return None

@@ -30,7 +30,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
 )
 from vsd_analytics.report.model.week import SCHEMA, Span
-from vsd_analytics.report.words.reasons import decode_reason
+from vsd_analytics.report.words.reasons import decode_reason, with_verdicts_of_today
 
 MAX_BYTES: Final = 20_000_000
 """The JSON file of a report has a few hundred kilobytes. A far larger file is something else and is not read into
@@ -212,7 +212,7 @@ def read_report_json(path: Path) -> IndexedReport:
     _check_schema(head.get("schema") if isinstance(head, dict) else None, path)
     try:
         needed = {f.name: head[f.name] for f in fields(IndexedReport) if f.name in head}
-        report = msgspec.convert(_cleaned(needed), IndexedReport, dec_hook=decode_reason)
+        report = msgspec.convert(with_verdicts_of_today(_cleaned(needed)), IndexedReport, dec_hook=decode_reason)
         is_week = _is_week(report.week)
     except (msgspec.ValidationError, RecursionError, ValueError, OverflowError) as error:
         raise _damaged(path, why=_said(error)) from None

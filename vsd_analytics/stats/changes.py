@@ -1,16 +1,22 @@
 """Changes between two periods, same weekdays paired: how often, how risky, how many people, and how they split.
 
-ln theta = ln r_B - ln r_A; var = k sum_d (i_dB - i_dA)^2 with i_d, k and df of `vsd_analytics.stats.influence`
-(k = D/(D-1), df = D-1 when all cameras recorded all D pairs of days); from four weeks of history on, the usual variance
-of such weeks is pooled in (`vsd_analytics.stats.steadiness`). A weekday that is always busier moves both
-periods alike and cancels, so what is left is chance. Callers pass camera-hours recorded in both periods. Coverage and
-power by simulation: docs/statistics.md.
+ln theta = ln r_B - ln r_A. The interval is ln theta +- the larger of two half widths:
+
+* by days, t_df sqrt(k sum_d (i_dB - i_dA)^2) with i_d, k and df of `vsd_analytics.stats.influence` (k = D/(D-1),
+  df = D-1 when all cameras recorded all D pairs of days); from four weeks of history on, the usual variance of such
+  weeks is pooled in (`vsd_analytics.stats.steadiness`). A weekday that is always busier moves both periods alike and
+  cancels.
+* by weeks, t_df sqrt(S) with S and df of the site's own weekly steps (`vsd_analytics.stats.weekly_steps`): weeks differ
+  by more than their days show. A site with fewer open days than days can speak for is judged by its weeks alone.
+
+Callers pass camera-hours recorded in both periods. Coverage and power by simulation: docs/statistics.md.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +24,21 @@ import numpy.typing as npt
 from vsd_analytics.result import Reason, State, Verdict
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, verdict_of
-from vsd_analytics.stats.influence import DayCounts, Floats, as_counts, equal_weights, influence, small_sample
+from vsd_analytics.stats.influence import (
+    DayCounts,
+    Floats,
+    Influence,
+    as_counts,
+    equal_weights,
+    influence,
+    small_sample,
+)
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile
 from vsd_analytics.stats.rates import MIN_EVENTS, SMALL_COUNT, level
 from vsd_analytics.stats.steadiness import pooled, usual_variance
+from vsd_analytics.stats.weekly_steps import FULL_STEPS, step_variance, weekly_steps
+
+NO_STEPS: Final = np.zeros(0)
 
 Kind = Literal["violations", "person-hours"]
 
@@ -36,6 +53,7 @@ def compare_how_often(
     history_x_h: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
+    about_same_share: float = DEFAULTS.about_same_share,
 ) -> ChangeEstimate:
     """Return the change in how often violations happen (M0) from period A (before) to period B (after).
 
@@ -46,17 +64,18 @@ def compare_how_often(
             both periods have hours.
         n_b: Violations of B, same shape.
         x_b_h: Recorded open hours of B that were compared, same shape.
-        history_n: Violations of the weeks before A on the same weekdays, shape (n_weeks, n_cameras, n_pairs): how
-            steady the site is (`vsd_analytics.stats.steadiness`). Used where all cameras recorded all pairs of days.
+        history_n: Violations of the weeks before A on the same weekdays, oldest first, shape (n_weeks, n_cameras,
+            n_pairs): how much days and weeks differ here. Twelve weeks say all that is asked.
         history_x_h: Recorded open hours of these weeks, same shape.
         confidence: Confidence level.
-        min_days: Pairs of days an interval needs.
+        min_days: Pairs of days an interval by days needs. With fewer, eight weekly steps in the history do instead.
+        about_same_share: "About the same" needs the whole interval within 1 -+ this.
 
     Returns:
         The ratio B / A with interval and verdict. With fewer than 5 violations on one side and 5 or more on the
         other, the interval is made of exact Poisson limits of the small side and the day-clustered limits of the
         other, each at (1 + confidence)/2: conservative, and used only where it is clear. Fewer than 5 on both sides,
-        or fewer than `min_days` pairs: "too_little_data".
+        or fewer than `min_days` pairs and eight weekly steps: "too_little_data".
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
@@ -71,6 +90,7 @@ def compare_how_often(
     return _compare(
         n_a, x_a_h, n_b, x_b_h,
         kind="violations", history=_history(history_n, history_x_h), confidence=confidence, min_days=min_days,
+        about_same_share=about_same_share,
     )  # fmt: skip
 
 
@@ -85,6 +105,7 @@ def compare_how_risky(
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
     min_exposure_h: float = DEFAULTS.min_exposure_h,
+    about_same_share: float = DEFAULTS.about_same_share,
 ) -> ChangeEstimate:
     """Return the change in violations per person-hour (M7) from period A (before) to period B (after).
 
@@ -96,8 +117,9 @@ def compare_how_risky(
         history_n: Violations of the weeks before A, shape (n_weeks, n_pairs); as for `compare_how_often`.
         history_exposure_h: Person-hours of these weeks, same shape.
         confidence: Confidence level.
-        min_days: Pairs of days an interval needs.
+        min_days: As for `compare_how_often`.
         min_exposure_h: Person-hours each period needs.
+        about_same_share: As for `compare_how_often`.
 
     Returns:
         As `compare_how_often`, with rates per person-hour.
@@ -115,7 +137,7 @@ def compare_how_risky(
     return _compare(
         n_a, exposure_a_h, n_b, exposure_b_h, kind="violations",
         history=None if history is None else (history[0][:, None], history[1][:, None]),
-        confidence=confidence, min_days=min_days, min_exposure_h=min_exposure_h,
+        confidence=confidence, min_days=min_days, min_exposure_h=min_exposure_h, about_same_share=about_same_share,
     )  # fmt: skip
 
 
@@ -129,6 +151,7 @@ def compare_exposure(
     history_x_h: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
+    about_same_share: float = DEFAULTS.about_same_share,
 ) -> ChangeEstimate:
     """Return the change in people in view per open hour from period A (before) to period B (after).
 
@@ -142,7 +165,8 @@ def compare_exposure(
         history_h: Person-hours of the weeks before A, shape (n_weeks, n_cameras, n_pairs); see `compare_how_often`.
         history_x_h: Recorded open hours of these weeks, same shape.
         confidence: Confidence level.
-        min_days: Pairs of days an interval needs.
+        min_days: As for `compare_how_often`.
+        about_same_share: As for `compare_how_often`.
 
     Returns:
         As `compare_how_often`; `n_a` and `n_b` are person-hours, the rates mean numbers of people.
@@ -153,6 +177,7 @@ def compare_exposure(
     return _compare(
         exposure_a_h, x_a_h, exposure_b_h, x_b_h,
         kind="person-hours", history=_history(history_h, history_x_h), confidence=confidence, min_days=min_days,
+        about_same_share=about_same_share,
     )  # fmt: skip
 
 
@@ -177,6 +202,15 @@ def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: Change
     return ChangeSplit(often=often, people=people, risky=risky, rest=rest, people_share=share)
 
 
+@dataclass(frozen=True, slots=True)
+class _Width:
+    """Half the width of an interval of ln theta, its standard error and degrees of freedom."""
+
+    half: float
+    log_se: float
+    df: float
+
+
 def _compare(
     n_a: npt.ArrayLike,
     x_a: npt.ArrayLike,
@@ -187,6 +221,7 @@ def _compare(
     history: tuple[Floats, Floats] | None,
     confidence: float,
     min_days: int,
+    about_same_share: float,
     min_exposure_h: float = 0.0,
 ) -> ChangeEstimate:
     hours_a, hours_b = np.asarray(x_a, dtype=np.float64), np.asarray(x_b, dtype=np.float64)
@@ -196,7 +231,9 @@ def _compare(
     a, b = as_counts(n_a, x_a, mask=in_both), as_counts(n_b, x_b, mask=in_both)
     events_a, events_b = float(a.n.sum()), float(b.n.sum())
     least_h = min(float(a.x.sum()), float(b.x.sum()))
-    if a.n_days < min_days:
+    steps = NO_STEPS if history is None or not a.kept else weekly_steps(*history, of=a)
+    has_days = a.n_days >= min_days
+    if not has_days and (a.n_days == 0 or len(steps) < FULL_STEPS):
         return _too_little(a, b, Reason("change.pairs", least=min_days, has=a.n_days))
     if least_h < min_exposure_h:
         reason = Reason("change.person_hours", least=min_exposure_h, has=least_h)
@@ -208,25 +245,57 @@ def _compare(
         reason = Reason("change.events", least=MIN_EVENTS, before=events_a, after=events_b)
         return _too_little(a, b, reason)
     elif min(events_a, events_b) < MIN_EVENTS:
-        return _one_small_side(a, b, confidence=confidence, min_days=min_days)
+        return _one_small_side(a, b, confidence=confidence, min_days=min_days, about_same_share=about_same_share)
 
     before, after = influence(a), influence(b)
+    if has_days:
+        width = _width(a, before, after, history=history, steps=steps, confidence=confidence)
+        if width is None:
+            return _too_little(a, b, Reason("change.camera"))
+    else:
+        width = _by_weeks(steps, day_variance=0.0, noise=0.0, n_days=a.n_days, confidence=confidence)
+    half = width.half
+    if kind == "violations" and min(events_a, events_b) < SMALL_COUNT:
+        noise = float((before.noise + after.noise).sum())
+        half = max(half, z_quantile(confidence=confidence) * math.sqrt(noise))
+    theta = after.rate / before.rate
+    lo, hi = theta * math.exp(-half), theta * math.exp(half)
+    verdict = verdict_of(lo, hi, about_same_share=about_same_share)
+    return _change(a, b, lo=lo, hi=hi, verdict=verdict, state="ok", df=width.df, log_se=width.log_se)
+
+
+def _width(
+    a: DayCounts,
+    before: Influence,
+    after: Influence,
+    *,
+    history: tuple[Floats, Floats] | None,
+    steps: Floats,
+    confidence: float,
+) -> _Width | None:
+    """Return the wider of what days and weeks allow; None where no camera with violations has two days."""
     noise = before.noise + after.noise
     factor, df = small_sample(equal_weights(a), shares=(before.shares + after.shares) / 2, noise=noise)
     if not math.isfinite(factor):
-        return _too_little(a, b, Reason("change.camera"))
+        return None
     by_day = after.by_day - before.by_day
-    variance = factor * float(by_day @ by_day)
+    variance = day_variance = factor * float(by_day @ by_day)
     usual = None if history is None or not (a.x > 0).all() else usual_variance(*history, of=a)
     if usual is not None:
+        day_variance = usual[0]
         variance, df = pooled(variance, df, usual=usual)
     log_se = math.sqrt(variance)
-    half = t_quantile(df, confidence=confidence) * log_se
-    if kind == "violations" and min(events_a, events_b) < SMALL_COUNT:
-        half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(noise.sum())))
-    theta = after.rate / before.rate
-    lo, hi = theta * math.exp(-half), theta * math.exp(half)
-    return _change(a, b, lo=lo, hi=hi, verdict=verdict_of(lo, hi), state="ok", df=df, log_se=log_se)
+    by_days = _Width(t_quantile(df, confidence=confidence) * log_se, log_se, df)
+    by_weeks = _by_weeks(
+        steps, day_variance=day_variance, noise=float(noise.sum()), n_days=a.n_days, confidence=confidence
+    )
+    return max(by_days, by_weeks, key=lambda width: width.half)
+
+
+def _by_weeks(steps: Floats, *, day_variance: float, noise: float, n_days: int, confidence: float) -> _Width:
+    variance, df = step_variance(steps, day_variance=day_variance, noise=noise, n_days=n_days)
+    log_se = math.sqrt(variance)
+    return _Width(t_quantile(df, confidence=confidence) * log_se, log_se, df)
 
 
 def _history(n: npt.ArrayLike | None, x_h: npt.ArrayLike | None) -> tuple[Floats, Floats] | None:
@@ -237,15 +306,17 @@ def _history(n: npt.ArrayLike | None, x_h: npt.ArrayLike | None) -> tuple[Floats
     return (counts, hours) if len(counts) else None
 
 
-def _one_small_side(a: DayCounts, b: DayCounts, *, confidence: float, min_days: int) -> ChangeEstimate:
+def _one_small_side(
+    a: DayCounts, b: DayCounts, *, confidence: float, min_days: int, about_same_share: float
+) -> ChangeEstimate:
     """Return a change where one side has fewer than `MIN_EVENTS` violations (Bonferroni over the two limits)."""
     (lo_a, hi_a), (lo_b, hi_b) = (
         _limits(counts, confidence=(1 + confidence) / 2, min_days=min_days) for counts in (a, b)
     )
     lo, hi = (lo_b / hi_a), (hi_b / lo_a if lo_a > 0 else None)
-    verdict = verdict_of(lo, hi)
+    verdict = verdict_of(lo, hi, about_same_share=about_same_share)
     small = int(min(a.n.sum(), b.n.sum()))
-    if verdict == "no_clear_change":
+    if verdict not in {"clear_fall", "clear_rise"}:
         return _too_little(a, b, Reason("change.small", n=small))
     reason = Reason("change.poisson", n=small)
     return _change(a, b, lo=lo, hi=hi, verdict=verdict, state="ok", reason=reason, is_conservative=True)

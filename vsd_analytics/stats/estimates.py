@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.settings import DEFAULTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +61,8 @@ class ChangeEstimate:
         n_days: Pairs of days compared.
         df: Degrees of freedom of Student's t; None where it was not used.
         log_se: Standard error of ln theta; likewise.
-        verdict: One of the four verdicts.
-        state: "ok" when the verdict is one of the first three.
+        verdict: What the interval allows to say: `verdict_of`.
+        state: "ok" unless the verdict is "too_little_data".
         reason: Why not, or what is special.
         is_conservative: The interval is wider than it need be (very few events on one side).
         left_out: Indices of cameras without one hour recorded in both periods.
@@ -124,17 +125,22 @@ class ChangeSplit:
     people_share: float | None
 
 
-def verdict_of(lo: float | None, hi: float | None) -> Verdict:
-    """Return the verdict an interval of a ratio allows: clear only when it excludes 1.
+def verdict_of(lo: float | None, hi: float | None, *, about_same_share: float = DEFAULTS.about_same_share) -> Verdict:
+    """Return the verdict an interval of a ratio allows.
+
+    Clear when it excludes 1, however small the change; about the same when it holds 1 and all of it lies within
+    1 -+ `about_same_share`; otherwise the data cannot tell.
 
     Args:
         lo: Lower limit; None = none known, read as 0.
         hi: Upper limit; None = none known, read as infinity. Without either: "too_little_data".
+        about_same_share: Changes up to this share do not matter.
     """
     if lo is None and hi is None:
         return "too_little_data"
-    if (math.inf if hi is None else hi) < 1:
+    low, high = (0.0 if lo is None else lo), (math.inf if hi is None else hi)
+    if high < 1:
         return "clear_fall"
-    if (0.0 if lo is None else lo) > 1:
+    if low > 1:
         return "clear_rise"
-    return "no_clear_change"
+    return "about_same" if 1 - about_same_share <= low and high <= 1 + about_same_share else "cannot_tell"

@@ -1,13 +1,15 @@
 """Levels with intervals: how often (M0) and how risky (M7), day-clustered.
 
 The unit of replication is the day: violations of one day share its weather, staff and crowds, so intervals come from
-how days differ (formula and sources: `vsd_analytics.stats.influence`), never from the number of records. Coverage by
-simulation: docs/statistics.md. Changes between periods: `vsd_analytics.stats.changes`.
+how days differ (formula and sources: `vsd_analytics.stats.influence`), never from the number of records. Days in a row
+resemble each other, which widens intervals (`vsd_analytics.stats.day_correlation`). Coverage by simulation:
+docs/statistics.md. Changes between periods: `vsd_analytics.stats.changes`.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -15,6 +17,7 @@ import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import DEFAULTS
+from vsd_analytics.stats.day_correlation import PRIOR_CORRELATION, day_correlation, inflation
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.influence import (
     DayCounts,
@@ -52,7 +55,8 @@ def how_often(
     """Return how often violations happen: M0, violations per open hour of a place, with its interval.
 
     rate = sum over cameras of n_c / x_c, so that a camera that was down half the week does not pull it down;
-    interval rate * exp(+-t_df sqrt(k sum_d i_d^2)) with i_d, k and df of `vsd_analytics.stats.influence`. With four
+    interval rate * exp(+-t_df sqrt(a k sum_d i_d^2)) with i_d, k and df of `vsd_analytics.stats.influence`, and a what
+    days that resemble each other do to it (`vsd_analytics.stats.day_correlation`). With four
     weeks of history the influences are measured from each camera's weekday profile; without, differences between
     weekdays are in the interval, which is then conservative and says so. Where a camera missed weekdays, the interval
     also reaches to what the rate would usually be with them: rate * exp(ln sum_c p_c gap_c), p_c the camera's share.
@@ -85,8 +89,8 @@ def how_often(
     counts = as_counts(n, x_h)
     if not counts.kept:
         return _without_interval(counts, reason=Reason("level.unrecorded"), rate=None)
-    profile = _profile(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
-    return level(counts, profile=profile, confidence=confidence, min_days=min_days, kind="often")
+    past = _past(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
+    return level(counts, past=past, confidence=confidence, min_days=min_days, kind="often")
 
 
 def how_risky(
@@ -104,8 +108,8 @@ def how_risky(
 ) -> RateEstimate:
     """Return how risky a person-hour is: M7, violations per person-hour of exposure, with its interval.
 
-    r = sum_d n_d / sum_d x_d; var(ln r) = D/(D-1) sum_d (n_d - r x_d)^2 / (sum n)^2; r * exp(+-t_{D-1} sqrt(var)):
-    the ratio estimator with days as clusters. Weekday profiles as for `how_often`.
+    r = sum_d n_d / sum_d x_d; var(ln r) = a D/(D-1) sum_d (n_d - r x_d)^2 / (sum n)^2; r * exp(+-t_{D-1} sqrt(var)):
+    the ratio estimator with days as clusters. Weekday profiles and a as for `how_often`.
 
     Args:
         n: Violations, shape (n_days,).
@@ -136,8 +140,21 @@ def how_risky(
     if not counts.kept or total_h < min_exposure_h:
         reason = Reason("level.person_hours", least=min_exposure_h, has=total_h)
         return _without_interval(counts, reason=reason, rate=None)
-    profile = _profile(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
-    return level(counts, profile=profile, confidence=confidence, min_days=min_days, kind="risky")
+    past = _past(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
+    return level(counts, past=past, confidence=confidence, min_days=min_days, kind="risky")
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What the weeks before say of a period.
+
+    Attributes:
+        profile: What they expect of each day.
+        correlation: Of a day with the one before it.
+    """
+
+    profile: Profile
+    correlation: float
 
 
 def level(
@@ -146,7 +163,7 @@ def level(
     kind: RateKind,
     confidence: float,
     min_days: int,
-    profile: Profile | None = None,
+    past: Past | None = None,
 ) -> RateEstimate:
     """Return the rate of checked counts with its interval: what `how_often` and `how_risky` have in common.
 
@@ -155,7 +172,7 @@ def level(
         kind: What exposure is measured in: open hours (often) or person-hours (risky). Reasons name it.
         confidence: Confidence level.
         min_days: Days with exposure an interval needs.
-        profile: What earlier weeks expect of each day; None = no history.
+        past: What earlier weeks say; None = no history.
     """
     n_events, n_days = float(counts.n.sum()), counts.n_days
     rate = float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum())
@@ -171,16 +188,18 @@ def level(
         reason = Reason("level.events", least=MIN_EVENTS, has=n_events)
         return _without_interval(counts, reason=reason, rate=rate)
 
-    weights, missed = equal_weights(counts), 0.0
-    if profile is None:
-        days = influence(counts)
+    weights, missed, profile = equal_weights(counts), 0.0, None
+    if past is None:
+        days, correlation = influence(counts), PRIOR_CORRELATION
     else:
+        profile, correlation = past.profile, past.correlation
         days = influence(counts, expected=profile.expected, scale=profile.scale)
         weights = np.where(profile.is_known[:, None], profile.expected, weights)
         missed = math.log1p(float(days.shares @ (profile.gap - 1)))
     factor, df = small_sample(weights, shares=days.shares, noise=days.noise)
     if not math.isfinite(factor):
         return _without_interval(counts, reason=Reason("level.camera"), rate=rate)
+    factor *= inflation(correlation, n_days=n_days)
     log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
     half = t_quantile(df, confidence=confidence) * log_se
     if n_events < SMALL_COUNT:
@@ -192,14 +211,14 @@ def level(
     )  # fmt: skip
 
 
-def _profile(
+def _past(
     counts: DayCounts,
     weekday: npt.ArrayLike | None,
     history_n: npt.ArrayLike | None,
     history_x_h: npt.ArrayLike | None,
     history_weekday: npt.ArrayLike | None,
     min_weeks: int,
-) -> Profile | None:
+) -> Past | None:
     if history_n is None or history_x_h is None:
         return None
     if weekday is None or history_weekday is None:
@@ -208,7 +227,8 @@ def _profile(
     now, then = np.asarray(weekday, dtype=np.int64), np.asarray(history_weekday, dtype=np.int64)
     if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
         raise ValueError("every day needs a weekday")
-    return weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
+    profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
+    return Past(profile, day_correlation(history, then))
 
 
 def _without_interval(counts: DayCounts, *, reason: Reason, rate: float | None) -> RateEstimate:

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import DEFAULTS
+from vsd_analytics.stats.false_discovery import benjamini_hochberg
 from vsd_analytics.stats.forecast import MAX_WEEKS, MIN_WEEKS
-from vsd_analytics.stats.hotspots import benjamini_hochberg
 from vsd_analytics.stats.hour_of_week import as_weeks, spread, usual
 from vsd_analytics.stats.negative_binomial import both_tails, quantile
 

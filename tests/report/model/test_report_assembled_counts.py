@@ -141,7 +141,7 @@ def test_a_planted_outage_is_hatched_and_moves_no_rate(tmp_path: Path) -> None:
     assert page.count('<td class="hatch">') == 1
     assert len(re.findall(r'<td class="b\d low">', page)) == 1
     assert len(re.findall(r'<td class="b\d part">', page)) == 3
-    assert truth.level.often.verdict == report.level.often.verdict == "no_clear_change"
+    assert truth.level.often.verdict == report.level.often.verdict == "cannot_tell"
     pairs = zip(
         [truth.level.often, *(a.often for a in truth.areas)], [report.level.often, *by_id(report, truth)], strict=True
     )

@@ -227,4 +227,10 @@ def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:
         "too_little_data",
     )
     assert report.story is not None
-    assert "seems to have worked" in report.story.things[0].title
+    assert report.story.things[0].title.startswith("Clear fall at")
+    assert line.floor_share is not None
+    often, parts = report.level.often, [a.difference for a in report.areas]
+    assert often.previous is not None
+    assert often.change is not None
+    assert sum(p or 0.0 for p in parts) == pytest.approx(often.previous * often.change, rel=1e-9)
+    assert line.floor_share == pytest.approx((row.difference or 0.0) / (often.previous * often.change), rel=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,46 @@ def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_questi
     assert first.usual.share >= 0.5
     assert first.usual.weekday is None
     assert first.ask == first.question == week.story.question == "Could the rope go?"  # type: ignore[union-attr]
+
+
+def test_a_hotspot_counts_the_violations_of_the_people_who_stand_in_it(week: WeekReport) -> None:
+    counted = {row["place"]: row["n"] for row in week.figures["M20"].rows or ()}
+    assert counted["Queue"] == 14 * 3 * 20
+    assert counted["Door"] == 7 * 3 * (12 + 6)
+
+
+def test_time_too_close_of_areas_and_hours_is_that_of_the_people_who_stand_there(week: WeekReport) -> None:
+    """Two people of each violation, 20 s each; one more person stands alone on the rest of the floor."""
+    hour_h = {name: 2 * n * 20 / 3600 for name, n in (("queue", 20), ("door", 6), (None, 5))}
+    shares = {a.area_id: a.close_share.value for a in week.areas if a.close_share is not None}
+    assert shares == {"queue": 1.0, "door": 1.0, None: pytest.approx(hour_h[None] / (1 + hour_h[None]))}
+    whole = sum(hour_h.values()) / (1 + sum(hour_h.values()))
+    assert week.level.close_share is not None
+    assert week.level.close_share.value == pytest.approx(whole) == pytest.approx(week.figures["M6"].value)
+    of_hours = [c.close_share for c in week.when.cells if c.state == "full"]
+    assert of_hours == pytest.approx([whole] * len(of_hours))
+    rest = next(a.close_share for a in week.areas if a.area_id is None)
+    assert rest is not None
+    assert rest.lo is not None
+    assert rest.hi is not None
+    assert rest.lo <= shares[None] <= rest.hi
+
+
+def test_a_hotspot_whose_area_was_changed_is_watched_until_enough_days_have_passed(tmp_path: Path) -> None:
+    rules = "[analysis]\nhotspot_days = 14\nhotspot_min_days = 10\nhotspot_min_violations = 20\n"
+
+    def counts(day: int, hour: int) -> dict[w.Place, int]:
+        return {w.QUEUE: 20 + day % 3, w.DOOR: 24 + day % 2, w.AISLE: 5}
+
+    weeks = (w.MONDAY - timedelta(weeks=2), w.BEFORE, w.MONDAY)
+    streams = [w.messages(counts, monday=monday) for monday in weeks]
+    log = [{"at": f"{w.MONDAY}T08:00:00+01:00", "text": "Door mat moved", "area": "door"}]
+    made = w.report(w.world(tmp_path / "shop", w.toml(more=rules), *streams, log=log))
+    rows = {row["place"]: (row["state"], row.get("changed_on")) for row in made.figures["M20"].rows or ()}
+    assert rows["Door"] == ("watching", f"{w.MONDAY}")
+    assert made.spots is not None
+    assert [(s.name, s.changed_on) for s in made.spots.watching] == [("Door", w.MONDAY)]
+    assert "Door: changed on Mon 9 Nov; watching since." in render_html(made)
 
 
 def test_both_readings_agree_with_the_headline_and_areas_add_up_to_no_more(week: WeekReport) -> None:

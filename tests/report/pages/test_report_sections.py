@@ -220,14 +220,23 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     tested, busiest = cards(sections.with_tested_spots()), cards(sections.complete())
     assert tested is not None
     assert busiest is not None
-    assert tested.title == "The two spots that are riskier than the floor"
+    assert tested.title == "The two spots that are riskier than their crowd explains"
     assert [c.change for c in tested.cards] == [
         "Stands out since Sun 25 Oct or longer",
         "New this week",
     ]
     assert busiest.title == "The three busiest spots"
     assert "fewer than 300 violations" in busiest.sub
-    assert "riskier than elsewhere" in render_html(sections.with_tested_spots())
+    assert "More time too close than crowding and chance explain" in render_html(sections.with_tested_spots())
+
+
+def test_a_place_that_is_watched_after_a_change_is_named_below_the_cards() -> None:
+    report = sections.with_tested_spots()
+    assert report.spots is not None
+    watching = (m.WatchedSpot(name="Door", area_id="door", changed_on=date(2026, 11, 9)),)
+    said = "Door: changed on Mon 9 Nov; watching since."
+    assert said not in render_html(report)
+    assert said in render_html(replace(report, spots=replace(report.spots, watching=watching)))
 
 
 # ---- what happened at the site ----
@@ -285,9 +294,7 @@ def test_where_there_is_no_second_reading_the_page_says_why() -> None:
 
 def mixing(**more: Any) -> MixingChange:
     period = Mixing(1.0, 1.0, 0.1, 0.1, 1.0, 0.9, 1.1, 7, "ok", None)
-    behaviour = ChangeEstimate(
-        1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "no_clear_change", "ok", None, False
-    )
+    behaviour = ChangeEstimate(1.1, 0.9, 1.3, 1.0, 1.1, 90, 99, 9.0, 9.0, 7, 6.0, 0.1, "cannot_tell", "ok", None, False)
     said: dict[str, Any] = {"close": 0.8, "crowding": 0.7, "layout": 1.04, "behaviour": behaviour}
     said |= {"crowding_share": None, "layout_share": None, "behaviour_share": None, "state": "ok", "reason": None}
     return MixingChange(period, period, **(said | more))
@@ -341,7 +348,7 @@ def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -
         "likely −39% to −12%",
     )
     assert (row.name, row.words, row.detail) == (
-        "Violations per person-hour",
+        "Share of time too close",
         "Clear fall, −31%",
         "likely −42% to −18%",
     )
@@ -353,6 +360,16 @@ def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -
     assumed, refused = table.notes
     assert "its area and the comparison areas would have moved alike" in assumed
     assert refused == "Main entrance: no result yet. Needs a whole week after the change, and 1 day is stored."
+
+
+def test_encounters_per_person_hour_of_a_redesign_are_not_judged_on_the_page() -> None:
+    """They rise where people stand about less, so a good change would be a clear rise beside a clear fall."""
+    rise = m.Estimate(value=None, change=0.58, change_lo=0.19, change_hi=1.09, verdict="clear_rise")
+    report = sections.complete()
+    worse = tuple(replace(r, effect=rise) if r.effect is not None else r for r in report.redesigns)
+    table = page_sections.redesigns(replace(report, redesigns=worse))
+    assert table is not None
+    assert "rise" not in " ".join(row.words for row in table.rows)
 
 
 # ---- outlook and unusual hours ----

@@ -23,7 +23,7 @@ from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.result import Reason
 
 FOLDER = Path(__file__).parent / "golden"
-CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02}
+CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "about_same": 0.02, "cannot_tell": 0.02}
 
 
 def made(verdict: str, value: float) -> m.Estimate:
@@ -33,7 +33,8 @@ def made(verdict: str, value: float) -> m.Estimate:
     if verdict == "too_little_data":
         return m.Estimate(value=value, verdict="too_little_data", reason=read_reason("3 days"))
     change = CHANGE[verdict]
-    ends = {"change_lo": change - 0.03, "change_hi": change + 0.03}
+    reach = 0.3 if verdict == "cannot_tell" else 0.03
+    ends = {"change_lo": change - reach, "change_hi": change + reach}
     return m.Estimate(value=value, previous=value / (1 + change), change=change, verdict=verdict, **ends)  # type: ignore[arg-type]
 
 
@@ -64,7 +65,7 @@ def no_areas() -> page_model.WeekReport:
 
 def rises() -> page_model.WeekReport:
     """Return a week in which one area clearly rose."""
-    report = pair("clear_rise", "no_clear_change")
+    report = pair("clear_rise", "cannot_tell")
     rows = (replace(report.areas[0], often=weeks.estimate(43.6, 0.2, 0.09)), *report.areas[1:])
     return replace(report, areas=rows)
 

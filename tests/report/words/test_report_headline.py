@@ -5,46 +5,63 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
+from typing import get_args
 
 import pytest
 from report import sample_weeks as weeks
+from report.sample_sections import redesigns
 
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has
 from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.result import Verdict
 
-VERDICTS = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
-CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "no_clear_change": 0.02, "too_little_data": None}
+VERDICTS = get_args(Verdict)
+CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "about_same": 0.02, "cannot_tell": 0.02, "too_little_data": None}
 
 GOLDEN = {
     ("clear_fall", "clear_fall"): "Violations fell by about a seventh",
     ("clear_fall", "clear_rise"): "Violations fell by about a seventh, with 15% more people, but rose per person-hour",
-    (
-        "clear_fall",
-        "no_clear_change",
-    ): "Violations fell by about a seventh, with 15% more people: no clear change per person-hour",
+    ("clear_fall", "about_same"): (
+        "Violations fell by about a seventh, with 15% more people: about the same per person-hour"
+    ),
+    ("clear_fall", "cannot_tell"): (
+        "Violations fell by about a seventh, with 15% more people: no clear change per person-hour"
+    ),
     ("clear_fall", "too_little_data"): "Violations fell by about a seventh",
     ("clear_fall", "not_measurable"): "Violations fell by about a seventh",
     ("clear_rise", "clear_fall"): "Violations rose by about an eighth, with 15% more people, but fell per person-hour",
     ("clear_rise", "clear_rise"): "Violations rose by about an eighth, and per person-hour too",
-    (
-        "clear_rise",
-        "no_clear_change",
-    ): "Violations rose by about an eighth, with 15% more people: no clear change per person-hour",
+    ("clear_rise", "about_same"): (
+        "Violations rose by about an eighth, with 15% more people: about the same per person-hour"
+    ),
+    ("clear_rise", "cannot_tell"): (
+        "Violations rose by about an eighth, with 15% more people: no clear change per person-hour"
+    ),
     ("clear_rise", "too_little_data"): "Violations rose by about an eighth",
     ("clear_rise", "not_measurable"): "Violations rose by about an eighth",
-    ("no_clear_change", "clear_fall"): "Violations about the same as last week, but fewer per person-hour",
-    ("no_clear_change", "clear_rise"): "Violations about the same as last week, but more per person-hour",
-    ("no_clear_change", "no_clear_change"): "Violations about the same as last week",
-    ("no_clear_change", "too_little_data"): "Violations about the same as last week",
-    ("no_clear_change", "not_measurable"): "Violations about the same as last week",
+    ("about_same", "clear_fall"): "Violations about the same as last week, but fewer per person-hour",
+    ("about_same", "clear_rise"): "Violations about the same as last week, but more per person-hour",
+    ("about_same", "about_same"): "Violations about the same as last week",
+    ("about_same", "cannot_tell"): "Violations about the same as last week",
+    ("about_same", "too_little_data"): "Violations about the same as last week",
+    ("about_same", "not_measurable"): "Violations about the same as last week",
+    ("cannot_tell", "clear_fall"): "No clear change in violations since last week, but fewer per person-hour",
+    ("cannot_tell", "clear_rise"): "No clear change in violations since last week, but more per person-hour",
+    ("cannot_tell", "about_same"): "No clear change in violations since last week",
+    ("cannot_tell", "cannot_tell"): "No clear change in violations since last week",
+    ("cannot_tell", "too_little_data"): "No clear change in violations since last week",
+    ("cannot_tell", "not_measurable"): "No clear change in violations since last week",
     ("too_little_data", "clear_fall"): "Fewer violations per person-hour; too little data on how often",
     ("too_little_data", "clear_rise"): "More violations per person-hour; too little data on how often",
-    ("too_little_data", "no_clear_change"): "Too little data to say whether violations changed",
+    ("too_little_data", "about_same"): "Too little data to say whether violations changed",
+    ("too_little_data", "cannot_tell"): "Too little data to say whether violations changed",
     ("too_little_data", "too_little_data"): "Too little data to say whether violations changed",
     ("too_little_data", "not_measurable"): "Too little data to say whether violations changed",
 }
@@ -70,7 +87,8 @@ def with_verdicts(often: str, risky: str) -> WeekReport:
 
     people = Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
     level = replace(report.level, often=made(often, 121.0), risky=made(risky, 0.41), people=people)
-    return replace(report, level=level, log=())
+    areas = tuple(replace(a, difference=None) for a in report.areas)  # its headline says nothing of places
+    return replace(report, level=level, areas=areas, log=())
 
 
 def all_words(story: Story) -> str:
@@ -133,10 +151,75 @@ def test_after_needs_an_entry_in_the_area_that_moved_before_most_of_it() -> None
         replace(entry, area_id="a0"),
         replace(entry, area_id=None),
         replace(entry, kind="detected"),
+        replace(entry, floor_share=0.79),
+        replace(entry, floor_share=None),
+        replace(entry, rest_verdict="clear_fall"),
+        replace(entry, rest_verdict=None),
     ):
         changed = replace(report, log=(other,))
         assert change_to_name(changed) is None
         assert " after " not in story_of(changed).headline
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [
+        (1.2, "; all of it at Main entrance"),
+        (0.7, "; most of it at Main entrance"),
+        (0.5, "; half of it at Main entrance"),
+        (0.35, "; a third of it at Main entrance"),
+        (0.3, ""),
+    ],
+)
+def test_a_headline_without_a_change_to_name_says_where_the_difference_lies(share: float, said: str) -> None:
+    report = replace(weeks.normal(), log=())
+    often = report.level.often
+    assert often.previous is not None
+    assert often.change is not None
+    whole = often.previous * often.change
+    parts = (0.0, share * whole, None, 0.1 * whole, (1 - share) * whole)
+    areas = tuple(replace(a, difference=d) for a, d in zip(report.areas, parts, strict=True))
+    assert story_of(replace(report, areas=areas)).headline == f"Violations fell by about a seventh{said}"
+
+
+def planted_redesign(**other: object) -> Redesign:
+    """A change that its running verdict, seen beside other areas, shows to work."""
+    effect = Estimate(value=None, change=-0.48, change_lo=-0.6, change_hi=-0.33, verdict="clear_fall")
+    return replace(
+        redesigns()[0],
+        is_credible=True,
+        doubts=(),
+        running=effect,
+        n_watched=6,
+        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="cannot_tell"),
+        **other,  # type: ignore[arg-type]
+    )
+
+
+def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
+    report = weeks.normal()
+    worked = story_of(replace(report, redesigns=(planted_redesign(),))).things[0]
+    assert worked.title == "The change at Checkout queue works so far"
+    assert "48% less time too close in the 6 weeks since Wed 7 Oct (likely" in worked.text
+    assert "compared with End of aisle 2 and Pharmacy counter" in worked.text
+    rise = Estimate(value=None, change=0.2, change_lo=0.1, change_hi=0.3, verdict="clear_rise")
+    for doubtful in (
+        planted_redesign(design="alone"),
+        replace(planted_redesign(), is_credible=False),
+        replace(planted_redesign(), doubts=(read_reason("another entry of the log lies in the weeks after"),)),
+        replace(planted_redesign(), running=None),
+        replace(planted_redesign(), running=replace(rise, verdict="too_little_data")),
+        replace(planted_redesign(), net=rise),
+        replace(planted_redesign(), net=None),
+    ):
+        titles = [t.title for t in story_of(replace(report, redesigns=(doubtful,))).things]
+        assert not any("work" in title for title in titles), doubtful
+
+
+def test_a_fall_since_a_log_entry_is_not_called_its_success() -> None:
+    worked = story_of(weeks.normal()).things[0]
+    assert worked.title == "Clear fall at Main entrance since the change"
+    assert "Whether the change did it needs whole weeks beside other areas." in worked.text
 
 
 def test_a_short_log_entry_is_quoted() -> None:
@@ -253,3 +336,10 @@ def test_large_rises_are_multiples_and_large_falls_end() -> None:
     assert terms.moved(1.0) == "about doubled"
     assert terms.moved(1.6) == "rose to about 2.6 times last week’s"
     assert terms.moved(-0.99) == "almost stopped"
+
+
+def test_a_twin_of_before_may_say_no_clear_change() -> None:
+    data = to_json(with_verdicts("cannot_tell", "clear_fall"))
+    old = data.replace(b'"cannot_tell"', b'"no_clear_change"')
+    assert old != data
+    assert from_json(old) == from_json(data)

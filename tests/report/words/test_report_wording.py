@@ -217,7 +217,8 @@ def test_a_page_of_another_language_has_no_word_of_this_one(monkeypatch: pytest.
         for text in sorted(names(report), key=len, reverse=True):
             seen = seen.replace(text, "").replace(text.rstrip("."), "")
         left = set(re.findall(r"[A-Za-z]{2,}", seen))
-        assert left <= {"C1", "Clear", "No", "Too", "fall", "rise", "clear", "change", "little", "data"}, (name, left)
+        verdicts = {"Clear", "fall", "rise", "About", "the", "same", "No", "clear", "change", "Too", "little", "data"}
+        assert left <= {"C1", *verdicts}, (name, left)
 
 
 def names(report: Any) -> set[str]:

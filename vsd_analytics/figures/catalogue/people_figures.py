@@ -71,6 +71,8 @@ def close(asked: Asked) -> Figure:
     unit = f"share of person-time closer than {distance_m:g} m to somebody"
     if (why := asked.data.why_no_exposure) is not None:
         return missing(unit, "not_measurable", why)
+    if (why := asked.data.hidden.why_floor) is not None:
+        return missing(unit, "not_enough_data", why)
     found = asked.found.person_time
     level = asked.rate(found.close)
     if level.value is None:

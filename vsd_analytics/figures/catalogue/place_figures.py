@@ -15,12 +15,13 @@ from vsd_analytics.result import Reason
 from vsd_analytics.stats.shrinkage import MIN_PLACES, pull
 
 AREAS: Final = "violations per open hour and per person-hour, by area"
-SPOTS: Final = "places where a person-hour is riskier than elsewhere on the floor"
+SPOTS: Final = "places with more time too close than their crowd explains"
 NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
 MIN_CELL_S: Final = 60.0
 """Person-seconds a square metre needs to be printed: with less, it could show the way of a few people."""
 
-_OF_SPOT: Final = ("ratio", "lo", "hi", "n", "expected", "excess_per_week", "excess_lo", "excess_hi", "q")
+_EXCESS: Final = ("violation_h", "expected_h", "excess_min_per_week", "excess_min_lo", "excess_min_hi")
+_OF_SPOT: Final = ("ratio", "lo", "hi", "n", *_EXCESS, "q")
 _NO_CELL: Final = {
     "M16": Reason("map.no_cell_seconds", least=MIN_CELL_S),
     "M17": Reason("map.no_cell_seconds", least=MIN_CELL_S),
@@ -78,6 +79,7 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
         "name": area.name,
         **limits("often", often),
         **limits("risky", area.risky),
+        **limits("close_share", area.close_share),
         "verdict": often.verdict,
         "share": area.share if often.value is not None else None,
         "exposure_h": area.exposure_h,
@@ -142,7 +144,9 @@ def spots(asked: Asked) -> Figure:
     found = asked.found.hotspots
     if found.state != "ok":
         return missing(SPOTS, found.state, found.reason)
-    rows = [_spot(asked, s) for s in found.spots] + [_resolved(asked, s) for s in found.resolved]
+    rows = [_spot(asked, s) for s in found.spots] + [
+        _past(asked, s, state) for state, of in (("resolved", found.resolved), ("watching", found.watching)) for s in of
+    ]
     note = Reason("joined", reasons=found.notes) if found.notes else None
     return Figure(unit=SPOTS, rows=tuple(rows), denominator=found.n_days, note=note)
 
@@ -151,9 +155,10 @@ def _spot(asked: Asked, spot: FloorSpot) -> Row:
     return {**row(spot, "number", "state", "since"), **_figures_of(asked, spot, _OF_SPOT)}
 
 
-def _resolved(asked: Asked, spot: ResolvedSpot) -> Row:
+def _past(asked: Asked, spot: ResolvedSpot, state: str) -> Row:
     unknown = dict.fromkeys(("number", "since", *_OF_SPOT))
-    return {**unknown, "state": "resolved", **_figures_of(asked, spot, ("ratio", "lo", "hi", "n"))}
+    past = {"state": state, **row(spot, "changed_on")}
+    return {**unknown, **past, **_figures_of(asked, spot, ("ratio", "lo", "hi", "n"))}
 
 
 def _figures_of(asked: Asked, spot: FloorSpot | ResolvedSpot, names: Sequence[str]) -> Row:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
+from vsd_analytics.figures.area_verdicts import Changes, area_changes
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
+from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
+from vsd_analytics.site.model import Area
 
 MIN_CAMERA_SHARE = 0.01
 """A camera that counts less of an area than this is not named as one that sees it."""
@@ -42,9 +45,13 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     """
     if not data.areas or data.why_no_violations is not None or data.why_no_places is not None:
         return Areas(rows=())
-    keys = [*(a.area_id for a in data.areas), None]
+    drawn: dict[str | None, Area] = {a.area_id: a for a in data.areas}
+    keys = [*drawn, None]
     places = {key: data.area(key) for key in keys}
     found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
+    if is_compared:
+        judged = area_changes(data.pair)
+        found = {key: _with_verdicts(measured, judged[key]) for key, measured in found.items()}
     below = data.site.settings.mask_below
     now = data.hidden.places
     before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
@@ -53,8 +60,9 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     for key in keys:
         measured, place = found[key], places[key]
         often, risky = measured.often, measured.risky
+        close = estimates.close_share(data, drawn.get(key))
         if (why := now.why(key, below=below)) is not None:
-            often, risky = (estimates.without_figures(e, why) for e in (often, risky))
+            often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
             often, risky = (estimates.without_change(e, why) for e in (often, risky))
@@ -65,20 +73,31 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         rows.append(
             AreaRow(
                 area_id=key,
-                name=rest if key is None else next(a.name for a in data.areas if a.area_id == key),
+                name=drawn[key].name if key in drawn else rest,
                 counted=measured.n if is_known and key not in now else None,
                 is_masked=key in now.small,
                 is_held_back=key in now.others,
                 often=often,
                 risky=risky,
+                close_share=close,
                 exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
                 share=often.value / total if often.value is not None and total else None,
+                difference=difference(data, place) if often.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
             )
         )
     rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
     return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
+
+
+def _with_verdicts(measured: estimates.Measured, judged: Changes) -> estimates.Measured:
+    """Return both numbers of an area with the verdicts of its family, where they have one at all."""
+    often, risky = (
+        estimate if estimate.verdict in (None, "too_little_data") else replace(estimate, verdict=change.verdict)
+        for estimate, change in zip((measured.often, measured.risky), judged, strict=True)
+    )
+    return replace(measured, often=often, risky=risky)
 
 
 def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> HeldBack[str | None]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vsd_analytics.figures import rates
+from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.result import Reason, Verdict
+from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 
 
@@ -61,6 +62,11 @@ def people(data: WeekData, *, is_compared: bool) -> Estimate:
         return Estimate(value=value)
     level = RateEstimate(value, None, None, None, 0.0, 0, None, None, "ok", None, False)
     return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))
+
+
+def close_share(data: WeekData, where: Floor | Area | None) -> Estimate:
+    """Return the share of person-time too close (M6) of the floor, an area, or (None) the rest of it; no change."""
+    return _estimate(close_time.close_share(data.this, close_time.close_time(data.this, where)))
 
 
 def without_figures(estimate: Estimate, reason: Reason) -> Estimate:

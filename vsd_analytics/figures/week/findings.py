@@ -18,6 +18,7 @@ from vsd_analytics.figures import (
     maps,
     mixing,
     person_time,
+    self_check,
     sensitivity,
     trend,
 )
@@ -54,7 +55,7 @@ class Findings:
 
     @cached_property
     def hotspots(self) -> hotspots.FloorHotspots:
-        """Where a person-hour is riskier than elsewhere (M20)."""
+        """Where people spend more time too close than the crowd explains (M20)."""
         return hotspots.hotspots(self._long, floor_id=self._floor_id, until=self._days[1])
 
     @cached_property
@@ -66,6 +67,11 @@ class Findings:
     def groups(self) -> groups.Groups:
         """Who came together, and violations in two readings (M9)."""
         return groups.groups(self._long, first=self._days[0], last=self._days[1])
+
+    @cached_property
+    def self_check(self) -> self_check.FloorSelfCheck:
+        """How often the verdicts on the floor are false alarms, from the weeks stored up to this one."""
+        return self_check.self_check(self._data, until=self._days[1])
 
     @cached_property
     def unusual(self) -> unusual_hours.UnusualWeek:

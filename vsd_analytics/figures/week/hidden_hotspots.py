@@ -42,5 +42,5 @@ def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
         is_on_rest = not shapely.covers(every, shape)
         return any(key in touched if key is not None else is_on_rest for key in hidden)
 
-    spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved]
+    spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved, *found.watching]
     return frozenset(s.spot_id for s in spots if reveals(s))

@@ -53,7 +53,9 @@ class SpotCard:
     ratio: Estimate | None = _f(
         "Tested spots: violations over those expected at the floor's rate.", "ratio", "M20", default=None
     )
-    excess_per_week: float | None = _f("Tested spots: violations above the expected.", "per week", "M20", default=None)
+    excess_min_per_week: float | None = _f(
+        "Tested spots: time too close above what crowding explains.", "person-minutes a week", "M20", default=None
+    )
     is_new: bool | None = _f("Tested spots: it did not stand out a week earlier; None: not known.", default=None)
     since: date | None = _f("Tested spots: last day of the first window from which on it stood out.", default=None)
     is_since_first: bool = _f("True: that window is the first looked at, so it may be older.", default=False)
@@ -64,14 +66,30 @@ class SpotCard:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WatchedSpot:
+    """A hotspot of an earlier window that a logged change made untestable until enough days have passed."""
+
+    name: str = _f("Its area, or where it lies; free text.")
+    area_id: str | None = _f("Identifier of its area; None on the rest of the floor.", default=None)
+    changed_on: date | None = _f("Local day of the last change of the log in or near it.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spots:
     """The numbered spots of the map."""
 
-    kind: SpotKind = _f("tested: riskier per person-hour than the floor (M20); busiest: areas with most violations.")
+    kind: SpotKind = _f(
+        "tested: more time too close than crowding explains (M20); busiest: areas with most violations."
+    )
     reason: Reason | None = _f("Why they are not tested ones; None when they are.", default=None)
     first: date | None = _f("First day of the test's window.", default=None)
     last: date | None = _f("Last day of it.", default=None)
     cards: tuple[SpotCard, ...] = _f("At most three.", metric="M20", default=())
+    watching: tuple[WatchedSpot, ...] = _f(
+        "Hotspots in or near which something was changed, with too few days since for a test.",
+        metric="M20",
+        default=(),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,6 +237,31 @@ class Causes:
         "theirs, and no rival to them.",
         metric="M23", default=(),
     )  # fmt: skip
+    state: State = _f("Whether it can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FalseAlarmShare:
+    """How often shuffled weeks of the floor got a clear verdict."""
+
+    share: float = _f("Clear verdicts over verdicts on weeks in which nothing changed on average.", "share")
+    lo: float = _f("Lower end of its interval.", "share")
+    hi: float = _f("Upper end of its interval.", "share")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelfCheck:
+    """How often the verdicts on the floor are false alarms, as its own weeks tell."""
+
+    n_weeks: int = _f("Weeks it comes from.", "weeks")
+    both: FalseAlarmShare | None = _f("Of both verdicts on the floor.", default=None)
+    often: FalseAlarmShare | None = _f("Of verdicts on how often.", metric="M0", default=None)
+    risky: FalseAlarmShare | None = _f("Of verdicts on how risky.", metric="M7", default=None)
+    verdicts_a_year: int = _f("Verdicts on the floor in 52 weekly reports.", "verdicts", default=0)
+    false_a_year: float | None = _f("False ones to expect among them.", "verdicts", default=None)
+    false_a_year_lo: float | None = _f("Lower end of its interval.", "verdicts", default=None)
+    false_a_year_hi: float | None = _f("Upper end of its interval.", "verdicts", default=None)
     state: State = _f("Whether it can be given.", default="ok")
     reason: Reason | None = _f("In words, why not.", default=None)
 

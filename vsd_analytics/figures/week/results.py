@@ -109,6 +109,9 @@ class Level:
 
     often: Estimate = _f("How often: violations per recorded open hour.", "per open hour", "M0")
     risky: Estimate = _f("How risky: violations per person-hour.", "per person-hour", "M7")
+    close_share: Estimate | None = _f(
+        "Share of person-time closer than the distance to somebody.", "share", "M6", default=None
+    )
     people: Estimate = _f(
         "People: person-hours seen per recorded open hour, and its change.", "person-hours per open hour", "M3"
     )
@@ -159,8 +162,20 @@ class AreaRow:
     is_held_back: bool = _f("True: its figures are held back, as they would tell a masked one.", default=False)
     often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
     risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
+    close_share: Estimate | None = _f(
+        "Share of the person-time spent in the area that is closer than the distance to somebody.",
+        "share",
+        "M6",
+        default=None,
+    )
     exposure_h: float | None = _f("Person-hours seen in the area.", "person-hours", "M15", default=None)
     share: float | None = _f("Its rate over the sum of all areas' rates.", "share", "M15", default=None)
+    difference: float | None = _f(
+        "What it adds to the floor's change over the hours compared; areas and the rest add up to it.",
+        "per open hour",
+        "M15",
+        default=None,
+    )
     recorded_share: float | None = _f(
         "Open hours recorded by its cameras, each weighted by how much of the area it counts.",
         "share",
@@ -187,6 +202,13 @@ class HourCell:
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
     scaled: float | None = _f("Low-data hours: counted over recorded share, rough.", "violations", default=None)
+    close_share: float | None = _f(
+        "Share of the hour's person-time closer than the distance to somebody, where the hour enters rates and its "
+        "count is given; one hour has no interval.",
+        "share",
+        "M6",
+        default=None,
+    )
     share: float | None = _f("Camera-hours recorded over open camera-hours.", "share", "M1", default=None)
     cameras_down: int = _f("Cameras that recorded less than half of it: the true figure is higher.", default=0)
 
@@ -226,6 +248,9 @@ class When:
     )
     day_means: tuple[DayMean, ...] = _f("Monday to Sunday.", default=())
     hour_means: tuple[HourMean, ...] = _f("By local hour.", default=())
+    busiest_day: date | None = _f(
+        "The day with more violations than every other in the full hours that both have; None: none has.", default=None
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,6 +268,8 @@ class LogLine:
     moved_after: float | None = _f(
         "Share of the area's change over the week that came after the entry, 0 to 1.", "share", default=None
     )
+    floor_share: float | None = _f("Part of the floor's change that lies in the area.", "share", "M0", default=None)
+    rest_verdict: Verdict | None = _f("Verdict on how often on the floor without the area.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

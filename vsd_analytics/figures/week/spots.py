@@ -24,7 +24,7 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap, MapSpot
 from vsd_analytics.figures.week.model_recording import Coverage
-from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, Sureness, UsualHours
+from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, Sureness, UsualHours, WatchedSpot
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
@@ -97,6 +97,10 @@ def spots(
         first=found.first if is_tested else None,
         last=found.last if is_tested else None,
         cards=tuple(cards),
+        watching=tuple(
+            WatchedSpot(name=s.place.area_name or "", area_id=s.place.area_id, changed_on=s.changed_on)
+            for s in found.watching
+        ),
     )
 
 
@@ -118,7 +122,8 @@ def _tested(
 ) -> SpotCard:
     place = spot.place
     row = next((a for a in areas if a.area_id == place.area_id and place.area_id is not None), None)
-    seen = _inside(data, place_shape(place), found.first)
+    around = place_shape(place).buffer(data.site.settings.distance_m / 2)  # midpoints of those who stand in it
+    seen = _inside(data, around, found.first)
     evidence, usual = _evidence(data, seen, coverage, row)
     return SpotCard(
         number=spot.number,
@@ -127,7 +132,7 @@ def _tested(
         area_id=place.area_id,
         often=row.often if row is not None else None,
         ratio=Estimate(value=spot.ratio, lo=spot.lo, hi=spot.hi),
-        excess_per_week=spot.excess_per_week,
+        excess_min_per_week=spot.excess_min_per_week,
         is_new=None if spot.state is None else spot.state == "new",
         since=spot.since if spot.state is not None else None,
         is_since_first=spot.is_since_first,
@@ -140,7 +145,7 @@ def _tested(
 
 def _without_figures(card: SpotCard) -> SpotCard:
     ratio = Estimate(value=None, state="not_enough_data", reason=GIVES_AWAY)
-    return replace(card, ratio=ratio, excess_per_week=None)
+    return replace(card, ratio=ratio, excess_min_per_week=None)
 
 
 def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] | None, coverage: Coverage) -> SpotCard:

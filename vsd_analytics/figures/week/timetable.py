@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
 import numpy as np
 
+from vsd_analytics.figures.close_time import close_share_by_hour
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, HourState, When
@@ -42,8 +43,27 @@ def timetable(data: WeekData) -> Timetable:
         cells=cells,
         day_means=tuple(DayMean(day=d, value=v, hours=n) for d, (v, n) in zip(data.week_days, by_day, strict=True)),
         hour_means=tuple(HourMean(hour=h, value=v, hours=n) for h, (v, n) in zip(open_hours, by_hour, strict=True)),
+        busiest_day=busiest_day({(c.day, c.hour): n for c, n in known if not c.fold}),
     )
     return Timetable(when=when, busiest=_busiest(known))
+
+
+def busiest_day(known: Mapping[tuple[date, int], float]) -> date | None:
+    """Return the day with more violations than every other day in the hours that both have; None where no day has.
+
+    Averages of days with other hours do not say it: a Sunday that opens only for its busy hours has a high one.
+
+    Args:
+        known: Violations of full hours by local day and hour.
+    """
+    days = sorted({day for day, _ in known})
+
+    def is_above(day: date, other: date) -> bool:
+        both = [hour for d, hour in known if d == day and (other, hour) in known]
+        return bool(both) and sum(known[day, h] for h in both) > sum(known[other, h] for h in both)
+
+    found = [day for day in days if all(is_above(day, other) for other in days if other != day)]
+    return found[0] if len(days) > 1 and found else None
 
 
 def hour_state(share: float, data: WeekData, *, is_open: bool) -> HourState:
@@ -62,6 +82,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
     hours, settings = data.hours, data.site.settings
     is_known = data.why_no_violations is None
     held = data.hidden.hours
+    close_share = close_share_by_hour(data.this)
     cells = []
     for i in timetable_hours(data, data.this):
         open_s = float(hours.open_s[i])
@@ -81,6 +102,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
                 is_masked=is_counted and i in held.small,
                 is_held_back=is_counted and i in held.others,
                 scaled=n / share if n is not None and state == "low_data" else None,
+                close_share=float(close_share[i]) if n is not None and np.isfinite(close_share[i]) else None,
                 share=share if open_s else None,
                 cameras_down=int((shares < settings.partial_hour_share).sum()) if open_s else 0,
             )

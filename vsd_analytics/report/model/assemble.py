@@ -28,6 +28,7 @@ from vsd_analytics.figures.week.results import (
     WeekRef,
     WeekState,
 )
+from vsd_analytics.figures.week.stored_records import stored_records
 from vsd_analytics.report.model import site_changes
 from vsd_analytics.report.model.sections import with_more, with_more_maps
 from vsd_analytics.report.model.week import WeekReport
@@ -107,6 +108,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
     hours = timetable.timetable(data)
     level = floor_level(data, is_compared=is_compared, areas=areas)
     has_ranking = is_ranked and level.often.value != 0
+    made_at = _made_at(data, now)
     return WeekReport(
         site=SiteRef(
             site_id=site.site_id,
@@ -117,7 +119,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         ),
         week=WeekRef.of(data.monday, zone=site.timezone),
         previous=WeekRef.of(data.monday - WEEK, zone=site.timezone) if has_before else None,
-        generated_at=_made_at(data, now),
+        generated_at=made_at,
         provenance=Provenance(
             version=VERSION,
             engines=sent,
@@ -150,6 +152,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         when=hours.when,
         maps=floor_maps(data, areas=areas.rows, is_ranked=is_ranked) if state != "no_data" else (),
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
+        stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
         figures=_with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
@@ -184,9 +187,10 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     often, risky = measured.often, measured.risky
+    close = estimates.close_share(data, data.floor)
     is_printed = True
     if (why := data.hidden.why_floor) is not None:
-        often, risky = (estimates.without_figures(e, why) for e in (often, risky))
+        often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
         is_printed = False
     elif is_compared and (
         is_small(measured.n_before, below=below)
@@ -202,6 +206,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     return Level(
         often=often,
         risky=risky,
+        close_share=close,
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
         violations=measured.n if is_printed and is_known and data.why_no_violations is None else None,

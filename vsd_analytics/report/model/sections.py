@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from vsd_analytics.figures.week import outlook, readings, redesigns, spots, trend_weeks
+from vsd_analytics.figures.week import outlook, readings, redesigns, self_check, spots, trend_weeks
 from vsd_analytics.figures.week.change_maps import change_maps
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
@@ -15,7 +15,7 @@ from vsd_analytics.report.model.week import WeekReport
 
 
 def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport:
-    """Return the report with its spots, readings, redesigns, causes, weeks, outlook and unusual hours.
+    """Return the report with its spots, readings, redesigns, causes, weeks, outlook, self-check and unusual hours.
 
     What a week cannot tell stays None: nothing is ranked or judged in a week without data, too incomplete, or empty.
     """
@@ -23,6 +23,7 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
         report,
         trend=trend_weeks.trend(data, found.trend, level=report.level),
         outlook=outlook.outlook(found.outlook),
+        selfcheck=self_check.section(found.self_check),
     )
     if report.state in ("no_data", "too_incomplete") or report.level.often.state == "not_measurable":
         return made

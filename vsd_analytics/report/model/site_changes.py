@@ -12,6 +12,7 @@ from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
+from vsd_analytics.figures.week.contributions import share_of_change, verdict_without
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
 from vsd_analytics.figures.week.results import LogLine, SettingsChange
@@ -40,10 +41,13 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
     for entry in entries:
         if entry.area_id in elsewhere:
             continue
-        since = moved = None
+        since = moved = share = rest = None
         is_compared_here = entry.at >= start and entry.area_id in names and is_compared
         if is_compared_here and not data.is_held_back(str(entry.area_id), data.monday - WEEK, data.sunday):
-            since, moved = since_instant(data, data.area(entry.area_id), round(entry.at.timestamp() * 1000))
+            area = data.area(entry.area_id)
+            since, moved = since_instant(data, area, round(entry.at.timestamp() * 1000))
+            if since is not None and not data.is_revealed_by_comparing:
+                share, rest = share_of_change(data, area), verdict_without(data, area)
         lines.append(
             LogLine(
                 at=entry.at.astimezone(zone),
@@ -52,6 +56,8 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
                 area_name=names.get(entry.area_id or ""),
                 since=since,
                 moved_after=moved,
+                floor_share=share,
+                rest_verdict=rest,
             )
         )
     lines += [_detected(data, o) for o in coverage.outages if _is_news(o, entries)]

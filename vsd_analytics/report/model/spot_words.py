@@ -35,7 +35,8 @@ def with_words(made: Spots, data: WeekData, found: FloorHotspots) -> Spots:
         cards = tuple(_tested(data, card, s.place) for card, s in zip(made.cards, found.spots, strict=False))
     else:
         cards = tuple(_busiest(data, card) for card in made.cards)
-    return replace(made, cards=cards)
+    watching = (replace(one, name=place_name(s.place)) for one, s in zip(made.watching, found.watching, strict=True))
+    return replace(made, cards=cards, watching=tuple(watching))
 
 
 def place_name(place: CellPlace) -> str:

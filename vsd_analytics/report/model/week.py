@@ -30,6 +30,7 @@ from vsd_analytics.figures.week.model_sections import (
     Outlook,
     Readings,
     Redesign,
+    SelfCheck,
     Spots,
     Trend,
     UnusualHours,
@@ -49,6 +50,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
     When,
 )
+from vsd_analytics.figures.week.stored_records import StoredRecords
 
 # fmt: on
 
@@ -112,6 +114,7 @@ class WeekReport:
     footsteps: Footsteps | None = _f("None where the engine sends no positions or no track ids.", default=None)
     views: MapViews | None = _f("None where what some camera sees is unknown.", default=None)
     log: tuple[LogLine, ...] = _f("In order of time.", default=())
+    stored: StoredRecords | None = _f("Raw records stored when the report was made.", default=None)
     settings_change: SettingsChange | None = _f("Set when `state` is settings_changed.", default=None)
     spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
     readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
@@ -120,5 +123,6 @@ class WeekReport:
     trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
     outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
+    selfcheck: SelfCheck | None = _f("How often the verdicts on the floor are false alarms.", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)

@@ -19,7 +19,7 @@ from vsd_analytics.figures.week.results import AreaRow, HourCell
 from vsd_analytics.report.model import week
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text
+from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text, with_verdicts_of_today
 from vsd_analytics.result import Reason
 from vsd_analytics.store.spreadsheet import safe_cell
 
@@ -43,7 +43,17 @@ AREAS_COLUMNS: Final = (
 
 HOTSPOTS_COLUMNS: Final = (
     *("site", "floor", "week", "number", "name", "area", "x_m", "y_m", "kind", "per_open_hour", "lo", "hi"),
-    *("ratio", "ratio_lo", "ratio_hi", "excess_per_week", "new", "since", "days_present", "recorded_share", "sureness"),
+    *(
+        "ratio",
+        "ratio_lo",
+        "ratio_hi",
+        "excess_min_per_week",
+        "new",
+        "since",
+        "days_present",
+        "recorded_share",
+        "sureness",
+    ),
 )
 
 
@@ -76,7 +86,8 @@ def to_json(report: WeekReport) -> bytes:
 
 def from_json(data: bytes) -> WeekReport:
     """Return the report that a JSON text was made from; rendering it gives the same page."""
-    return msgspec.json.decode(data, type=WeekReport, dec_hook=decode_reason)
+    decoded = with_verdicts_of_today(msgspec.json.decode(data))
+    return msgspec.convert(decoded, WeekReport, dec_hook=decode_reason)
 
 
 def json_schema() -> dict[str, Any]:
@@ -155,7 +166,7 @@ def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
     ratio, seen = card.ratio or nothing, card.evidence
     return (
         *(card.number, safe_cell(card.name), card.area_id, *(card.at or (None, None)), kind),
-        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_per_week),
+        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_min_per_week),
         None if card.is_new is None else "yes" if card.is_new else "no",
         card.since.isoformat() if card.since else None,
         *((seen.days_present, seen.recorded_share, seen.sureness) if seen else (None, None, None)),

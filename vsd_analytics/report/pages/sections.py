@@ -197,7 +197,7 @@ def redesigns(report: WeekReport) -> BarTable | None:
     if not found:
         return None
     computed = [r for r in found if r.effect is not None and r.state == "ok"]
-    limit = svg.change_limit(e for r in computed for e in (r.often, r.effect) if e is not None)
+    limit = svg.change_limit(e for r in computed for _, e in _measured(r))
     assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in computed)
     refused = [
         say("redesign.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
@@ -360,8 +360,14 @@ def _cause(found: Causes, distance: str) -> str:
     return say("causes.sentence", change=change, distance=distance, largest=largest)
 
 
+def _measured(found: Redesign) -> list[tuple[str, Estimate]]:
+    """Return the figures that a change is judged by; encounters per person-hour (M7) rise where people stand less."""
+    figures = (("often", found.often), ("close", found.close), ("running", found.running), ("net", found.net))
+    return [(kind, e) for kind, e in figures if e is not None and (e.change is not None or kind != "running")]
+
+
 def _redesign(found: Redesign, limit: float) -> tuple[BarRow, ...]:
-    """Return how often and how risky, before and after: people who stay away make an area no riskier."""
+    """Return what a change did: people who stay away make an area no riskier, so both how often and time too close."""
     n = found.n_weeks or 0
     parts = [say(f"redesign.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]
     people = found.people
@@ -374,9 +380,7 @@ def _redesign(found: Redesign, limit: float) -> tuple[BarRow, ...]:
         parts.append(say("redesign.doubt", doubts="; ".join(reason_text(d).rstrip(".") for d in found.doubts)))
     about = say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date()))
     rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
-    for kind, e in (("often", found.often), ("risky", found.effect)):
-        if e is None:
-            continue
+    for kind, e in _measured(found):
         clear = e.verdict in ("clear_fall", "clear_rise") and e.change is not None
         verdict = terms.verdict_words(e)
         rows.append(

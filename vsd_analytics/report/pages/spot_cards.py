@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 
 from markupsafe import Markup
 
@@ -62,12 +63,14 @@ class Cards:
         title: What the spots are.
         sub: How they were chosen.
         cards: At most three.
+        watching: Places that are watched after a change, one sentence each.
         has_pictures: True when a card has one of a camera.
     """
 
     title: str
     sub: str
     cards: tuple[Card, ...]
+    watching: tuple[str, ...]
     has_pictures: bool
 
 
@@ -88,8 +91,17 @@ def cards(report: WeekReport) -> Cards | None:
         sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
     made = tuple(_card(c, report) for c in found.cards)
     return Cards(
-        title=title, sub=sub, cards=made, has_pictures=any(p.camera_name is not None for p in report.spot_pictures)
+        title=title,
+        sub=sub,
+        cards=made,
+        watching=tuple(dict.fromkeys(watched(s.name, s.changed_on) for s in found.watching)),
+        has_pictures=any(p.camera_name is not None for p in report.spot_pictures),
     )
+
+
+def watched(name: str, changed_on: date | None) -> str:
+    """Return the sentence of a place that is watched after a change."""
+    return say("spots.watching", name=name, date="" if changed_on is None else fmt.date_short(changed_on))
 
 
 def _card(card: SpotCard, report: WeekReport) -> Card:
@@ -124,8 +136,8 @@ def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, .
     unit, notes, area = say("spots.ratio_unit"), [], ""
     if card.ratio.lo is not None and card.ratio.hi is not None:
         unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
-    if card.excess_per_week is not None:
-        notes.append(say("spots.excess", n=fmt.count(card.excess_per_week)))
+    if card.excess_min_per_week is not None:
+        notes.append(say("spots.excess", n=fmt.count(card.excess_min_per_week)))
     if often is not None and often.value is not None:
         change, _ = _change(often, report, within=True)
         key = "spots.area_rate_change" if change else "spots.area_rate"
@@ -149,7 +161,7 @@ def _change(often: Estimate | None, report: WeekReport, *, within: bool = False)
     if often.verdict in ("clear_fall", "clear_rise") and often.change is not None:
         said = say("spots.change", change=fmt.fewer_more(often.change), week=report.previous.number)
         return said, terms.direction(often.verdict)
-    key = "no_change" if often.verdict == "no_clear_change" else "little"
+    key = "no_change" if often.verdict in ("about_same", "cannot_tell") else "little"
     return say(f"spots.{'' if within else 'cap_'}{key}", week=report.previous.number), "same"
 
 

@@ -31,6 +31,7 @@ from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
 from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
 from vsd_analytics.result import Reason
@@ -127,6 +128,7 @@ class Page:
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
         more_figures: Rows of the table of further figures.
+        privacy: What is stored about people, until when, and what was deleted.
     """
 
     report: WeekReport
@@ -174,6 +176,7 @@ class Page:
     log_section: str
     messages: str
     more_figures: tuple[FigureRow, ...]
+    privacy: str
 
 
 def render_html(report: WeekReport, *, paper: str = "a4") -> str:
@@ -249,6 +252,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         log_section=log_section,
         messages=_messages(report),
         more_figures=more_figures(report),
+        privacy=privacy(report),
     )
 
 

@@ -37,14 +37,12 @@ def when(report: WeekReport) -> str:
         return say("titles.when_empty")
     if busiest is None or report.state == "too_incomplete":
         return say("titles.when_incomplete")
-    means = [m for m in report.when.day_means if m.value is not None]
-    top = max(means, key=lambda m: m.value or 0.0, default=None)
-    hour = terms.moment(busiest.start)
-    if top is None or len(means) < 2:
+    day, hour = report.when.busiest_day, terms.moment(busiest.start)
+    if day is None:
         return say("titles.when_hour", hour=hour)
-    if top.day == busiest.start.date():
-        return say("titles.when_day", day=fmt.weekday(top.day), clock=fmt.clock(busiest.start))
-    return say("titles.when_both", day=fmt.weekday(top.day), hour=hour)
+    if day == busiest.start.date():
+        return say("titles.when_day", day=fmt.weekday(day), clock=fmt.clock(busiest.start))
+    return say("titles.when_both", day=fmt.weekday(day), hour=hour)
 
 
 def changed(report: WeekReport) -> str:

@@ -1,7 +1,7 @@
 """The words of the page, made by rule from the figures: headline, lead, three things to know, one question.
 
 The headline reads the two verdicts, never a point estimate alone. The catalogue's table `headline.pair` is the whole
-4 x 5 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
+5 x 6 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
 "because" is not.
 """
 
@@ -21,7 +21,9 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.things_to_know import question, things
 
 MAX_WORDS: Final = 15
-OFTEN: Final = ("clear_fall", "clear_rise", "no_clear_change", "too_little_data")
+OWN_SHARE: Final = 0.8
+"""A change of the floor is an area's own when at least this part of it lies there."""
+OFTEN: Final = ("clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data")
 RISKY: Final = (*OFTEN, "not_measurable")
 """The two keys of the table `headline.pair` of the catalogue: how often, how risky."""
 
@@ -93,13 +95,30 @@ def _headline(report: WeekReport) -> tuple[str, str]:
     text = say(key, moved=moved, people=said)
     if terms.n_words(text) > MAX_WORDS:
         text = say(key, moved=moved, people="")
+    if ":" in text:
+        return rule, text
     entry = change_to_name(report)
-    if entry is not None and ":" not in text:
-        for words_after in _after(entry):
-            longer = say("headline.after", headline=text, entry=words_after)
-            if terms.n_words(longer) <= MAX_WORDS:
-                return f"{rule}/after", longer
+    for tail in [] if entry is None else _after(entry):
+        longer = say("headline.after", headline=text, entry=tail)
+        if terms.n_words(longer) <= MAX_WORDS:
+            return f"{rule}/after", longer
+    for tail in _where(report):
+        longer = say("headline.where", headline=text, part=tail)
+        if terms.n_words(longer) <= MAX_WORDS:
+            return f"{rule}/where", longer
     return rule, text
+
+
+def _where(report: WeekReport) -> list[str]:
+    """Return where most of the floor's change lies, in words: the area that adds most to it, if it adds a third."""
+    often = report.level.often
+    if often.verdict not in ("clear_fall", "clear_rise") or often.previous is None or not often.change:
+        return []
+    whole = often.previous * often.change
+    parts = [(a.difference / whole, a.name) for a in report.areas if a.area_id is not None and a.difference is not None]
+    share, name = max(parts, default=(0.0, ""))
+    part = terms.part(share)
+    return [] if part is None else [say("headline.part_at", part=part, area=name)]
 
 
 def _settings_headline(report: WeekReport) -> str:
@@ -114,8 +133,9 @@ def _settings_headline(report: WeekReport) -> str:
 def change_to_name(report: WeekReport) -> LogLine | None:
     """Return the log entry the headline may name with "after", or None.
 
-    It lies in an area whose own verdict is the headline's, was logged by a person, and most of that area's change came
-    after it.
+    It lies in an area whose own verdict is the headline's and was logged by a person; most of that area's change came
+    after it; and the change is that area's: it holds at least 80 % of the floor's, and the rest of the floor has not
+    clearly moved the same way.
     """
     verdict = report.level.often.verdict
     if report.state != "normal" or verdict not in ("clear_fall", "clear_rise"):
@@ -128,6 +148,9 @@ def change_to_name(report: WeekReport) -> LogLine | None:
         and line.area_id in moved_areas
         and line.moved_after is not None
         and line.moved_after > 0.5
+        and line.floor_share is not None
+        and line.floor_share >= OWN_SHARE
+        and line.rest_verdict not in (verdict, None)
     ]
     return max(entries, key=lambda e: (e.moved_after or 0.0, e.at), default=None)
 
@@ -204,7 +227,7 @@ def _normal_lead(report: WeekReport) -> list[Span]:
     match often.verdict:
         case "clear_fall" | "clear_rise":
             spans.append(Span(text=say("lead.clear", change=fmt.fewer_more(often.change), since=since, likely=likely)))
-        case "no_clear_change":
+        case "about_same" | "cannot_tell":
             said = say("lead.in_brackets", text=likely) if likely else ""
             spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
@@ -241,7 +264,7 @@ def _risk_spans(report: WeekReport) -> list[Span]:
         case "clear_fall" | "clear_rise":
             change, likely = fmt.fewer_more(risky.change), fmt.likely_change(risky)
             tail = say("lead.risky_clear", change=change, likely=likely, people=with_people)
-        case "no_clear_change":
+        case "about_same" | "cannot_tell":
             tail = say("lead.risky_same", people=with_people)
         case _:
             tail = say("lead.risky_other", people=with_people)

@@ -35,6 +35,10 @@ _FRACTIONS: Final = tuple(
 )
 
 
+_PARTS: Final = ((0.95, "all"), (0.6, "most"), (0.45, "half"), (1 / 3, "third"))
+"""Least share of a whole and the name of its words, greatest first."""
+
+
 def forbidden_in(text: str) -> list[str]:
     """Return the forbidden words of `text`, whole words only, in the order of the list."""
     found = []
@@ -62,6 +66,11 @@ def moved(change: float) -> str:
         return say("words.stopped")
     _, name = min(_FRACTIONS, key=lambda f: abs(f[0] - size))
     return say("words.fell" if change < 0 else "words.rose", fraction=name)
+
+
+def part(share: float) -> str | None:
+    """Say what part of a whole lies in one place: "most", "half"; None under a third."""
+    return next((say(f"words.part_{name}") for least, name in _PARTS if share >= least), None)
 
 
 def direction(verdict: Verdict | None) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
+from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
 from vsd_analytics.report.words import format as fmt
@@ -41,8 +42,45 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
+def is_shown_to_work(change: Redesign) -> bool:
+    """Tell whether a logged change may be said to work.
+
+    Its running verdict beside areas that were left alone is a clear fall, nothing speaks against the comparison, and
+    the floor as a whole did not clearly rise.
+    """
+    return (
+        change.design == "beside"
+        and change.is_credible
+        and not change.doubts
+        and change.running is not None
+        and change.running.verdict == "clear_fall"
+        and change.net is not None
+        and change.net.verdict != "clear_rise"
+    )
+
+
+def _change_that_works(change: Redesign) -> Thing:
+    running = change.running
+    if running is None:
+        raise AssertionError("a change that works has a running verdict")
+    text = say(
+        "things.works_text",
+        plural=change.n_watched or 0,
+        at=fmt.date_short(change.at.date()),
+        weeks=change.n_watched or 0,
+        change=fmt.percent(abs(running.change or 0.0)),
+        likely=fmt.likely_signed(running),
+        areas=terms.joined(change.compared_with),
+    )
+    title = say("things.works", area=change.area_name)
+    return Thing(kind="worked", title=title, text=text, target="changed")
+
+
 def _worked(report: WeekReport) -> Thing:
     since = terms.week_before(report)
+    for change in reversed(report.redesigns):
+        if is_shown_to_work(change):
+            return _change_that_works(change)
     for line in report.log:
         if line.since is not None and line.since.verdict == "clear_fall" and line.area_name:
             text = say(
@@ -52,7 +90,7 @@ def _worked(report: WeekReport) -> Thing:
                 since=since,
                 likely=fmt.likely_change(line.since),
             )
-            title = say("things.worked", area=line.area_name)
+            title = say("things.fell_since", area=line.area_name)
             return Thing(kind="worked", title=title, text=text, target="changed")
     if not report.areas:
         return _worked_at_all(report, since)
@@ -101,10 +139,10 @@ def _against(often: Estimate, since: str) -> str:
 
 
 def _own_change(row: AreaRow | None) -> str:
-    if row is None or row.often.change is None or row.often.verdict != "no_clear_change":
+    if row is None or row.often.change is None or row.often.verdict not in ("about_same", "cannot_tell"):
         return ""
     if round(row.often.change * 100) == 0:
-        return say("things.own_same")
+        return say("things.own_same") if row.often.verdict == "about_same" else ""
     key = "things.own_up" if row.often.change > 0 else "things.own_down"
     return say(key, percent=fmt.percent(abs(row.often.change)))
 

@@ -1,0 +1,270 @@
+"""How good the engine is: the paper's method with the truth's help, and the calibration from people without any.
+
+Run `VSD_REALDATA=... python tests/engine/prove_engine.py`; the tables are in docs/engine.md. `--part simulated`,
+`real`, `error` or `speed` runs one of them. Real boxes are the annotated ones of OxTown and WILDTRACK, not detections.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pair_errors import distances, pair_errors
+from simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
+
+from vsd_analytics.engine.body import PART_M, feet
+from vsd_analytics.engine.floor_method import locate
+from vsd_analytics.engine.people import People
+from vsd_analytics.engine.people_calibration import calibrate_from_people
+from vsd_analytics.engine.ratio_search import Labelled, paper_distances, search
+from vsd_analytics.engine.ratios import Ratios
+from vsd_analytics.engine.safe_space import pairs_of_frames
+from vsd_analytics.engine.scores import f1_of, f1_of_frames
+from vsd_analytics.errors import CalibrationError
+from vsd_analytics.geometry.homography import to_floor
+
+Array = NDArray[np.float64]
+BY_EYE = Ratios(0.7, 0.7)
+"""The published default, for what a user has who tunes nothing."""
+
+
+def labelled(people: People, xy: Array) -> Labelled:
+    a, b = pairs_of_frames(people.frame)
+    return Labelled(people, a, b, np.linalg.norm(xy[a] - xy[b], axis=1), SIZE)
+
+
+def scores(given: Labelled, found_m: Array) -> list[float]:
+    pairs, persons = given.hits(found_m, distance_m=2.0)
+    score = pair_errors(given.distance_m, found_m)
+    return [f1_of(pairs), f1_of_frames(pairs), f1_of_frames(persons), score.error, score.bias]
+
+
+def floor_m(given: Labelled, homography: Array) -> Array:
+    return distances(given.people.frame, to_floor(homography, feet(given.people), picture_px=SIZE))
+
+
+def nameless(people: People) -> People:
+    none = np.full(len(people), None, dtype=object)
+    return People(people.frame, none, people.box, people.joints, people.frames, people.ts_ms)
+
+
+def show(name: str, values: list[float]) -> None:
+    print(
+        f"| {name} | " + " | ".join(f"{v:.3f}" for v in values[:3]) + f" | {values[3]:.1%} | {values[4]:+.1%} |",
+        flush=True,
+    )
+
+
+def head(first: str) -> None:
+    print(f"\n| {first} | F1 pairs, pooled | F1 pairs, frame mean | F1 persons, frame mean | distance error | bias |")
+    print("|---|---|---|---|---|---|")
+
+
+# --- real scenes ------------------------------------------------------------------------------------------------
+
+
+def people_of(rows: Array) -> tuple[People, Array]:
+    """Return people and true positions of rows (frame, track, left, top, right, bottom, x, y)."""
+    rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+    frame = rows[:, 0].astype(np.int64)
+    track = rows[:, 1].astype(int).astype(str).astype(object)
+    joints = np.full((len(rows), 25, 2), np.nan)
+    return People(frame, track, rows[:, 2:6], joints, np.unique(frame)), rows[:, 6:8]
+
+
+def oxtown(folder: Path) -> Array:
+    import gzip
+
+    rows = []
+    with gzip.open(folder / "oxtown" / "TownCentre-groundtruth.top.gz", "rt") as lines:
+        for line in lines:
+            parts = line.strip().split(",")
+            if len(parts) == 12 and parts[0].isdigit():
+                rows.append([float(parts[1]), float(parts[0]), *map(float, parts[8:12])])
+    given = np.array(rows)
+    matrix = np.loadtxt(folder / "oxtown" / "H_image_to_ground_m.txt")
+    uv = np.column_stack([(given[:, 2] + given[:, 4]) / 2, given[:, 5]])
+    return np.column_stack([given, to_floor(matrix, uv, picture_px=SIZE)])
+
+
+def wildtrack(folder: Path) -> dict[str, Array]:
+    import tarfile
+
+    rows: dict[int, list[list[float]]] = {view: [] for view in range(7)}
+    with tarfile.open(folder / "wildtrack" / "annotations_positions_0_995.tar.gz") as archive:
+        for member in archive.getmembers():
+            name = Path(member.name)
+            if name.suffix != ".json" or name.name.startswith("."):
+                continue
+            content = archive.extractfile(member)
+            assert content is not None
+            for person in json.load(content):
+                at = (-3 + 0.025 * (person["positionID"] % 480), -9 + 0.025 * (person["positionID"] // 480))
+                for view in person["views"]:
+                    if view["xmax"] >= 0:
+                        box = [float(view[side]) for side in ("xmin", "ymin", "xmax", "ymax")]
+                        rows[view["viewNum"]].append([float(name.stem), person["personID"], *box, *at])
+    return {f"C{view + 1}": np.array(found) for view, found in rows.items()}
+
+
+def real_scenes(folder: Path) -> Iterator[tuple[str, People, Array]]:
+    yield "OxTown", *people_of(oxtown(folder))
+    for view, rows in wildtrack(folder).items():
+        yield f"WILDTRACK {view}", *people_of(rows)
+
+
+def real(folder: Path) -> None:
+    tables: dict[str, list[list[float]]] = {}
+    for name, people, xy in real_scenes(folder):
+        head(name)
+        given = labelled(people, xy)
+        some = people.frame % 10 == 0 if len(people) > 20_000 else np.ones(len(people), dtype=bool)
+        grid = labelled(people.rows(np.flatnonzero(some)), xy[some])
+        best = search([grid], part="box", by="pairs").ratios
+        methods = {
+            ("paper, ratios found with the truth", f"({best})"): paper_distances(given, ratios=best, part="box"),
+            ("paper, default ratios", f"({BY_EYE})"): paper_distances(given, ratios=BY_EYE, part="box"),
+        }
+        for label, who in (("people, with track ids", people), ("people, without", nameless(people))):
+            start = time.perf_counter()
+            found = calibrate_from_people(who, size_px=SIZE)
+            took = time.perf_counter() - start
+            methods[label, f"(stated {found.error:.0%}; {took:.0f} s)"] = floor_m(given, found.homography)
+        for (label, more), found_m in methods.items():
+            values = scores(given, found_m)
+            show(f"{label} {more}", values)
+            tables.setdefault(label, []).append(values)
+    head("mean of the eight")
+    for label, rows in tables.items():
+        show(label, np.mean(rows, axis=0).tolist())
+
+
+# --- simulated scenes -------------------------------------------------------------------------------------------
+
+
+def cameras(n: int, seed: int) -> Iterator[SimulatedCamera]:
+    rng = np.random.default_rng(seed)
+    for _ in range(n):
+        yield SimulatedCamera(
+            height_m=rng.uniform(2.5, 8),
+            tilt_deg=rng.uniform(10, 60),
+            roll_deg=rng.normal(0, 1.5),
+            f_widths=float(np.exp(rng.uniform(np.log(0.6), np.log(2)))),
+            k1=rng.normal(0, 0.05),
+        )
+
+
+def worlds(n: int, seed: int) -> Iterator[Scene]:
+    for i, camera in enumerate(cameras(n, seed)):
+        scene = simulate(camera, seed=seed + i, n_tracks=100, seconds=20, children=0.1, sitting=0.1)
+        a, b = pairs_of_frames(scene.people.frame)
+        if np.sum(np.linalg.norm(scene.xy[a] - scene.xy[b], axis=1) < 2) >= 20:
+            yield scene
+
+
+def simulated(n: int, seed: int) -> None:
+    rows: dict[str, list[list[float]]] = {}
+    refused: dict[str, int] = {}
+    n_used = 0
+    for scene in worlds(n, seed):
+        n_used += 1
+        given = labelled(scene.people, scene.xy)
+        boxed = labelled(boxes_only(scene), scene.xy)
+        for part in PART_M:
+            best = search([given], part=part).ratios
+            name = f"paper, {part}, ratios found with the truth"
+            rows.setdefault(name, []).append(scores(given, paper_distances(given, ratios=best, part=part)))
+        name = "paper, torso, default ratios"
+        rows.setdefault(name, []).append(scores(given, paper_distances(given, ratios=BY_EYE, part="torso")))
+        for name, who in (
+            ("people, joints and track ids", given),
+            ("people, joints alone", labelled(nameless(given.people), scene.xy)),
+            ("people, boxes and track ids", boxed),
+            ("people, boxes alone", labelled(nameless(boxed.people), scene.xy)),
+        ):
+            try:
+                found = calibrate_from_people(who.people, size_px=SIZE)
+            except CalibrationError:
+                refused[name] = refused.get(name, 0) + 1
+                continue
+            rows.setdefault(name, []).append(scores(who, floor_m(who, found.homography)))
+        name = "true camera, joints"
+        rows.setdefault(name, []).append(scores(given, floor_m(given, scene.camera.homography())))
+    print(f"\n{n_used} of {n} cameras saw 20 close pairs or more. Medians over cameras; distance error also at 90 %.")
+    head("method")
+    for name, values in sorted(rows.items(), key=lambda item: item[0]):
+        worst = float(np.nanquantile([v[3] for v in values], 0.9))
+        label = f"{name} ({refused.get(name, 0)} refused; 90 % of errors below {worst:.1%})"
+        show(label, np.nanmedian(values, axis=0).tolist())
+
+
+def error(n: int, seed: int) -> None:
+    """Print how often the true distance lies within the stated 90 % bound, by distance from the camera."""
+    bins = np.array([0, 5, 10, 15, 20, 40])
+    for name in ("joints", "boxes"):
+        inside, total, each = np.zeros(len(bins) - 1), np.zeros(len(bins) - 1), []
+        for scene in worlds(n, seed):
+            people = scene.people if name == "joints" else boxes_only(scene)
+            try:
+                found = calibrate_from_people(people, size_px=SIZE)
+            except CalibrationError:
+                continue
+            given = labelled(people, scene.xy)
+            near = np.flatnonzero((given.distance_m > 0.3) & (given.distance_m < 4))
+            a, b = given.a[near], given.b[near]
+            uv = feet(people)
+            sd = found.distance_sd_m(uv[a], uv[b])
+            off = np.abs(floor_m(given, found.homography)[near] - given.distance_m[near])
+            known = np.isfinite(off) & np.isfinite(sd)
+            is_in = off[known] < 1.645 * sd[known]
+            away = np.linalg.norm((scene.xy[a] + scene.xy[b])[known] / 2, axis=1)
+            where = np.digitize(away, bins[1:-1])
+            inside += np.bincount(where, is_in, minlength=len(bins) - 1)
+            total += np.bincount(where, minlength=len(bins) - 1)
+            each.append(float(is_in.mean()))
+        print(f"\n{name}: share of distances within the stated 90 % bound, by distance from the camera")
+        for low, high, good, all_ in zip(bins[:-1], bins[1:], inside, total, strict=True):
+            print(f"| {low} to {high} m | {good / max(all_, 1):.3f} | {int(all_):,} pairs |")
+        print(
+            f"| cameras whose bound holds for 90 % of distances | {np.mean(np.array(each) >= 0.9):.2f} | {len(each)} |"
+        )
+
+
+def speed() -> None:
+    people = boxes_only(simulate(SimulatedCamera(), seed=1, n_tracks=100, seconds=60))
+    times = 50
+    start = time.perf_counter()
+    for _ in range(times):
+        locate(people, homography=SimulatedCamera().homography(), picture_px=SIZE, within_m=2.5, name="x")
+    rate = times * len(people) / (time.perf_counter() - start)
+    print(f"\nplaces and pairs: {rate:,.0f} persons a second on one core")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--part", choices=["simulated", "real", "error", "speed"])
+    parser.add_argument("--cameras", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=100)
+    given = parser.parse_args()
+    folder = Path(os.environ.get("VSD_REALDATA", "../shared/data"))
+    if given.part in {None, "simulated"}:
+        simulated(given.cameras, given.seed)
+    if given.part in {None, "error"}:
+        error(given.cameras, given.seed)
+    if given.part in {None, "speed"}:
+        speed()
+    if given.part in {None, "real"}:
+        if folder.is_dir():
+            real(folder)
+        else:
+            print(f"no real recordings at {folder}: set VSD_REALDATA")
+
+
+if __name__ == "__main__":
+    main()

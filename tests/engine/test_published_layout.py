@@ -1,0 +1,113 @@
+"""The authors' layout: read as they read it, and one command gives the tables of the paper and ours."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from engine.simulated_people import SIZE, Scene, SimulatedCamera, simulate
+from engine.vsd_in_a_shop import shop
+from PIL import Image
+
+from vsd_analytics.engine.published_layout import read_sequences
+from vsd_analytics.engine.ratio_search import search
+from vsd_analytics.engine.ratios import Ratios
+from vsd_analytics.engine.scores import f1_of
+from vsd_analytics.errors import InputError
+
+CAMERA = SimulatedCamera(height_m=4, tilt_deg=22, f_widths=0.9)
+SEQUENCE = "seq-1"
+
+
+def write_data_set(folder: Path, scene: Scene, *, by_image_name: bool = False, skipped: int | None = None) -> Path:
+    """Write a simulated sequence in the layout; the person number `skipped` of each frame is not annotated."""
+    images, joints = folder / "Images" / SEQUENCE, folder / "HumanJoints" / SEQUENCE
+    for place in (images, joints, folder / "Annotations", folder / "Calibrations"):
+        place.mkdir(parents=True)
+    annotation = {}
+    for place, frame in enumerate(scene.people.frames.tolist()):
+        rows = np.flatnonzero(scene.people.frame == frame)
+        name = f"view_{frame:05}"
+        Image.new("L", SIZE if place == 0 else (2, 2)).save(images / f"{name}.png")
+        people = []
+        for row in rows:
+            flat = np.column_stack([np.nan_to_num(scene.people.joints[row]), np.ones(25)])
+            people.append({"pose_keypoints_2d": flat.ravel().tolist()})
+        (joints / f"{name}_keypoints.json").write_text(json.dumps({"people": people}))
+        if len(rows):
+            listed = [i for i in range(len(rows)) if i != skipped]
+            xy = scene.xy[rows[listed]]
+            matrix = np.linalg.norm(xy[:, None] - xy[None], axis=2).tolist()
+            key = name if by_image_name else f"{place:06}"
+            annotation[key] = {"PersonList": listed, "DistanceMatrix": matrix}
+    (folder / "Annotations" / f"{SEQUENCE}_joints.json").write_text(json.dumps(annotation))
+    (folder / "Calibrations" / f"{SEQUENCE}.json").write_text(
+        json.dumps({"Homography": np.eye(3).tolist(), "Scale": 1})
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return simulate(CAMERA, seed=5, n_tracks=40, seconds=8, missing=0.0)
+
+
+@pytest.mark.parametrize("by_image_name", [False, True])
+def test_distances_belong_to_the_persons_they_are_of(by_image_name: bool, tmp_path: Path, scene: Scene) -> None:
+    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", scene, by_image_name=by_image_name, skipped=1))
+    labelled = sequence.labelled
+    assert sequence.name == "Sim/seq-1"
+    assert labelled.size_px == SIZE
+    feet = CAMERA.to_floor(np.nanmean(labelled.people.joints[:, [21, 24]], axis=1))  # both heels
+    apart = np.linalg.norm(feet[labelled.a] - feet[labelled.b], axis=1)
+    near = labelled.distance_m < 6
+    assert np.median(np.abs(apart - labelled.distance_m)[near]) < 0.4
+    assert np.corrcoef(apart[near], labelled.distance_m[near])[0, 1] > 0.95
+    assert len(labelled.people) < len(sequence.people)  # the skipped ones
+
+
+def test_grid_search_finds_ratios_near_those_of_the_camera(tmp_path: Path, scene: Scene) -> None:
+    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", scene))
+    torso = search([sequence.labelled], part="torso")
+    assert torso.f1 > 0.8
+    assert torso.f1 == f1_of(torso.pairs)
+    flat = search([sequence.labelled], part="torso", grid=[Ratios(0.0, 0.0)])
+    assert flat.f1 < torso.f1 - 0.05
+
+
+def test_torso_measures_better_than_arm(tmp_path: Path, scene: Scene) -> None:
+    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", scene))
+    torso, arm = (search([sequence.labelled], part=part, by="persons") for part in ("torso", "arm"))  # type: ignore[arg-type]
+    assert torso.f1 > arm.f1
+
+
+def test_one_command_scores_every_part_and_the_calibration_from_people(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], scene: Scene
+) -> None:
+    vsd = shop(tmp_path, capsys)
+    write_data_set(tmp_path / "sets" / "Sim", scene)
+    code, printed, err = vsd("evaluate", str(tmp_path / "sets"), "--json")
+    assert code == 0, err
+    rows = {(r["sequence"], r["method"]): r for r in json.loads(printed)["rows"]}
+    assert {method for _, method in rows} == {"torso", "leg", "arm", "box", "people"}
+    ours, torso = rows["Sim/all", "people"], rows["Sim/all", "torso"]
+    assert ours["pairs"]["f1"]["value"] > 0.9
+    assert torso["persons"]["f1"]["lo"] <= torso["persons"]["f1"]["value"] <= torso["persons"]["f1"]["hi"]
+    assert torso["f1_published"] <= torso["persons"]["f1"]["value"]
+    code, printed, _ = vsd("evaluate", str(tmp_path / "sets"))
+    assert "Sim/seq-1" in printed
+    assert "inset 0." in printed
+
+
+def test_folder_of_another_layout_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no sequence"):
+        read_sequences(tmp_path)
+
+
+def test_annotation_without_distances_is_refused(tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    (folder / "Annotations" / f"{SEQUENCE}_joints.json").write_text('{"000000": {"PersonList": [0]}}')
+    with pytest.raises(InputError, match="cannot read the annotation"):
+        read_sequences(folder)

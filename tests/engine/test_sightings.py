@@ -1,0 +1,65 @@
+"""What measures a camera: whole bodies, links between frames, stretches of walks."""
+
+from __future__ import annotations
+
+import numpy as np
+from engine.simulated_people import SIZE, SimulatedCamera, boxes_only, simulate
+
+from vsd_analytics.engine.people import N_JOINTS, People
+from vsd_analytics.engine.sightings import BOX, JOINTS, ROWS_PER_TRACK, sightings, steps, thinned, tracklets
+
+WALK = simulate(SimulatedCamera(height_m=5, tilt_deg=25, f_widths=0.8), seed=4, n_tracks=15, seconds=20, hz=5)
+
+
+def boxes(rows: list[tuple[float, float, float, float]]) -> People:
+    n = len(rows)
+    frame = np.arange(n, dtype=np.int64)
+    return People(frame, np.full(n, "a", dtype=object), np.array(rows), np.full((n, N_JOINTS, 2), np.nan), frame)
+
+
+def test_boxes_that_the_edge_cuts_off_do_not_measure() -> None:
+    cut = [(2, 300, 60, 500), (300, 1, 400, 300), (1850, 300, 1918, 500), (300, 700, 400, 1079)]
+    seen = sightings(boxes([*cut, (300, 300, 400, 600)]), size_px=SIZE)
+    assert (len(seen.low), seen.body) == (1, BOX)
+    assert (seen.low[0].tolist(), seen.high[0].tolist()) == ([350, 600], [350, 300])
+
+
+def test_joints_measure_where_there_are_any() -> None:
+    seen = sightings(WALK.people, size_px=SIZE)
+    assert (seen.body, seen.has_lean) == (JOINTS, True)
+    assert sightings(boxes_only(WALK), size_px=SIZE).body == BOX
+
+
+def test_nine_rows_of_ten_are_linked_to_the_same_person_where_people_cross() -> None:
+    people = boxes_only(WALK)
+    seen = sightings(people, size_px=SIZE)
+    linked = tracklets(seen.low, seen.length_px, seen.frame)
+    owners = [np.bincount(seen.who[linked == part]) for part in range(linked.max() + 1)]
+    assert sum(count.max() for count in owners) / len(linked) > 0.9
+    assert len(owners) < len(linked) / 10
+
+
+def test_body_of_another_length_is_not_linked() -> None:
+    uv, frame = np.array([[100.0, 500.0], [102.0, 500.0]]), np.array([0, 1])
+    assert len(set(tracklets(uv, np.array([200.0, 205.0]), frame))) == 1
+    assert len(set(tracklets(uv, np.array([200.0, 120.0]), frame))) == 2
+
+
+def test_long_tracks_are_thinned_evenly_and_short_ones_stay_whole() -> None:
+    seen = sightings(WALK.people, size_px=SIZE)
+    size, left = np.bincount(seen.who), np.bincount(thinned(seen).who)
+    assert left.max() <= ROWS_PER_TRACK
+    short = size <= ROWS_PER_TRACK
+    assert short.any()
+    np.testing.assert_array_equal(left[short], size[short])
+
+
+def test_stretches_are_of_one_person_of_equal_time_and_do_not_overlap() -> None:
+    seen = sightings(WALK.people, size_px=SIZE)
+    walks = steps(seen, n_frames=5)
+    assert len(walks.begin) > 50
+    assert (seen.who[walks.begin] == seen.who[walks.end]).all()
+    assert (seen.frame[walks.end] - seen.frame[walks.begin] == 5).all()
+    for who in np.unique(walks.who):
+        begin = np.sort(seen.frame[walks.begin[walks.who == who]])
+        assert (np.diff(begin) >= 5).all()

@@ -1,0 +1,206 @@
+"""`vsd engine`: the reference engine, from joints or boxes to frame messages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.instants import instant
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import count, emit_json
+from vsd_analytics.cli.picture_sizes import parse_size
+from vsd_analytics.cli.project import Project, pass_project
+
+if TYPE_CHECKING:
+    from vsd_analytics.engine.people import People
+    from vsd_analytics.engine.ratios import Ratios
+    from vsd_analytics.engine.seen import Seen
+    from vsd_analytics.site.model import Camera
+
+NO_CLOCK = "2000-01-01T00:00:00Z"
+"""Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
+
+
+@click.group()
+def engine() -> None:
+    """Find people too close to each other, from the joints or boxes of any detector.
+
+    \b
+    Example:
+      vsd engine run people.csv --camera cam-1 --out frames.jsonl
+    """
+
+
+@engine.command()
+@click.argument("people", type=click.Path(path_type=Path))
+@click.option("--camera", "camera_id", required=True, metavar="ID", help="Camera of vsd.toml that saw them.")
+@click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="JSON Lines file to write.")
+@click.option(
+    "--method",
+    type=click.Choice(["people", "paper"]),
+    default="people",
+    help="people: metres by the camera's calibration (default). paper: overlap of safe spaces by two ratios.",
+)
+@click.option(
+    "--part",
+    type=click.Choice(["torso", "leg", "arm", "box"]),
+    help="Part of the body that measures, with --method paper (default: torso, or box where there are no joints).",
+)
+@click.option("--ratios", metavar="RH,RV", default="0.7,0.7", help="Horizontal and vertical ratio (default: 0.7,0.7).")
+@click.option(
+    "--convention",
+    type=click.Choice(["inset", "share"]),
+    default="inset",
+    help="What the ratios mean: inset, as in the published code (default), or share, as the paper defines them.",
+)
+@click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
+@click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
+@click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
+@json_option
+@pass_project
+def run(
+    project: Project,
+    people: Path,
+    camera_id: str,
+    out: Path,
+    method: str,
+    part: str | None,
+    ratios: str,
+    convention: str,
+    size: str | None,
+    hz: float | None,
+    start: str | None,
+    as_json: bool,
+) -> int:
+    """Turn the people of a detector into frame messages that vsd ingest reads.
+
+    PEOPLE is an OpenPose folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels,
+    or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
+
+    \b
+    Example:
+      vsd engine run people.csv --camera cam-1 --out frames.jsonl
+      vsd engine run joints/ --camera cam-1 --hz 25 --start 2026-11-09T08:00 --out frames.jsonl
+      vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
+    """
+    from vsd_analytics.engine.messages import frame_messages, instants_ms
+    from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.store.durable import publish
+
+    camera = _camera(project, camera_id)
+    picture_px = parse_size(size) if size else camera.picture_px
+    found = read_people(people, size_px=picture_px)
+    if method == "paper":
+        seen = _paper(project, camera, found, picture_px, part=part, ratios=_ratios(ratios, convention))
+    else:
+        seen = _calibrated(project, camera, found, picture_px)
+    rate = hz or camera.hz or 1.0
+    if found.ts_ms is None and start is None:
+        project.say(
+            f"warning: {people.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
+            f"give --start and --hz before you ingest it"
+        )
+    begin = instant(start or NO_CLOCK, zone=camera.clock, what="--start")
+    lines = list(frame_messages(seen, camera=camera_id, ts_ms=instants_ms(found, start=begin, hz=rate)))
+    publish(out, b"".join(line + b"\n" for line in lines))
+    done = {
+        "file": str(out),
+        "engine": seen.engine,
+        "frames": len(lines),
+        "persons": len(seen.people),
+        "pairs": len(seen.a),
+        "left_out": seen.left_out,
+        "bad_rows": dict(found.bad),
+    }
+    if as_json:
+        emit_json(done)
+    else:
+        _print(done)
+    return 0
+
+
+def _print(done: dict[str, Any]) -> None:
+    frames, persons, pairs = (count(done[what], what[:-1]) for what in ("frames", "persons", "pairs"))
+    click.echo(f"{done['file']}: {frames}, {persons}, {pairs} ({done['engine']})")
+    for what, n in done["left_out"].items():
+        click.echo(f"  {count(n, 'person')} not used: {what}")
+    for what, n in done["bad_rows"].items():
+        click.echo(f"  {count(n, 'bad row')}: {what}")
+
+
+def _camera(project: Project, camera_id: str) -> Camera:
+    from vsd_analytics.config.reader import nearest
+    from vsd_analytics.errors import UsageError
+
+    known = {c.camera_id: c for c in project.site.cameras}
+    if camera_id in known:
+        return known[camera_id]
+    close = nearest(camera_id, known)
+    raise UsageError(
+        f"the site has no camera {camera_id!r}",
+        why=f"its cameras are: {', '.join(known)}",
+        fix=f"--camera {close}" if close else "describe it in vsd.toml with [[camera]]",
+    )
+
+
+def _ratios(text: str, convention: str) -> Ratios:
+    from vsd_analytics.engine.ratios import Ratios
+    from vsd_analytics.errors import UsageError
+
+    try:
+        horizontal, vertical = (float(word) for word in text.split(","))
+    except ValueError:
+        raise UsageError(f"--ratios: {text!r} is not two numbers", fix="--ratios 0.7,0.7") from None
+    return Ratios(horizontal, vertical, "share" if convention == "share" else "inset")
+
+
+def _paper(
+    project: Project,
+    camera: Camera,
+    people: People,
+    picture_px: tuple[int, int] | None,
+    *,
+    part: str | None,
+    ratios: Ratios,
+) -> Seen:
+    from vsd_analytics.engine.body import PART_M
+    from vsd_analytics.engine.paper_method import detect
+    from vsd_analytics.errors import UsageError
+
+    if picture_px is None:
+        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
+    chosen = next((p for p in PART_M if p == part), "torso" if people.has_joints else "box")
+    settings = project.site.settings
+    return detect(
+        people,
+        ratios=ratios,
+        size_px=picture_px,
+        part=chosen,
+        distance_m=settings.distance_m,
+        within_m=settings.pair_max_m,
+    )
+
+
+def _calibrated(project: Project, camera: Camera, people: People, picture_px: tuple[int, int] | None) -> Seen:
+    from vsd_analytics.engine.floor_method import locate
+    from vsd_analytics.engine.people_calibration_file import path_of, read_stated_error
+    from vsd_analytics.errors import UsageError
+
+    if not camera.calibrations:
+        raise UsageError(
+            f"camera {camera.camera_id!r} has no calibration",
+            why="--method people measures in metres on the floor",
+            fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
+        )
+    used = camera.calibrations[-1]
+    stated = path_of(project.site.root, camera.camera_id)
+    return locate(
+        people,
+        homography=used.homography,
+        picture_px=picture_px,
+        within_m=project.site.settings.pair_max_m,
+        name=used.calibration_id,
+        error=read_stated_error(stated, calibration_id=used.calibration_id),
+    )

@@ -1,0 +1,97 @@
+"""How far off a camera from people may be: the spread of distances over the cameras that explain them as well."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.engine.people import Array
+from vsd_analytics.geometry.homography import as_matrix, project, to_floor, to_image
+
+N_CAMERAS: Final = 100
+SEED: Final = 14
+POPULATION_SD: Final = 0.04
+"""Mean height of the people seen, and of their boxes, against what is assumed, relative: no picture shows it."""
+FOOT_PX: Final = 2.0
+FOOT_M: Final = 0.03
+"""Error of a foot point: of the mark in pixels, and of where a foot is seen on a body in metres."""
+PROBE_M: Final = 2.0
+"""Distance whose spread the map shows."""
+
+
+def likely_cameras(vector: Array, covariance: Array) -> Array:
+    """Return parameters of cameras drawn from the posterior, shape (`N_CAMERAS`, 5)."""
+    rng = np.random.default_rng(SEED)
+    values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
+    drawn = vector + rng.standard_normal((N_CAMERAS, len(vector))) * np.sqrt(np.maximum(values, 0)) @ axes.T
+    drawn[:, 3] += rng.normal(0, POPULATION_SD, N_CAMERAS)
+    return np.asarray(drawn)
+
+
+def foot_covariance(homography: Array, uv: Array, *, picture_px: tuple[int, int]) -> Array:
+    """Return the covariance of floor positions from the error of foot points, square metres, shape (n, 2, 2).
+
+    The picture's error goes through the derivative of the homography, so it grows with the square of the distance.
+    """
+    h = as_matrix(homography)
+    xy = to_floor(h, uv, picture_px=picture_px)
+    w = uv @ h[2, :2] + h[2, 2]
+    jacobian = (h[:2, :2] - xy[:, :, None] * h[2, :2]) / w[:, None, None]
+    per_px = np.linalg.norm(jacobian[:, :, 0], axis=1)  # metres across one pixel: across the picture nothing is short
+    pixels = np.hypot(FOOT_PX, FOOT_M / per_px)
+    return np.asarray(jacobian @ np.swapaxes(jacobian, 1, 2) * (pixels**2)[:, None, None])
+
+
+def camera_sd_m(cameras: Array, a: Array, b: Array) -> Array:
+    """Return the spread of distances between foot points over cameras, half of the middle 68 %, metres, shape (n,).
+
+    Args:
+        cameras: Homographies, shape (m, 3, 3).
+        a: Foot points in pixels, shape (n, 2).
+        b: The other ones.
+    """
+    lengths = np.array([np.linalg.norm(project(h, b) - project(h, a), axis=1) for h in cameras])
+    low, high = np.quantile(lengths, [0.16, 0.84], axis=0)  # one absurd camera in a hundred must not count
+    return np.asarray((high - low) / 2)
+
+
+def distance_sd_m(homography: Array, cameras: Array, a: Array, b: Array, *, picture_px: tuple[int, int]) -> Array:
+    """Return the standard deviation of distances between foot points, metres, shape (n,).
+
+    Both errors are in it: of the camera, over the cameras drawn, and of the two foot points.
+
+    Args:
+        homography: The one in force, 3x3.
+        cameras: Homographies of the cameras drawn, shape (m, 3, 3).
+        a: Foot points in pixels, shape (n, 2).
+        b: The other ones.
+        picture_px: Width and height of the picture.
+    """
+    apart = to_floor(homography, b, picture_px=picture_px) - to_floor(homography, a, picture_px=picture_px)
+    along = apart / np.maximum(np.linalg.norm(apart, axis=1), 1e-6)[:, None]
+    feet = sum(foot_covariance(homography, uv, picture_px=picture_px) for uv in (a, b))
+    return np.asarray(np.sqrt(camera_sd_m(cameras, a, b) ** 2 + np.einsum("ni,nij,nj->n", along, feet, along)))
+
+
+def error_map(homography: Array, cameras: Array, uv: Array, *, picture_px: tuple[int, int]) -> Array:
+    """Return where a distance of 2 m is how uncertain, one row per floor cell of 1 m with people.
+
+    Args:
+        homography: The one in force, 3x3.
+        cameras: Homographies of the cameras drawn, shape (m, 3, 3).
+        uv: Foot points of people in pixels, shape (n, 2).
+        picture_px: Width and height of the picture.
+
+    Returns:
+        x and y of the cell's middle, the whole sd, and the camera's part of it, metres, shape (k, 4). An sd is the root
+        mean square over a distance across the view and one along it.
+    """
+    xy = to_floor(homography, uv, picture_px=picture_px)
+    cells = np.unique(np.floor(xy[np.isfinite(xy).all(axis=1)]), axis=0) + 0.5
+    whole, camera = [], []
+    for step in ((PROBE_M / 2, 0.0), (0.0, PROBE_M / 2)):
+        a, b = (to_image(homography, cells + sign * np.array(step), picture_px=picture_px) for sign in (-1, 1))
+        whole.append(distance_sd_m(homography, cameras, a, b, picture_px=picture_px))
+        camera.append(camera_sd_m(cameras, a, b))
+    return np.column_stack([cells, *(np.sqrt(np.mean(np.square(part), axis=0)) for part in (whole, camera))])

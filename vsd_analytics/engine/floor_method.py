@@ -1,0 +1,55 @@
+"""People on a calibrated floor: foot points through the camera's homography, distances in metres."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vsd_analytics.engine.body import feet
+from vsd_analytics.engine.people import People
+from vsd_analytics.engine.people_calibration_file import StatedError
+from vsd_analytics.engine.safe_space import pairs_of_frames
+from vsd_analytics.engine.seen import Seen
+from vsd_analytics.geometry.homography import to_floor
+
+
+def locate(
+    people: People,
+    *,
+    homography: ArrayLike,
+    picture_px: tuple[int, int] | None,
+    within_m: float,
+    name: str,
+    error: StatedError | None = None,
+) -> Seen:
+    """Return where people are on the floor, and the pairs nearer than a distance.
+
+    Persons without a foot point have no place; persons at or above the horizon neither.
+
+    Args:
+        people: As detected.
+        homography: 3x3, pixels to floor metres.
+        picture_px: Width and height of the picture.
+        within_m: Pairs from this distance on are left out.
+        name: What the homography is, for the messages.
+        error: Stated error of the calibration; None = unknown.
+    """
+    uv = feet(people)
+    xy = to_floor(homography, uv, picture_px=picture_px)
+    a, b = pairs_of_frames(people.frame)
+    distance = np.linalg.norm(xy[a] - xy[b], axis=1)
+    near = distance < within_m
+    no_foot, above = ~np.isfinite(uv).all(axis=1), np.isfinite(uv).all(axis=1) & ~np.isfinite(xy).all(axis=1)
+    reasons = {"no foot": int(no_foot.sum()), "at or above the horizon": int(above.sum())}
+    return Seen(
+        people=people,
+        uv=uv,
+        xy=xy,
+        a=a[near],
+        b=b[near],
+        distance_m=distance[near],
+        quality="metric",
+        engine=f"vsd-people {name}",
+        left_out={why: n for why, n in reasons.items() if n},
+        sd_m=None if error is None else error.distance_sd_m(uv[a[near]], uv[b[near]]),
+    )

@@ -1,0 +1,170 @@
+"""Joints of people as JSON: OpenPose folders, and the lists that AlphaPose, mmpose, openpifpaf and COCO tools write.
+
+The layouts are recognised by their keys. Skeletons are recognised by their number of joints.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of
+from vsd_analytics.errors import InputError, Where
+
+NORMALISED_BELOW = 1.5
+"""Coordinates that all lie below this are shares of the picture and no pixels."""
+
+
+def read_joint_folder(folder: Path) -> People:
+    """Read a folder with one JSON file per frame, as OpenPose's `--write_json` makes; a file without people is a frame.
+
+    The frame number is the last run of digits in the name, such as 12 in `door_000000000012_keypoints.json`; names
+    without digits are numbered in their order.
+
+    Raises:
+        InputError: No file of the folder can be used (E202), or joints are no pixels (E202).
+    """
+    rows = PeopleRows()
+    for index, path in enumerate(sorted(folder.glob("*.json"))):
+        found = re.findall(r"\d+", path.stem.removesuffix("_keypoints"))
+        number = int(found[-1]) if found else index
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            rows.bad["file that is no JSON"] += 1
+            continue
+        rows.frames.add(number)
+        _add(rows, ((number, person) for _, person in _persons(content)))
+    return _checked(rows, folder)
+
+
+def read_joint_file(path: Path) -> People:
+    """Read a JSON file, or JSON lines, with the people of all frames.
+
+    Raises:
+        InputError: It is no JSON (E205), has no joints (E202), or its joints are no pixels (E202).
+    """
+    rows = PeopleRows()
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        try:
+            content = json.loads(text)
+        except ValueError:
+            content = [json.loads(line) for line in text.splitlines() if line.strip()]
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(
+            f"cannot read {path.name} as JSON",
+            code="E205",
+            where=Where(str(path)),
+            why=str(error),
+            fix="write the detector's results again",
+        ) from None
+    rows.frames.update(number for number, person in _persons(content) if person is None and number is not None)
+    _add(rows, ((number, person) for number, person in _persons(content) if person is not None))
+    return _checked(rows, path)
+
+
+def _checked(rows: PeopleRows, path: Path) -> People:
+    """Return the people, or say why there are none."""
+    if not rows.frame:
+        listed = "; ".join(f"{n:,}: {why}" for why, n in rows.bad.items()) or "it lists nobody"
+        raise InputError(
+            f"{path.name} has no person with joints",
+            code="E202",
+            where=Where(str(path)),
+            why=listed,
+            fix="give an OpenPose --write_json folder, a COCO, AlphaPose, mmpose or openpifpaf JSON file, or a CSV of "
+            "boxes",
+        )
+    people = rows.people()
+    known = people.joints[np.isfinite(people.joints)]
+    if len(known) and np.abs(known).max() < NORMALISED_BELOW:
+        raise InputError(
+            f"the joints of {path.name} are no pixels",
+            code="E202",
+            where=Where(str(path)),
+            why="all coordinates are shares of the picture",
+            fix="run the detector with pixels, such as OpenPose's --keypoint_scale 0",
+        )
+    return people
+
+
+def _persons(content: Any) -> Iterator[tuple[int | None, Any]]:
+    """Yield frame number and person of any known layout; (number, None) is a frame without people."""
+    if isinstance(content, Mapping):
+        for key in ("instance_info", "people", "predictions", "instances", "annotations"):
+            if isinstance(content.get(key), Sequence):
+                number = _number(content)
+                yield from ((number, None),) if number is not None else ()
+                yield from ((number if n is None else n, p) for n, p in _persons(content[key]))
+                return
+        yield _number(content), content
+    elif isinstance(content, Sequence) and not isinstance(content, str):
+        for item in content:
+            yield from _persons(item)
+
+
+def _number(item: Mapping[str, Any]) -> int | None:
+    """Return the frame number an object carries: a number, or the last digits of a file name."""
+    for key in ("frame_id", "frame", "image_id", "image"):
+        value = item.get(key)
+        if isinstance(value, int) and not isinstance(value, bool):
+            return value
+        if isinstance(value, str) and (found := re.findall(r"\d+", Path(value).stem)):
+            return int(found[-1])
+    return None
+
+
+def _add(rows: PeopleRows, persons: Iterator[tuple[int | None, Any]]) -> None:
+    for number, person in persons:
+        if number is None:
+            rows.bad["person without a frame"] += 1
+            continue
+        try:
+            points, confidence = _points(person)
+            box = _box(person)
+        except (TypeError, ValueError, KeyError, IndexError):
+            rows.bad["person whose joints are no numbers"] += 1
+            continue
+        joints = joints_of(points, confidence)
+        if joints is None:
+            rows.bad[f"skeleton of {len(points)} joints, which is not known"] += 1
+            continue
+        rows.add(number, track=_track(person), box=box, joints=joints)
+
+
+def _points(person: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return pixels (k, 2) and confidences (k,) of one person."""
+    if "keypoint_scores" in person:
+        return (
+            np.asarray(person["keypoints"], dtype=np.float64).reshape(-1, 2),
+            np.asarray(person["keypoint_scores"], dtype=np.float64).reshape(-1),
+        )
+    flat = person["pose_keypoints_2d"] if "pose_keypoints_2d" in person else person["keypoints"]
+    triples = np.asarray(flat, dtype=np.float64).reshape(-1, 3)
+    return triples[:, :2], triples[:, 2]
+
+
+def _box(person: Mapping[str, Any]) -> tuple[float, float, float, float] | None:
+    """Return left, top, right, bottom; mmpose nests them, the others give left, top, width, height."""
+    given = person.get("bbox", person.get("box"))
+    if given is None:
+        return None
+    values = np.asarray(given, dtype=np.float64).reshape(-1)[:4]
+    left, top, right, bottom = (float(v) for v in values)
+    return (left, top, right, bottom) if "bbox_score" in person else (left, top, left + right, top + bottom)
+
+
+def _track(person: Mapping[str, Any]) -> object:
+    """Return the track id, None where the tool did not track; OpenPose writes [-1] then."""
+    for key in ("track_id", "idx", "id_", "person_id"):
+        value = person.get(key)
+        value = value[0] if isinstance(value, list) and len(value) == 1 else value
+        if isinstance(value, int | str) and value not in {-1, ""}:
+            return value
+    return None

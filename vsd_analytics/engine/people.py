@@ -1,0 +1,156 @@
+"""People as a detector saw them in the pictures of one camera: boxes, joints, or both.
+
+Joints are in the order of OpenPose's BODY_25. Other skeletons are mapped to it. A joint that a detector did not find
+is NaN, never (0, 0).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+N_JOINTS: Final = 25
+NOSE, NECK, MID_HIP = 0, 1, 8
+HEAD: Final = (0, 15, 16, 17, 18)
+FEET: Final = (11, 14, 19, 20, 21, 22, 23, 24)
+ANKLES: Final = (11, 14)
+SHOULDERS: Final = (2, 5)
+HIPS: Final = (9, 12)
+
+COCO_17: Final = (0, 16, 15, 18, 17, 5, 2, 6, 3, 7, 4, 12, 9, 13, 10, 14, 11)
+"""BODY_25 index of each COCO joint: nose, eyes, ears, shoulders, elbows, wrists, hips, knees, ankles, left first."""
+HALPE_26: Final = (*COCO_17, -1, 1, 8, 19, 22, 20, 23, 21, 24)
+"""The same for HALPE: COCO's, top of the head (BODY_25 has none), neck, hip, big toes, small toes, heels."""
+BODY_25: Final = tuple(range(N_JOINTS))
+SKELETONS: Final[Mapping[int, tuple[int, ...]]] = {
+    17: COCO_17,
+    25: BODY_25,
+    26: HALPE_26,
+    133: COCO_17,  # COCO whole body: its first 17, without face and hands
+    136: HALPE_26,  # HALPE whole body
+}
+"""Order of joints by their number."""
+
+
+@dataclass(frozen=True, slots=True)
+class People:
+    """Persons in the frames of one camera; one row per person and frame, in order of frames.
+
+    Attributes:
+        frame: Frame number of each person, shape (n,).
+        track: Track id of each person; None without tracking, shape (n,), objects.
+        box: Left, top, right, bottom in pixels; NaN where the detector gave none, shape (n, 4).
+        joints: x, y in pixels, NaN where missing, shape (n, 25, 2).
+        frames: Numbers of all processed frames in order, also those without people.
+        ts_ms: UTC milliseconds of each of `frames`; None when the file has frame numbers only.
+        bad: Rows that could not be used, by reason.
+    """
+
+    frame: NDArray[np.int64]
+    track: NDArray[np.object_]
+    box: Array
+    joints: Array
+    frames: NDArray[np.int64]
+    ts_ms: NDArray[np.int64] | None = None
+    bad: Mapping[str, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def has_joints(self) -> bool:
+        """Return whether any person has a joint."""
+        return bool(np.isfinite(self.joints).any())
+
+    @property
+    def outline(self) -> Array:
+        """Return each person's box, else the smallest box around the joints, shape (n, 4)."""
+        is_known = np.isfinite(self.joints)
+        low = np.where(is_known, self.joints, np.inf).min(axis=1)
+        high = np.where(is_known, self.joints, -np.inf).max(axis=1)
+        around = np.concatenate([low, high], axis=1)
+        around = np.where(np.isfinite(around), around, np.nan)
+        return np.where(np.isfinite(self.box), self.box, around)
+
+    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> People:
+        """Return some of the persons, over the same frames."""
+        return People(
+            self.frame[chosen],
+            self.track[chosen],
+            self.box[chosen],
+            self.joints[chosen],
+            self.frames,
+            self.ts_ms,
+            self.bad,
+        )
+
+
+def joints_of(points: Array, confidence: Array) -> Array | None:
+    """Return one person's joints in the order of BODY_25.
+
+    A joint with confidence 0 or below, with both coordinates 0, or with a coordinate that is not finite is missing.
+    Skeletons without neck and hip centre get the middle of the shoulders and of the hips.
+
+    Args:
+        points: Pixels, shape (k, 2).
+        confidence: Shape (k,).
+
+    Returns:
+        Shape (25, 2), NaN where missing; None for a number of joints that no known skeleton has.
+    """
+    order = SKELETONS.get(len(points))
+    if order is None:
+        return None
+    is_missing = (confidence <= 0) | ~np.isfinite(confidence) | (points == 0).all(axis=1) | ~np.isfinite(points).all(1)
+    known = np.where(is_missing[:, None], np.nan, points)[: len(order)]
+    joints = np.full((N_JOINTS, 2), np.nan)
+    target = np.array(order)
+    joints[target[target >= 0]] = known[target >= 0]
+    for middle, sides in ((NECK, SHOULDERS), (MID_HIP, HIPS)):
+        if middle not in order:
+            joints[middle] = joints[list(sides)].mean(axis=0)
+    return joints
+
+
+@dataclass
+class PeopleRows:
+    """Collects persons and frames one by one; `people` makes arrays of them."""
+
+    frame: list[int] = field(default_factory=list)
+    track: list[str | None] = field(default_factory=list)
+    box: list[Sequence[float]] = field(default_factory=list)
+    joints: list[Array] = field(default_factory=list)
+    frames: set[int] = field(default_factory=set)
+    bad: Counter[str] = field(default_factory=Counter)
+
+    def add(self, frame: int, *, track: object = None, box: Sequence[float] | None, joints: Array | None) -> None:
+        """Add a person; one without a usable box or joint is counted as bad."""
+        usable_box = box is not None and bool(np.isfinite(box).all()) and box[2] > box[0] and box[3] > box[1]
+        if not usable_box and (joints is None or not np.isfinite(joints).any()):
+            self.bad["neither a box nor a joint"] += 1
+            return
+        self.frame.append(frame)
+        self.track.append(None if track is None else str(track))
+        self.box.append(box if usable_box and box is not None else (np.nan,) * 4)
+        self.joints.append(np.full((N_JOINTS, 2), np.nan) if joints is None else joints)
+
+    def people(self) -> People:
+        """Return what was added, in order of frames."""
+        order = np.argsort(np.array(self.frame, dtype=np.int64), kind="stable")
+        track = np.empty(len(order), dtype=object)
+        track[:] = self.track
+        return People(
+            frame=np.array(self.frame, dtype=np.int64)[order],
+            track=track[order],
+            box=np.array(self.box, dtype=np.float64).reshape(-1, 4)[order],
+            joints=np.array(self.joints, dtype=np.float64).reshape(-1, N_JOINTS, 2)[order],
+            frames=np.array(sorted(self.frames | set(self.frame)), dtype=np.int64),
+            bad=dict(self.bad),
+        )

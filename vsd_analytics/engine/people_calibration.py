@@ -1,0 +1,143 @@
+"""A calibration from people alone: the camera and its stated error, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras
+from vsd_analytics.engine.calibration_fit import Fitted, camera_of, fit_camera
+from vsd_analytics.engine.camera_model import CameraModel
+from vsd_analytics.engine.people import Array, People
+from vsd_analytics.engine.sightings import sightings
+from vsd_analytics.errors import CalibrationError
+from vsd_analytics.geometry.homography import to_floor
+
+MIN_ROWS: Final = 40
+MIN_ROWS_UNTRACKED: Final = 150
+"""Without track ids the same few people may come back in all frames."""
+MIN_PEOPLE: Final = 8
+"""Fewer persons may all be short or tall."""
+MAX_SCATTER: Final = 0.20
+"""Heights that differ more than this are not those of upright people."""
+MAX_BOX_TILT_DEG: Final = 40.0
+"""Above, the middle of a box's bottom edge is so far from the feet that even the true camera measures 7 % wrong."""
+MAX_ERROR: Final = 0.30
+"""Relative sd of a distance of 2 m from which on a calibration would mislead."""
+
+
+@dataclass(frozen=True, slots=True)
+class FromPeople:
+    """A camera found from the people it sees.
+
+    Attributes:
+        camera: The camera.
+        homography: 3x3, pixels to floor metres; the origin is below the camera, x runs right and y ahead.
+        likely: Homographies of other cameras that explain the people as well, shape (m, 3, 3).
+        size_px: Width and height of the picture.
+        n_rows: Whole upright people in all frames.
+        n_people: Persons by track id; None without tracks.
+        n_walkers: Persons whose speeds took part.
+        uses_joints: Whether joints measured, not boxes.
+        scatter: Robust relative sd of the heights.
+        error: Relative sd of a distance of 2 m by the camera's part alone, median over where people were.
+        map: x, y, sd of a distance of 2 m and the camera's part of it, metres, per cell of 1 m, shape (k, 4).
+    """
+
+    camera: CameraModel
+    homography: Array
+    likely: Array
+    size_px: tuple[int, int]
+    n_rows: int
+    n_people: int | None
+    n_walkers: int
+    uses_joints: bool
+    scatter: float
+    error: float
+    map: Array
+
+    def distance_sd_m(self, a: Array, b: Array) -> Array:
+        """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
+        return distance_sd_m(self.homography, self.likely, a, b, picture_px=self.size_px)
+
+
+def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPeople:
+    """Return the camera that explains the people it sees, with its stated error.
+
+    Args:
+        people: Boxes or joints over time, with or without track ids; an hour is better than a minute.
+        size_px: Width and height of the picture.
+
+    Raises:
+        CalibrationError: The people cannot carry a calibration (E411); the message says why.
+    """
+    seen = sightings(people, size_px=size_px)
+    n_people = len(np.unique(seen.who)) if seen.has_tracks else None
+    least = MIN_ROWS if seen.has_tracks else MIN_ROWS_UNTRACKED
+    if len(seen.low) < least or (n_people is not None and n_people < MIN_PEOPLE):
+        many = f"{len(seen.low)} whole people in {len(people.frames):,} frames"
+        many += "" if n_people is None else f", of {n_people} persons"
+        fix = f"give at least {least}, of {MIN_PEOPLE} persons; boxes that the picture's edge cuts off do not count"
+        raise _refused(many, fix)
+    outside = np.mean((seen.low < 0).any(axis=1) | (seen.low > np.array(size_px)).any(axis=1))
+    if outside > 0.2:
+        raise _refused(f"{outside:.0%} of the feet lie outside {size_px[0]}x{size_px[1]} pixels", "check --size")
+    fitted = fit_camera(seen, size_px=size_px)
+    if fitted is None:
+        raise _refused("no camera explains the places and heights of the people", "check --size and the columns")
+    tilt_deg = np.degrees(fitted.camera.tilt_rad)
+    if not seen.has_lean and tilt_deg > MAX_BOX_TILT_DEG:
+        raise _refused(
+            f"the camera looks down by {tilt_deg:.0f} degrees, and the bottom of a box is not at the feet there",
+            "give joints in place of boxes, or measure points: --points FILE",
+        )
+    if not fitted.scatter <= MAX_SCATTER:
+        raise _refused(
+            f"the heights of the people differ by {fitted.scatter:.0%} for the best camera",
+            "take boxes or joints of whole standing people only",
+        )
+    homography = fitted.camera.homography()
+    likely = _likely(fitted)
+    cells = error_map(homography, likely, seen.low, picture_px=size_px)
+    cells = cells[np.isfinite(cells).all(axis=1)]
+    error = _typical_error(cells, to_floor(homography, seen.low, picture_px=size_px))
+    if not error <= MAX_ERROR:
+        raise _refused(
+            f"a distance of 2 m would be uncertain by {error * PROBE_M:.1f} m",
+            "record for longer, with track ids and with people near and far; or measure points: --points FILE",
+        )
+    return FromPeople(
+        camera=fitted.camera,
+        homography=homography,
+        likely=likely,
+        size_px=size_px,
+        n_rows=len(seen.low),
+        n_people=n_people,
+        n_walkers=fitted.n_walkers,
+        uses_joints=seen.has_lean,
+        scatter=fitted.scatter,
+        error=error,
+        map=cells,
+    )
+
+
+def _likely(fitted: Fitted) -> Array:
+    """Return homographies of cameras drawn, with the sign of the fitted one so that floor stays floor."""
+    drawn = [camera_of(v, fitted.size_px) for v in likely_cameras(fitted.vector, fitted.covariance)]
+    return np.array([camera.homography() for camera in drawn])
+
+
+def _typical_error(cells: Array, xy: NDArray[np.float64]) -> float:
+    """Return the median over people of the camera's relative error in the cell they are in."""
+    if not len(cells):
+        return np.inf
+    known = {(float(x), float(y)): float(sd) for x, y, _, sd in cells}
+    at = np.floor(xy[np.isfinite(xy).all(axis=1)]) + 0.5
+    return float(np.median([known.get((float(x), float(y)), np.inf) for x, y in at]) / PROBE_M)
+
+
+def _refused(why: str, fix: str) -> CalibrationError:
+    return CalibrationError("these people cannot calibrate the camera", code="E411", why=why, fix=fix)

@@ -1,0 +1,78 @@
+"""The stated error of a calibration from people, beside its matrix: `calibration/<camera>-from-people.json`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vsd_analytics.engine.calibration_error import distance_sd_m
+from vsd_analytics.engine.people import Array
+from vsd_analytics.engine.people_calibration import FromPeople
+from vsd_analytics.store.durable import publish
+
+FOLDER = "calibration"
+
+
+@dataclass(frozen=True, slots=True)
+class StatedError:
+    """What is needed to say how uncertain a distance is.
+
+    Attributes:
+        homography: The one in force, 3x3.
+        likely: Homographies of other cameras that explain the people as well, shape (m, 3, 3).
+        size_px: Width and height of the picture.
+    """
+
+    homography: Array
+    likely: Array
+    size_px: tuple[int, int]
+
+    def distance_sd_m(self, a: Array, b: Array) -> Array:
+        """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
+        return distance_sd_m(self.homography, self.likely, a, b, picture_px=self.size_px)
+
+
+def path_of(root: Path, camera_id: str) -> Path:
+    """Return where the file of a camera is."""
+    return root / FOLDER / f"{camera_id}-from-people.json"
+
+
+def write_stated_error(path: Path, found: FromPeople, *, calibration_id: str) -> None:
+    """Write camera, error map and likely cameras.
+
+    Args:
+        path: See `path_of`.
+        found: The calibration.
+        calibration_id: Of the matrix in force, so that the file is not used with another one.
+    """
+    camera = found.camera
+    content = {
+        "calibration_id": calibration_id,
+        "size_px": found.size_px,
+        "focal_px": camera.focal_px,
+        "tilt_deg": float(np.degrees(camera.tilt_rad)),
+        "roll_deg": float(np.degrees(camera.roll_rad)),
+        "height_m": camera.height_m,
+        "centre_px": camera.centre_px,
+        "homography": found.homography.tolist(),
+        "map_columns": ["x_m", "y_m", "sd_of_2_m", "camera_part"],
+        "map": found.map.round(3).tolist(),
+        "likely": found.likely.tolist(),
+    }
+    publish(path, json.dumps(content).encode() + b"\n")
+
+
+def read_stated_error(path: Path, *, calibration_id: str) -> StatedError | None:
+    """Return the error that belongs to a matrix; None without a file, or when it belongs to another matrix."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["calibration_id"] != calibration_id:
+            return None
+        homography, likely = (np.asarray(content[key], dtype=np.float64) for key in ("homography", "likely"))
+        width, height = (int(side) for side in content["size_px"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return StatedError(homography.reshape(3, 3), likely.reshape(-1, 3, 3), (width, height))

@@ -1,0 +1,176 @@
+"""What of people measures a camera: upright bodies as segments of known height, and how far walkers get."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.engine.people import ANKLES, NECK, Array, People
+
+EDGE_PX: Final = 5.0
+"""A box this near to the picture's edge is cut off there."""
+ROWS_PER_TRACK: Final = 30
+MAX_ROWS: Final = 3000
+LINK_LENGTHS, LINK_CHANGE = 0.5, 0.2
+"""Half a body length is what somebody walks in .6 s; a body's length in the picture changes by less than a fifth."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Two marks of an upright person and where they are, population means in metres.
+
+    Attributes:
+        low_m: Height of the lower mark.
+        high_m: Height of the upper mark.
+        depth_m: How far the marks are from the person's vertical axis: the lower one towards the camera; the upper one
+            away from it where the camera looks down on it, towards it otherwise. 0 for joints.
+        depth_sd_m: How well that is known.
+    """
+
+    low_m: float
+    high_m: float
+    depth_m: float
+    depth_sd_m: float
+
+
+BOX: Final = Body(0.0, 1.76, 0.15, 0.05)
+"""A box around a walking adult: 1.70 m of body, as the paper takes it, and 6 cm of shoes, hair and margin. The depth is
+half of that of a body between two steps. Annotated boxes of known cameras have 1.78 to 1.80 m (docs/engine.md)."""
+JOINTS: Final = Body(0.077, 1.40, 0.0, 0.001)
+"""Ankles and neck: .045 and .825 of 1.70 m (Drillis and Contini 1966)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sightings:
+    """Segments from a lower to an upper mark of upright people, in the picture.
+
+    Attributes:
+        body: What the marks are.
+        low: Lower marks in pixels, shape (n, 2).
+        high: Upper marks in pixels, shape (n, 2).
+        has_lean: Whether the columns of both marks were seen apart: for joints, not for boxes.
+        who: Number of the person, shape (n,); without track ids of a part of its walk (`tracklets`).
+        frame: Shape (n,).
+        has_tracks: Whether `who` comes from the detector's track ids.
+    """
+
+    body: Body
+    low: Array
+    high: Array
+    has_lean: bool
+    who: NDArray[np.intp]
+    frame: NDArray[np.int64]
+    has_tracks: bool
+
+    @property
+    def length_px(self) -> Array:
+        """Return the length of each segment, shape (n,)."""
+        return np.asarray(np.linalg.norm(self.high - self.low, axis=1))
+
+    def rows(self, chosen: NDArray[np.intp]) -> Sightings:
+        """Return some of the rows."""
+        return Sightings(
+            self.body,
+            self.low[chosen],
+            self.high[chosen],
+            self.has_lean,
+            self.who[chosen],
+            self.frame[chosen],
+            self.has_tracks,
+        )
+
+
+def sightings(people: People, *, size_px: tuple[int, int]) -> Sightings:
+    """Return the whole upright people of a picture: joints where most persons have ankles and neck, else boxes.
+
+    Boxes that the picture's edge cuts off are left out.
+    """
+    ankles = people.joints[:, ANKLES].mean(axis=1)
+    neck = people.joints[:, NECK]
+    has_both = np.isfinite(ankles).all(axis=1) & np.isfinite(neck).all(axis=1)
+    box = people.box
+    with np.errstate(invalid="ignore"):
+        is_whole = (box[:, :2] > EDGE_PX).all(axis=1) & (box[:, 2:] < np.array(size_px) - EDGE_PX).all(axis=1)
+    uses_joints = has_both.sum() > is_whole.sum() / 2
+    if uses_joints:
+        body, low, high, chosen = JOINTS, ankles, neck, has_both
+    else:
+        middle = (box[:, 0] + box[:, 2]) / 2
+        body, chosen = BOX, is_whole
+        low, high = np.column_stack([middle, box[:, 3]]), np.column_stack([middle, box[:, 1]])
+    rows = np.flatnonzero(chosen & (np.linalg.norm(high - low, axis=1) > 0))
+    tracks = people.track[rows]
+    has_tracks = bool(len(rows)) and all(track is not None for track in tracks)
+    if has_tracks:
+        who = np.unique(tracks.astype(str), return_inverse=True)[1]
+    else:
+        who = tracklets(low[rows], np.linalg.norm(high[rows] - low[rows], axis=1), people.frame[rows])
+    return Sightings(
+        body, low[rows], high[rows], bool(uses_joints), who.astype(np.intp), people.frame[rows], has_tracks
+    )
+
+
+def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return a number for each row that rows of the same person in successive frames share, shape (n,).
+
+    Two rows are linked when each is the nearest to the other in the two frames, within `LINK_LENGTHS` body lengths and
+    of about the same length. Where somebody passes close by the link breaks, and a new number begins.
+
+    Args:
+        uv: Feet in pixels, shape (n, 2).
+        length_px: Length of each body, shape (n,).
+        frame: In order, shape (n,).
+    """
+    who = np.arange(len(uv))
+    starts = np.flatnonzero(np.r_[True, frame[1:] != frame[:-1]]) if len(frame) else np.empty(0, dtype=np.intp)
+    spans = list(zip(starts, np.r_[starts[1:], len(frame)], strict=True))
+    for before, after in pairwise(slice(*span) for span in spans):
+        apart = np.linalg.norm(uv[before][:, None] - uv[after][None], axis=2)
+        size = np.sqrt(length_px[before][:, None] * length_px[after][None])
+        alike = np.abs(np.log(length_px[before][:, None] / length_px[after][None])) < LINK_CHANGE
+        apart = np.where(alike & (apart < LINK_LENGTHS * size), apart / size, np.inf)
+        to, back = apart.argmin(axis=1), apart.argmin(axis=0)
+        rows = np.arange(len(to))
+        linked = (back[to] == rows) & np.isfinite(apart[rows, to])
+        who[after.start + to[linked]] = who[before.start + rows[linked]]
+    return np.unique(who, return_inverse=True)[1].astype(np.intp)
+
+
+def thinned(seen: Sightings) -> Sightings:
+    """Return at most `ROWS_PER_TRACK` rows of each person and `MAX_ROWS` in all, evenly over time."""
+    order = np.lexsort((seen.frame, seen.who))
+    size = np.bincount(seen.who)
+    rank = np.arange(len(order)) - np.repeat(np.cumsum(size) - size, size)
+    every = np.ceil(size / ROWS_PER_TRACK).astype(np.intp)[seen.who[order]]
+    order = order[rank % every == 0]
+    return seen.rows(order[:: max(1, -(-len(order) // MAX_ROWS))])
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Stretches of equal time along tracks: rows of sightings where each begins and ends, and its person."""
+
+    begin: NDArray[np.intp]
+    end: NDArray[np.intp]
+    who: NDArray[np.intp]
+
+
+def steps(seen: Sightings, *, n_frames: int) -> Steps:
+    """Return the stretches of exactly `n_frames` frames along tracks; those of one person do not overlap."""
+    order = np.lexsort((seen.frame, seen.who))
+    span = int(np.ptp(seen.frame)) + n_frames + 1 if len(order) else 1
+    key = seen.who[order].astype(np.int64) * span + seen.frame[order] - (seen.frame.min() if len(order) else 0)
+    at = np.searchsorted(key, key + n_frames)
+    there = np.flatnonzero((at < len(key)) & (key[np.minimum(at, len(key) - 1)] == key + n_frames))
+    begin: list[int] = []
+    free_from = -1
+    for row in there.tolist():  # greedy: the next stretch begins where the last one ended
+        if key[row] >= free_from:
+            begin.append(row)
+            free_from = key[row] + n_frames
+    first = np.array(begin, dtype=np.intp)
+    return Steps(order[first], order[at[first]], seen.who[order[first]])

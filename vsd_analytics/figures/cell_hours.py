@@ -1,0 +1,207 @@
+"""Who stood in which cell of a floor, hour by hour, and what random mixing would bring into violation (M16 to M20).
+
+The mart `cell_hours` as arrays, for maps and for the test of hotspots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import date
+from typing import Final, NotRequired, TypedDict, Unpack
+
+import numpy as np
+import pyarrow as pa
+
+from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
+from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
+from vsd_analytics.result import Reason, State
+from vsd_analytics.settings import FLOOR_CELL_M
+from vsd_analytics.site.model import Floor
+from vsd_analytics.stats.decomposition import closeness, nearby
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+CELL_M: Final = 0.5
+"""Side of the cells of the maps M16 to M19: part of their definition, and a multiple of the stored cells."""
+NOBODY: Final = Reason("nobody.seen_open")
+
+
+class CellRange(TypedDict):
+    """Which cells of which days are asked for.
+
+    Attributes:
+        floor: The floor.
+        cell_m: Side of the cells, a multiple of `cell_m` of vsd.toml; 0.5 m where it is left out.
+        first: First local day; the warehouse's where it is left out or None.
+        last: Last local day; likewise.
+    """
+
+    floor: Floor
+    cell_m: NotRequired[float]
+    first: NotRequired[date | None]
+    last: NotRequired[date | None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellHours:
+    """Camera-hours and cells.
+
+    Attributes:
+        grid: The cells; None where nothing can be shown.
+        state, reason: Why there is no grid.
+        is_everything: No camera-hour was left out for what its engine does not send.
+        used: The camera-hours, columns of `_USED`.
+        hour: Of each row, its place among the used camera-hours.
+        at: Of each row, its cell: row and column of the grid.
+        exposure_s: Of each row, person-seconds.
+        violation_s: Of each row, person-seconds in violation, where each person stands.
+    """
+
+    grid: Grid | None
+    state: State
+    reason: Reason | None
+    is_everything: bool
+    used: pa.Table
+    hour: Ints
+    at: tuple[Ints, Ints]
+    exposure_s: Floats
+    violation_s: Floats
+
+    def summed(self, values: Floats, by: Ints | None = None, n: int = 1) -> Floats:
+        """Return sums by cell, shape of the grid; with `by`, below n, one map of each: shape (n, ...)."""
+        assert self.grid is not None
+        made = np.zeros((n, *self.grid.shape))
+        np.add.at(made, (np.zeros(len(values), dtype=np.int64) if by is None else by, *self.at), values)
+        return made if by is not None else made[0]
+
+    def where(self, kept: Flags) -> CellHours:
+        """Return some of the rows, of the same camera-hours and grid."""
+        row, column = self.at
+        at = row[kept], column[kept]
+        parts = {name: getattr(self, name)[kept] for name in ("hour", "exposure_s", "violation_s")}
+        return replace(self, at=at, **parts)
+
+    def between(self, first: date, last: date) -> CellHours:
+        """Return the camera-hours of some days alone, of the same grid."""
+        day = self.used["local_date"].to_numpy().astype("datetime64[D]")
+        kept = (day >= np.datetime64(first)) & (day <= np.datetime64(last))
+        rows = self.where(kept[self.hour])
+        return replace(rows, used=self.used.filter(pa.array(kept)), hour=(np.cumsum(kept) - 1)[rows.hour])
+
+    def keyed(self, *names: str) -> tuple[Ints, int]:
+        """Return the number of each used camera-hour's group by some columns, in order, and how many there are."""
+        number, n = np.zeros(self.used.num_rows, dtype=np.int64), 1
+        for name in names:
+            values, place = np.unique(self.used[name].to_numpy(), return_inverse=True)
+            found, number = np.unique(number * len(values) + place, return_inverse=True)
+            n = len(found)
+        return number, n
+
+
+def cell_hours(
+    warehouse: Warehouse, *, needs_distances: bool = True, least_share: float | None = None, **asked: Unpack[CellRange]
+) -> CellHours:
+    """Return the camera-hours of some days, and who stood in which cell in them.
+
+    Args:
+        warehouse: Its marts are read.
+        needs_distances: Leave out camera-hours of which time in violation is unknown.
+        least_share: Least recorded share of a camera-hour; None = of those that enter rates.
+        **asked: Floor, cells and days.
+    """
+    settings, floor, cell_m = warehouse.site.settings, asked["floor"], asked.get("cell_m", CELL_M)
+    share = settings.partial_hour_share if least_share is None else least_share
+    days = {"first": asked.get("first") or warehouse.first, "last": asked.get("last") or warehouse.last}
+    used = warehouse.table(_USED, {"floor": floor.floor_id, "share": share, **days})
+    knows_people, knows_distances = (used[f"knows_{what}"].to_numpy() for what in ("people", "distances"))
+    chosen = used.filter(pa.array(knows_people & (knows_distances | (not needs_distances))))
+    rows = warehouse.table(
+        "with used as (select unnest($cameras::varchar[]) as camera_id, unnest($hours::bigint[]) as hour_start_ms, "
+        "unnest($numbers::bigint[]) as number) "
+        "select number, floor(cx * $side + 1e-9)::bigint as cx, floor(cy * $side + 1e-9)::bigint as cy, "
+        "sum(exposure_open_s)::double as exposure_s, sum(violation_open_s)::double as violation_s "
+        "from cell_hours inner join used using (camera_id, hour_start_ms) where floor_id = $floor "
+        "group by all having sum(exposure_open_s) > 0 order by all",
+        {
+            "cameras": chosen["camera_id"].to_pylist(),
+            "hours": chosen["hour_start_ms"].to_pylist(),
+            "numbers": list(range(chosen.num_rows)),
+            "floor": floor.floor_id,
+            "side": FLOOR_CELL_M / cell_m,
+        },
+    )
+    hour, cx, cy, exposure_s, violation_s = (c.to_numpy() for c in rows.columns)
+    is_everything = chosen.num_rows == used.num_rows
+
+    def without(state: State, reason: Reason) -> CellHours:
+        none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float64)
+        return CellHours(None, state, reason, is_everything, chosen, none, (none, none), nothing, nothing)
+
+    if not used.num_rows:
+        return without("not_enough_data", NOTHING_OPEN)
+    if not knows_people.any():
+        return without("not_measurable", NO_POSITIONS)
+    if not chosen.num_rows:
+        return without("not_measurable", NO_FLOOR)
+    if not rows.num_rows:
+        if chosen["exposure_s"].to_numpy().sum() > 0:
+            return without("not_measurable", NO_FLOOR)
+        return without("not_enough_data", NOBODY)
+    grid = grid_over(cx, cy, floor=floor, cell_m=cell_m)
+    if isinstance(grid, Reason):
+        return without("not_measurable", grid)
+    at = cy - grid.cy, cx - grid.cx
+    inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
+    if not inside.any():
+        return without("not_enough_data", Reason("nobody.on_plan"))
+    hour, row, column, exposure_s, violation_s = (v[inside] for v in (hour, *at, exposure_s, violation_s))
+    return CellHours(grid, "ok", None, is_everything, chosen, hour, (row, column), exposure_s, violation_s)
+
+
+def mixed_s(warehouse: Warehouse, floor: Floor, data: CellHours) -> Floats:
+    """Return the person-seconds that random mixing would bring into violation, of each row's (`maps.excess_map`).
+
+    NaN in camera-hours where it is unknown who was in view together.
+    """
+    assert data.grid is not None
+    distance_m = warehouse.site.settings.distance_m
+    of_camera, n = data.keyed("camera_id", "local_hour")
+    of_hour, n_hours = data.keyed("local_hour")
+    recorded_h = data.used["recorded_h"].to_numpy()
+    together_h = np.bincount(of_camera, weights=recorded_h, minlength=n)
+    group = of_camera[data.hour]
+    people = np.bincount(group, weights=data.exposure_s, minlength=n) / 3600 / together_h
+    density = data.summed(data.exposure_s / 3600 / together_h[group], of_hour[data.hour], n_hours)
+    near = nearby(density, closeness(cell_m=data.grid.cell_m, distance_m=distance_m))
+    others = _others(warehouse, floor, data.used)
+    share = near[of_hour[data.hour], *data.at] / np.where(people > 0, people, 1.0)[group]
+    return np.asarray(data.exposure_s * -np.expm1(-others[data.hour] * share), dtype=np.float64)
+
+
+def _others(warehouse: Warehouse, floor: Floor, used: pa.Table) -> Floats:
+    """Return how many others a person has in view on average, 2 P / X, of each used camera-hour; NaN = unknown."""
+    rows = warehouse.rows(
+        "select camera_id, hour_start_ms, 2 * copresent_pair_s::double / person_s::double as others "
+        "from crowding_hours where floor_id = $floor and person_s > 0",
+        {"floor": floor.floor_id},
+    )
+    known = {(row["camera_id"], row["hour_start_ms"]): row["others"] for row in rows}
+    keys = zip(used["camera_id"].to_pylist(), used["hour_start_ms"].to_pylist(), strict=True)
+    return np.array([known.get(key) for key in keys], dtype=np.float64)
+
+
+_USED: Final = """
+select
+    camera_id,
+    hour_start_ms,
+    local_hour,
+    local_date,
+    recorded_open_s::double / 3600 as recorded_h,
+    coalesce(exposure_open_s, 0)::double as exposure_s,
+    exposure_open_s is not null as knows_people,
+    violation_s is not null as knows_distances
+from camera_hours
+where
+    floor_id = $floor and open_s > 0 and recorded_open_s > 0 and recorded_open_s >= $share * open_s
+    and local_date between $first and $last
+order by hour_start_ms, camera_no
+"""

@@ -1,0 +1,180 @@
+"""Time too close of a place: its share of person-time (M6) and its person-minutes per open hour, levels and changes.
+
+Person-seconds stand for events in the statistics of M0 and M7, so that their rules for small counts do not bite. Days
+are the clusters. A person counts where they stand, so areas and the rest add up to the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from vsd_analytics.figures.floor_days import NO_FLOOR
+from vsd_analytics.figures.panels import Array, Flags, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.rates import not_measured, past_weeks
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, Floor
+from vsd_analytics.stats.changes import compare_how_often, compare_how_risky
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.rates import how_often, how_risky
+
+SECONDS: Final = 3600.0
+MINUTES: Final = 60.0
+
+
+def close_time(period: Period, where: Floor | Area | None) -> Place:
+    """Return person-seconds in violation as `n`, and person-hours, of the floor, an area, or (None) the rest of it.
+
+    Cameras of which some hour's distances are unknown are left out.
+    """
+    data = period.data
+    if isinstance(where, Floor):
+        violation_h, exposure_h, cameras = data.violation_h, data.everyone.exposure_h, data.everyone.cameras
+    else:
+        area_id = None if where is None else where.area_id
+        violation_h, (_, exposure_h) = data.violation_in(area_id), data.counted_in(area_id)
+        cameras = np.asarray(exposure_h.any(axis=1))
+    return Place(violation_h * SECONDS, exposure_h, cameras & knows_distances(period))
+
+
+def close_share(period: Period, place: Place, *, has_history: bool = True) -> RateEstimate:
+    """Return the share of person-time in violation (M6) of a place made by `close_time`, with the interval of M7.
+
+    Args:
+        period: The days.
+        place: Person-seconds in violation, and person-hours.
+        has_history: Its `n` holds the weeks before the period too.
+    """
+    data, settings = period.data, period.data.site.settings
+    if (why := period.why_no_exposure) is not None:
+        return not_measured(why)
+    if not place.cameras.any():
+        return not_measured(NO_FLOOR)
+    now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
+    found = how_risky(
+        now.n.sum(axis=0),
+        now.exposure_h.sum(axis=0),
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=0.0,
+        **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
+    )
+    if found.rate is None:
+        return replace(found, reason=Reason("nobody.seen_open"))
+    found = in_units(found, SECONDS, Reason("nobody.close"))
+    if found.lo is not None and found.exposure_h < settings.min_exposure_h:
+        reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
+        found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
+    assert found.rate is not None
+    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
+
+
+def close_share_by_hour(period: Period) -> Array:
+    """Return the share of the floor's person-time in violation (M6) in each hour of the data, shape (n_hours,).
+
+    Of the camera-hours that enter rates; NaN in hours without any, and where nobody was in view. One hour is one
+    cluster, so it has no interval.
+    """
+    place = close_time(period, period.data.floor)
+    used = place.cameras[:, None] & period.data.hours.is_counted & period.is_inside
+    close_h, exposure_h = ((v * used).sum(axis=0) for v in (place.n / SECONDS, place.exposure_h))
+    share: Array = np.divide(close_h, exposure_h, out=np.full(exposure_h.shape, np.nan), where=exposure_h > 0)
+    return share
+
+
+def burden(period: Period, place: Place) -> RateEstimate:
+    """Return person-minutes in violation per recorded open hour, sum over cameras, with the interval of M0."""
+    data, settings = period.data, period.data.site.settings
+    if not place.cameras.any():
+        return not_measured(NO_FLOOR)
+    now, past = (data.panel(place, days) for days in (period.days, period.history_days))
+    found = how_often(
+        now.n,
+        now.x_h,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        **history(period, past.n, history_x_h=past.x_h),
+    )
+    return in_units(found, MINUTES, Reason("nobody.close"))
+
+
+def change_close_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
+    """Return the change of the share of person-time in violation (M6) over the camera-hours compared."""
+    settings = pair.data.site.settings
+    before, now, past = _compared(pair, place)
+    found = compare_how_risky(
+        before.n.sum(axis=0),
+        before.exposure_h.sum(axis=0),
+        now.n.sum(axis=0),
+        now.exposure_h.sum(axis=0),
+        history_n=[week.n.sum(axis=0) for week in past],
+        history_exposure_h=[week.exposure_h.sum(axis=0) for week in past],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+        min_exposure_h=settings.min_exposure_h,
+    )
+    return _change_in_units(found, SECONDS)
+
+
+def change_burden(pair: TwoPeriods, place: Place) -> ChangeEstimate:
+    """Return the change of person-minutes in violation per open hour over the camera-hours compared."""
+    settings = pair.data.site.settings
+    before, now, past = _compared(pair, place)
+    found = compare_how_often(
+        before.n,
+        before.x_h,
+        now.n,
+        now.x_h,
+        history_n=[week.n for week in past],
+        history_x_h=[week.x_h for week in past],
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+    return _change_in_units(found, MINUTES)
+
+
+def knows_distances(period: Period) -> Flags:
+    """Return the cameras whose distances are known in every hour of the period that they recorded."""
+    data = period.data
+    first, end = period.span_ms
+    rows = data.warehouse.rows(
+        "select camera_id, bool_and(violation_s is not null) as knows from camera_hours "
+        "where recorded_open_s > 0 and hour_start_ms >= $first and hour_start_ms < $end group by camera_id",
+        {"first": first, "end": end},
+    )
+    unknown = {r["camera_id"] for r in rows if not r["knows"]}
+    return np.array([c not in unknown for c in data.ids], dtype=np.bool_)
+
+
+def history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:
+    """Return the arguments that give weeks before to a level; none without any."""
+    days = period.history_days if n.shape[-1] else []
+    weekdays = [np.array([d.weekday() for d in of], dtype=np.int64) for of in (period.days, days)]
+    if not days:
+        return {"weekday": weekdays[0]}
+    return {"weekday": weekdays[0], "history_n": n, "history_weekday": weekdays[1], **divided_by}
+
+
+def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstimate:
+    """Return an estimate of person-seconds as one of so many seconds each; `nothing` is the reason of a rate of 0."""
+    if found.rate is None:
+        return found
+    if found.n_events == 0:
+        return replace(found, lo=None, hi=None, state="ok", reason=nothing)
+    lo, hi = (None if v is None else v / per_unit for v in (found.lo, found.hi))
+    return replace(found, rate=found.rate / per_unit, lo=lo, hi=hi, n_events=None)
+
+
+def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:
+    """Return a change with its rates in so many person-seconds; what was counted is no number of violations."""
+    rate_a, rate_b = (None if v is None else v / per_unit for v in (found.rate_a, found.rate_b))
+    return replace(found, rate_a=rate_a, rate_b=rate_b, n_a=None, n_b=None)
+
+
+def _compared(pair: TwoPeriods, place: Place) -> tuple[Panel, Panel, list[Panel]]:
+    """Return A, B and the weeks before them, over hours whose distances are known in both periods."""
+    known = replace(place, cameras=place.cameras & knows_distances(pair.before) & knows_distances(pair.now))
+    before, now = pair.compared(known)
+    return before, now, past_weeks(pair, known)

@@ -1,0 +1,128 @@
+"""How often the verdicts on a floor are false: its own past weeks, shuffled so that nothing changes on average (J10).
+
+The arithmetic is `vsd_analytics.stats.false_alarms`, on the two numbers of the floor that a weekly report judges: how
+often (M0) and how risky (M7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date, timedelta
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Panel, Period
+from vsd_analytics.result import Reason, State
+from vsd_analytics.site.model import Site
+from vsd_analytics.stats.false_alarms import MIN_WEEKS, FalseAlarms, false_alarm_rate, together
+from vsd_analytics.warehouse.stored_days import stored_extent
+
+MAX_WEEKS: Final = 26
+"""Weeks of the past that are shuffled, at most: what a site was like before that says little of today."""
+WEEKS_A_YEAR: Final = 52
+
+Days = tuple[date, date]
+
+
+@dataclass(frozen=True, slots=True)
+class FloorSelfCheck:
+    """How often a clear verdict on a floor is false, as its own weeks tell.
+
+    Attributes:
+        floor_id: The floor.
+        weeks: First day of the first and last day of the last week used; None without a week.
+        n_weeks: Weeks used: whole, and recorded as far as a week must be to be compared (`min_coverage`).
+        often: False alarms of how often (M0); None without a verdict.
+        risky: Of how risky (M7); likewise.
+        both: Of the two together; None where neither has one.
+        verdicts_a_year: Verdicts on the floor in a year of weekly reports: 52 for each number that is judged.
+        false_a_year: Expected false ones among them, with its interval.
+        state, reason: Why nothing can be said.
+    """
+
+    floor_id: str
+    weeks: Days | None
+    n_weeks: int
+    often: FalseAlarms | None
+    risky: FalseAlarms | None
+    both: FalseAlarms | None
+    state: State
+    reason: Reason | None
+
+    @property
+    def verdicts_a_year(self) -> int:
+        """Return the verdicts on the floor in a year of weekly reports."""
+        return WEEKS_A_YEAR * sum(figure is not None for figure in (self.often, self.risky))
+
+    @property
+    def false_a_year(self) -> tuple[float, float, float] | None:
+        """Return how many of them are false, and the limits of that number."""
+        if self.both is None:
+            return None
+        share, lo, hi = (self.verdicts_a_year * value for value in (self.both.share, self.both.lo, self.both.hi))
+        return share, lo, hi
+
+
+def days_needed(site: Site) -> Days:
+    """Return the local days a warehouse must hold for a self-check: the last 26 whole weeks with records.
+
+    Without records: one day, on which nothing is found.
+    """
+    extent = stored_extent(site)
+    if extent is None:
+        return date(2000, 1, 1), date(2000, 1, 1)
+    last = extent.last_day + timedelta(days=1)
+    monday = last - timedelta(days=last.weekday())
+    return max(extent.first_day, monday - MAX_WEEKS * WEEK), max(extent.first_day, monday - timedelta(days=1))
+
+
+def self_check(data: FloorHours, *, until: date) -> FloorSelfCheck:
+    """Return how often shuffled weeks of a floor would have been called a clear fall or rise.
+
+    Args:
+        data: The floor; its warehouse is opened over the weeks to use, at most the last 26 of which are.
+        until: Last day of the last week, a Sunday.
+    """
+    floor_id, settings = data.floor.floor_id, data.site.settings
+    weeks = _weeks(data, until)
+    if not weeks:
+        return FloorSelfCheck(floor_id, None, 0, None, None, None, "not_enough_data", _too_few(0))
+    used, last = (weeks[0].first, weeks[-1].last), weeks[-1]
+    if last.why_no_violations is not None:
+        why = last.why_no_violations
+        return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_measurable", why)
+    panels = [data.panel(last.whole, week.days) for week in weeks]
+    often = risky = None
+    if len(weeks) >= MIN_WEEKS:
+        rate = partial(false_alarm_rate, confidence=settings.confidence, min_days=settings.min_days)
+        n, x_h = (_stacked(panels, name) for name in ("n", "x_h"))
+        often = rate(n, x_h)
+        if all(week.why_no_exposure is None for week in weeks):
+            person_h = _stacked(panels, "exposure_h")
+            risky = rate(n.sum(axis=1)[:, None], person_h.sum(axis=1)[:, None])
+    found = [figure for figure in (often, risky) if figure is not None]
+    if not found:
+        why = _too_few(len(weeks)) if len(weeks) < MIN_WEEKS else Reason("selfcheck.verdicts")
+        return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_enough_data", why)
+    both = together(found, confidence=settings.confidence)
+    return FloorSelfCheck(floor_id, used, len(weeks), often, risky, both, "ok", None)
+
+
+def _weeks(data: FloorHours, until: date) -> list[Period]:
+    """Return the weeks that a report would compare, oldest first."""
+    mondays = [until - timedelta(days=6) - k * WEEK for k in range(MAX_WEEKS)]
+    inside = [monday for monday in reversed(mondays) if monday >= data.warehouse.first]
+    weeks = [Period(data, monday, monday + timedelta(days=6)) for monday in inside]
+    least = data.site.settings.min_coverage
+    return [week for week in weeks if week.recorded_h > 0 and week.recorded_h >= least * week.scheduled_h]
+
+
+def _stacked(panels: list[Panel], name: str) -> Array:
+    """Return one field of panels, shape (n_weeks, n_cameras, 7)."""
+    return np.array([getattr(panel, name) for panel in panels])
+
+
+def _too_few(n_weeks: int) -> Reason:
+    return Reason("selfcheck.weeks", least=MIN_WEEKS, has=n_weeks)
