@@ -211,6 +211,7 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
         replace(planted_redesign(), running=replace(rise, verdict="too_little_data")),
         replace(planted_redesign(), net=rise),
         replace(planted_redesign(), net=None),
+        replace(planted_redesign(), moved_elsewhere=0.6),
     ):
         titles = [t.title for t in story_of(replace(report, redesigns=(doubtful,))).things]
         assert not any("work" in title for title in titles), doubtful

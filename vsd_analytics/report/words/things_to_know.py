@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
@@ -16,6 +17,10 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.questions import ask
 from vsd_analytics.report.words.reasons import reason_text
+
+
+MOSTLY_MOVED: Final = 0.5
+"""A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 
 def weakest_camera(report: WeekReport) -> CameraRecord | None:
@@ -45,8 +50,8 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
 def is_shown_to_work(change: Redesign) -> bool:
     """Tell whether a logged change may be said to work.
 
-    Its running verdict beside areas that were left alone is a clear fall, nothing speaks against the comparison, and
-    the floor as a whole did not clearly rise.
+    Its running verdict beside areas that were left alone is a clear fall, nothing speaks against the comparison, the
+    floor as a whole did not clearly rise, and the rest of the floor did not take up most of the fall.
     """
     return (
         change.design == "beside"
@@ -56,6 +61,7 @@ def is_shown_to_work(change: Redesign) -> bool:
         and change.running.verdict == "clear_fall"
         and change.net is not None
         and change.net.verdict != "clear_rise"
+        and (change.moved_elsewhere or 0.0) < MOSTLY_MOVED
     )
 
 
