@@ -217,6 +217,13 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
         assert not any("work" in title for title in titles), doubtful
 
 
+def test_a_fall_that_moved_elsewhere_is_called_a_move() -> None:
+    moved = replace(planted_redesign(), moved_elsewhere=1.2)
+    first = story_of(replace(weeks.normal(), redesigns=(moved,))).things[0]
+    assert first.title == "Less time too close at Checkout queue, more elsewhere"
+    assert "the rest of the floor took up 100% of what fell there" in first.text
+
+
 def test_a_fall_since_a_log_entry_is_not_called_its_success() -> None:
     worked = story_of(weeks.normal()).things[0]
     assert worked.title == "Clear fall at Main entrance since the change"
