@@ -84,11 +84,12 @@ def spots(
         maps: The maps, whose numbers the busiest areas take over.
         coverage: What was recorded.
     """
-    is_tested = found.state == "ok" and bool(found.spots)
+    chosen = _material(data, found)[:SPOTS_MAX] if found.state == "ok" else []
+    is_tested = bool(chosen)
     why = None if is_tested else Reason("hotspots.none_stand_out") if found.state == "ok" else found.reason
     if is_tested:
-        cards = [_tested(data, s, areas, coverage, found) for s in found.spots[:SPOTS_MAX]]
-        cards = [_without_figures(c) if s.spot_id in revealing else c for c, s in zip(cards, found.spots, strict=False)]
+        cards = [_tested(data, s, areas, coverage, found) for s in chosen]
+        cards = [_without_figures(c) if s.spot_id in revealing else c for c, s in zip(cards, chosen, strict=True)]
     else:
         cards = [_busiest(data, n, a, at, coverage) for n, (a, at) in enumerate(_areas(areas, maps), 1)]
     return Spots(
@@ -102,6 +103,12 @@ def spots(
             for s in found.watching
         ),
     )
+
+
+def _material(data: WeekData, found: FloorHotspots) -> list[FloorSpot]:
+    """Return the hotspots that hold a material share of the floor's time too close; the others are in the JSON file."""
+    whole_h = float(data.violation_h[:, data.inside(found.first, found.last)].sum())
+    return [s for s in found.spots if s.violation_h >= data.site.settings.material_share * whole_h]
 
 
 def numbered(maps: tuple[FloorMap, ...], found: Spots) -> tuple[FloorMap, ...]:

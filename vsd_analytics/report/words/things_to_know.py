@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
@@ -16,6 +17,9 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.questions import ask
 from vsd_analytics.report.words.reasons import reason_text
+
+MOSTLY_MOVED: Final = 0.5
+"""A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 
 def weakest_camera(report: WeekReport) -> CameraRecord | None:
@@ -42,11 +46,12 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
-def is_shown_to_work(change: Redesign) -> bool:
+def is_shown_to_work(change: Redesign, *, wherever: bool = False) -> bool:
     """Tell whether a logged change may be said to work.
 
-    Its running verdict beside areas that were left alone is a clear fall, nothing speaks against the comparison, and
-    the floor as a whole did not clearly rise.
+    Its running verdict beside areas that were left alone is a clear fall, nothing speaks against the comparison, the
+    floor as a whole did not clearly rise, and the rest of the floor did not take up most of the fall (unless
+    `wherever`).
     """
     return (
         change.design == "beside"
@@ -56,6 +61,7 @@ def is_shown_to_work(change: Redesign) -> bool:
         and change.running.verdict == "clear_fall"
         and change.net is not None
         and change.net.verdict != "clear_rise"
+        and (wherever or (change.moved_elsewhere or 0.0) < MOSTLY_MOVED)
     )
 
 
@@ -81,6 +87,11 @@ def _worked(report: WeekReport) -> Thing:
     for change in reversed(report.redesigns):
         if is_shown_to_work(change):
             return _change_that_works(change)
+        if is_shown_to_work(change, wherever=True):
+            share = min(1.0, change.moved_elsewhere or 0.0)
+            text = say("things.moved_text", share=fmt.percent(share), area=change.area_name)
+            title = say("things.moved", area=change.area_name)
+            return Thing(kind="worked", title=title, text=text, target="changed")
     for line in report.log:
         if line.since is not None and line.since.verdict == "clear_fall" and line.area_name:
             text = say(
