@@ -6,6 +6,7 @@ and never stored. `json_schema()` publishes the same types.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -27,6 +28,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
 _LONG_BYTES = 2 << 20  # a first line that is damaged may be long
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_ARRAY = re.compile(rb"\s*\[\s*\{")
 
 Id = str | int
 
@@ -113,7 +115,7 @@ class Frames:
     def detects(self, source: Source) -> bool:
         """Return whether a line begins as a JSON object with "camera" or "v"; lines before it may be damaged."""
         head = source.head()
-        if head.removeprefix(_BYTE_ORDER_MARK).lstrip().startswith(b"["):  # a JSON array is a table
+        if _ARRAY.match(head.removeprefix(_BYTE_ORDER_MARK)):  # an array of objects is a table
             return False
         if b"\n" not in head:
             head = source.head(_LONG_BYTES)
