@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
-import subprocess
-import sys
-from collections import defaultdict
-from functools import cache
 from pathlib import Path
 
 import pytest
 from given_expect import all_inputs, all_relations
 
 from vsd_analytics.errors import SqlError
-from vsd_analytics.resources import shipped
 from vsd_analytics.warehouse.sqlfiles import Relation, check_columns, read_relation, relations
 
 RELATIONS = all_relations()
@@ -173,21 +167,3 @@ def test_a_relation_comes_after_what_it_reads() -> None:
     for relation in relations("staging", "facts").values():
         for read in relation.reads:
             assert read not in order or order.index(read) < order.index(relation.name)
-
-
-@cache
-def _sqlfluff() -> dict[str, list[str]]:
-    folder = shipped("sql")
-    form = ["--format", "github-annotation", "--annotation-level", "error"]
-    command = [sys.executable, "-m", "sqlfluff", "lint", str(folder), *form]
-    told = subprocess.run(command, capture_output=True, text=True, cwd=folder.parent, check=False)
-    assert told.returncode in (0, 1), told.stderr
-    problems: dict[str, list[str]] = defaultdict(list)
-    for found in json.loads(told.stdout):
-        problems[Path(found["file"]).name].append(f"line {found['start_line']}: {found['message']}")
-    return problems
-
-
-@by_name
-def test_sqlfluff_finds_nothing(relation: Relation) -> None:
-    assert _sqlfluff().get(relation.path.name, []) == []
