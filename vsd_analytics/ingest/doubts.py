@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from itertools import chain
 from typing import Final
@@ -22,6 +22,8 @@ from vsd_analytics.site.model import Camera, Site
 
 SPEED_MAX_M_S: Final = 8.0
 """Nobody's usual speed: a sprint. Millimetres read as metres give 1,000 m/s, pixels about 100."""
+USUAL_SHARE: Final = 0.5
+"""Positions beyond `coordinate_max_m` are single bad rows while at least this share is within it."""
 SPAN_MAX_M: Final = 200.0
 """Without a plan, positions further apart than this come from a wrong unit rather than from one floor."""
 PAIR_MAX_M: Final = 50.0
@@ -157,6 +159,9 @@ def _units(case: Case) -> Iterator[Doubt]:
 
 def _far_out(case: Case, unit: str) -> Iterator[Doubt]:
     places = case.sample.rows[["x", "y"]].dropna()
+    is_stored = (places.abs() <= case.site.settings.coordinate_max_m).all(axis=1)
+    if is_stored.mean() >= USUAL_SHARE:  # the others are bad rows, which go to quarantine and say nothing of the unit
+        places = places[is_stored]
     if len(places) < ROWS_MIN:
         return
     x, y = places["x"].to_numpy(), places["y"].to_numpy()
@@ -167,7 +172,7 @@ def _far_out(case: Case, unit: str) -> Iterator[Doubt]:
         fix = "--map u_px=...,v_px=... with --size WIDTHxHEIGHT if they are shares of the picture"
         yield Doubt("W220", what, why, fix, is_sure=True)
         return
-    extent = case.sample.extent("x", "y", tail=0.05)
+    extent = replace(case.sample, rows=places).extent("x", "y", tail=0.05)
     assert extent is not None
     shown = f"x {extent[0]:,.1f} to {extent[1]:,.1f} m, y {extent[2]:,.1f} to {extent[3]:,.1f} m"
     bounds = floor_bounds_m(case)
