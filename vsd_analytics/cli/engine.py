@@ -85,11 +85,12 @@ def run(
       vsd engine run joints/ --camera cam-1 --hz 25 --start 2026-11-09T08:00 --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
     """
+    from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.messages import frame_messages, instants_ms
     from vsd_analytics.engine.people_files import read_people
     from vsd_analytics.store.durable import publish
 
-    camera = _camera(project, camera_id)
+    camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
     found = read_people(people, size_px=picture_px)
     if method == "paper":
@@ -128,21 +129,6 @@ def _print(done: dict[str, Any]) -> None:
         click.echo(f"  {count(n, 'person')} not used: {what}")
     for what, n in done["bad_rows"].items():
         click.echo(f"  {count(n, 'bad row')}: {what}")
-
-
-def _camera(project: Project, camera_id: str) -> Camera:
-    from vsd_analytics.config.reader import nearest
-    from vsd_analytics.errors import UsageError
-
-    known = {c.camera_id: c for c in project.site.cameras}
-    if camera_id in known:
-        return known[camera_id]
-    close = nearest(camera_id, known)
-    raise UsageError(
-        f"the site has no camera {camera_id!r}",
-        why=f"its cameras are: {', '.join(known)}",
-        fix=f"--camera {close}" if close else "describe it in vsd.toml with [[camera]]",
-    )
 
 
 def _ratios(text: str, convention: str) -> Ratios:

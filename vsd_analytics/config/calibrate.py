@@ -74,7 +74,7 @@ def calibrate(
         UsageError: No such camera, or nothing to calibrate from (E101).
         CalibrationError: The file cannot be used (E401 to E406).
     """
-    camera = _camera(site, camera_id)
+    camera = camera_called(site, camera_id)
     same = next((c for c in camera.calibrations if c.valid_from == valid_from), None)
     given = matrix or points
     if given is None:
@@ -117,7 +117,8 @@ def errors_m(homography: Sequence[Sequence[float]], points: Sequence[PointPair])
     return [float(e) for e in np.hypot(off[:, 0], off[:, 1])]
 
 
-def _camera(site: Site, camera_id: str) -> Camera:
+def camera_called(site: Site, camera_id: str, *, option: str = "vsd calibrate") -> Camera:
+    """Return a camera of the site; UsageError E101 when there is none, with the nearest name behind `option`."""
     from vsd_analytics.config.reader import nearest
 
     known = {c.camera_id: c for c in site.cameras}
@@ -127,7 +128,7 @@ def _camera(site: Site, camera_id: str) -> Camera:
     raise UsageError(
         f"the site has no camera {camera_id!r}",
         why=f"its cameras are: {', '.join(known)}",
-        fix=f"vsd calibrate {close}" if close else "describe it in vsd.toml with [[camera]]",
+        fix=f"{option} {close}" if close else "describe it in vsd.toml with [[camera]]",
     )
 
 

@@ -12,11 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from vsd_analytics.figures.floor_days import NO_FLOOR
-from vsd_analytics.figures.panels import Array, Flags, Panel, Period, Place, TwoPeriods
-from vsd_analytics.figures.rates import not_measured, past_weeks
+from vsd_analytics.figures.panels import Array, Flags, Period, Place, TwoPeriods
+from vsd_analytics.figures.rates import change_often, change_risky, not_measured
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
-from vsd_analytics.stats.changes import compare_how_often, compare_how_risky
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
 
@@ -102,37 +101,12 @@ def burden(period: Period, place: Place) -> RateEstimate:
 
 def change_close_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of the share of person-time in violation (M6) over the camera-hours compared."""
-    settings = pair.data.site.settings
-    before, now, past = _compared(pair, place)
-    found = compare_how_risky(
-        before.n.sum(axis=0),
-        before.exposure_h.sum(axis=0),
-        now.n.sum(axis=0),
-        now.exposure_h.sum(axis=0),
-        history_n=[week.n.sum(axis=0) for week in past],
-        history_exposure_h=[week.exposure_h.sum(axis=0) for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        min_exposure_h=settings.min_exposure_h,
-    )
-    return _change_in_units(found, SECONDS)
+    return _change_in_units(change_risky(pair, _with_known_distances(pair, place)), SECONDS)
 
 
 def change_burden(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of person-minutes in violation per open hour over the camera-hours compared."""
-    settings = pair.data.site.settings
-    before, now, past = _compared(pair, place)
-    found = compare_how_often(
-        before.n,
-        before.x_h,
-        now.n,
-        now.x_h,
-        history_n=[week.n for week in past],
-        history_x_h=[week.x_h for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
-    return _change_in_units(found, MINUTES)
+    return _change_in_units(change_often(pair, _with_known_distances(pair, place)), MINUTES)
 
 
 def knows_distances(period: Period) -> Flags:
@@ -173,8 +147,6 @@ def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:
     return replace(found, rate_a=rate_a, rate_b=rate_b, n_a=None, n_b=None)
 
 
-def _compared(pair: TwoPeriods, place: Place) -> tuple[Panel, Panel, list[Panel]]:
-    """Return A, B and the weeks before them, over hours whose distances are known in both periods."""
-    known = replace(place, cameras=place.cameras & knows_distances(pair.before) & knows_distances(pair.now))
-    before, now = pair.compared(known)
-    return before, now, past_weeks(pair, known)
+def _with_known_distances(pair: TwoPeriods, place: Place) -> Place:
+    """Return a place without the cameras whose distances are unknown in either period."""
+    return replace(place, cameras=place.cameras & knows_distances(pair.before) & knows_distances(pair.now))

@@ -63,7 +63,10 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
 
 
 def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
-    """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`."""
+    """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`.
+
+    Of a place that counts person-seconds in violation instead of violations it is the change of the burden.
+    """
     before, now = pair.compared(place, since=since)
     settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_often(
@@ -80,7 +83,10 @@ def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
 
 
 def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
-    """Return the change in how risky (M7) over the camera-hours compared."""
+    """Return the change in how risky (M7) over the camera-hours compared.
+
+    Of a place that counts person-seconds in violation instead of violations it is the change of their share (M6).
+    """
     before, now = pair.compared(place, since=since)
     settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_risky(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from datetime import date, datetime, time
@@ -17,7 +18,7 @@ from vsd_analytics.ingest.table_file import Chunk, Header
 ROWS = 20_000
 
 
-class CellTable:
+class CellTable(ABC):
     """A table whose rows come one by one, as lists of values. Subclasses give the rows.
 
     Args:
@@ -31,9 +32,9 @@ class CellTable:
     def __init__(self, header: Header, *, cell_max_bytes: int) -> None:
         self.header, self._cell_max = header, cell_max_bytes
 
+    @abstractmethod
     def rows(self) -> Iterator[tuple[int, Sequence[Any], int]]:
         """Yield number, values in the order of the header, and bytes of the file read so far."""
-        raise NotImplementedError
 
     def chunks(self, wanted: Mapping[str, int]) -> Iterator[Chunk]:
         """Read columns as texts; see `TableFile.chunks`. What comes before damage is yielded first."""

@@ -106,7 +106,7 @@ class Workbook(CellTable):
             raise
         except (zipfile.BadZipFile, zlib.error, OSError, ValueError, LookupError, SyntaxError, TypeError) as error:
             raise self._damaged(error) from None
-        except (AttributeError, EOFError, RuntimeError, OverflowError, NotImplementedError) as error:
+        except (AttributeError, EOFError, RuntimeError, OverflowError) as error:
             raise self._damaged(error) from None  # openpyxl trusts what it reads
 
     def _damaged(self, error: Exception) -> InputError:

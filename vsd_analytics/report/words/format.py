@@ -53,7 +53,7 @@ def percent(share: float | None) -> str:
         >>> percent(0.927), percent(0.998), percent(0.001), percent(1), percent(0)
         ('93%', 'over 99%', 'under 1%', '100%', '0%')
     """
-    if share is None or not math.isfinite(share):
+    if share is None or not math.isfinite(share * 100):
         return MISSING
     text = f"{share * 100:,.0f}%"
     if text == "0%" and share > 0:
@@ -70,7 +70,7 @@ def percent_short(share: float | None) -> str:
 
 def signed(change: float | None) -> str:
     """Write a relative change with its sign: −43%, +8%, 0%."""
-    if change is None or not math.isfinite(change):
+    if change is None or not math.isfinite(change * 100):
         return MISSING
     points = round(change * 100)
     return f"{'+' if points > 0 else MINUS if points < 0 else ''}{abs(points):,}%"
@@ -78,7 +78,7 @@ def signed(change: float | None) -> str:
 
 def fewer_more(change: float | None) -> str:
     """Write a relative change in words: 14% fewer, 8% more, about the same."""
-    if change is None:
+    if change is None or not math.isfinite(change * 100):
         return MISSING
     points = round(change * 100)
     if points == 0:
@@ -89,7 +89,7 @@ def fewer_more(change: float | None) -> str:
 def likely_change(estimate: Estimate) -> str:
     """Write the interval of a change: likely between 10% and 18% fewer; empty when there is none."""
     lo, hi = estimate.change_lo, estimate.change_hi
-    if lo is None or hi is None:
+    if lo is None or hi is None or not math.isfinite(lo * 100) or not math.isfinite(hi * 100):
         return ""
     low, high = round(lo * 100), round(hi * 100)
     if low == high:

@@ -84,11 +84,11 @@ def encode_reason(value: Any) -> Any:
     """Return the sentence of a reason: what msgspec and json call for a type they do not know.
 
     Raises:
-        NotImplementedError: The value is no reason.
+        TypeError: The value is no reason.
     """
     if isinstance(value, Reason):
         return reason_text(value)
-    raise NotImplementedError(f"JSON cannot hold {type(value).__name__}")
+    raise TypeError(f"JSON cannot hold {type(value).__name__}")
 
 
 def decode_reason(kind: type, value: Any) -> Any:
@@ -96,10 +96,10 @@ def decode_reason(kind: type, value: Any) -> Any:
 
     Raises:
         ValueError: The value is no text; msgspec says where.
-        NotImplementedError: The field is of another type.
+        TypeError: The field is of another type.
     """
     if kind is not Reason:
-        raise NotImplementedError(f"a report holds no {kind.__name__}")
+        raise TypeError(f"a report holds no {kind.__name__}")
     if not isinstance(value, str):
         raise ValueError(f"Expected `str`, got `{type(value).__name__}`")
     return read_reason(value)
@@ -109,10 +109,10 @@ def reason_schema(kind: type) -> dict[str, Any]:
     """Return the JSON Schema of a reason: a text.
 
     Raises:
-        NotImplementedError: The type is another one.
+        TypeError: The type is another one.
     """
     if kind is not Reason:
-        raise NotImplementedError(f"a report holds no {kind.__name__}")
+        raise TypeError(f"a report holds no {kind.__name__}")
     return {"type": "string"}
 
 
