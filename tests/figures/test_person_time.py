@@ -15,6 +15,7 @@ from vsd_analytics.figures.close_time import burden, change_burden, change_close
 from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
 from vsd_analytics.figures.person_time import PersonTime, person_time
 from vsd_analytics.site.model import Area, Site
+from vsd_analytics.stats.estimates import ChangeEstimate
 
 FIRST = date(2026, 11, 9)
 COUPLE = ("a", "b")
@@ -109,9 +110,9 @@ def test_areas_and_the_rest_add_up_to_the_floors_time_too_close(tmp_path: Path) 
     assert minutes.rate == pytest.approx(recount(rows)[0] / 60)
 
 
-def test_less_dwelling_lowers_the_burden_and_leaves_the_share(tmp_path: Path) -> None:
-    """Half of the scenes: the same share of the time is too close, and half of the person-minutes an hour."""
-    site = make_site(tmp_path, min_exposure_h=0.0)
+def halved_scenes(root: Path, **settings: float) -> tuple[ChangeEstimate, ChangeEstimate]:
+    """Return the changes of M6 and of the burden in a second week with half of the scenes of the first."""
+    site = make_site(root, min_exposure_h=0.0, **settings)
     rows = []
     for d in range(14):
         for k in range((2 + d % 7 % 3) * (2 if d < 7 else 1)):
@@ -123,7 +124,18 @@ def test_less_dwelling_lowers_the_burden_and_leaves_the_share(tmp_path: Path) ->
         data = FloorHours(warehouse, floor=site.floors[0])
         pair = TwoPeriods(Period(data, FIRST, FIRST + timedelta(days=6)), Period(data, FIRST + timedelta(days=7), last))
         place = close_time(pair.now, site.floors[0])
-        share, minutes = change_close_share(pair, place), change_burden(pair, place)
+        return change_close_share(pair, place), change_burden(pair, place)
+
+
+@pytest.mark.parametrize(("within", "verdict"), [(0.01, "cannot_tell"), (0.5, "about_same")])
+def test_the_setting_of_about_the_same_holds_for_time_too_close(tmp_path: Path, within: float, verdict: str) -> None:
+    share, _ = halved_scenes(tmp_path, about_same_share=within)
+    assert share.verdict == verdict
+
+
+def test_less_dwelling_lowers_the_burden_and_leaves_the_share(tmp_path: Path) -> None:
+    """Half of the scenes: the same share of the time is too close, and half of the person-minutes an hour."""
+    share, minutes = halved_scenes(tmp_path)
     assert share.theta == pytest.approx(1.0)
     assert minutes.theta == pytest.approx(0.5)
     assert minutes.verdict == "clear_fall"

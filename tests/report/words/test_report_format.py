@@ -17,6 +17,13 @@ def test_examples_in_the_docstrings_hold() -> None:
     assert doctest.testmod(fmt).failed == 0
 
 
+@pytest.mark.parametrize("absurd", [1e308, -1e308, float("inf"), float("nan")])
+def test_a_share_that_no_percentage_can_hold_is_missing(absurd: float) -> None:
+    estimate = Estimate(value=1.0, change=absurd, change_lo=absurd, change_hi=0.1)
+    assert {fmt.percent(absurd), fmt.signed(absurd), fmt.fewer_more(absurd)} == {fmt.MISSING}
+    assert fmt.likely_change(estimate) == ""
+
+
 @pytest.mark.parametrize(
     ("value", "text"),
     [
