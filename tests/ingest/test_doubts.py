@@ -85,6 +85,24 @@ def test_millimetres_centimetres_and_pixels_as_metres_are_refused(tmp_path: Path
     assert sure.n_new + sum(sure.result.n_rejected.values()) == 360  # beyond coordinate_max_m they are quarantined
 
 
+@pytest.mark.parametrize(("factor", "is_stored"), [(1.0, True), (1000.0, False)])
+def test_a_concourse_of_half_a_kilometre_is_no_wrong_unit_where_people_walk(
+    tmp_path: Path, factor: float, is_stored: bool
+) -> None:
+    """Without a plan, only how fast people move tells a large floor from millimetres."""
+    root = project(tmp_path / "project")
+    text = (root / "vsd.toml").read_text(encoding="utf-8")
+    (root / "vsd.toml").write_text(text.replace('plan = "plan.svg"\nplan_m_per_px = 0.1\n', ""), encoding="utf-8")
+    rows = rows_of(lambda s: f"{s.at.isoformat()},{s.track},{(s.x_m + 80 * s.track) * factor},{s.y_m * factor}")
+    path = root / "a.csv"
+    path.write_text("\n".join(["ts,track_id,x_m,y_m", *rows]) + "\n", encoding="utf-8")
+    found = ingest(load_site(root), [path], IngestOptions(), now=NOW)
+    card = found.sources[0].card
+    assert card is not None
+    assert {d.code for d in card.doubts} == {"W220"}
+    assert (found.sources[0].error is None, found.fold.n_new) == (is_stored, 360 if is_stored else 0)
+
+
 def test_a_stated_unit_converts_columns_that_name_none(tmp_path: Path) -> None:
     rows = rows_of(lambda s: f"{s.at.isoformat()},{s.track},{s.x_m * 1000},{s.y_m * 1000}")
     assert take(tmp_path, "ts,id,x,y", rows, map=OURS, unit="mm").codes == []

@@ -154,10 +154,12 @@ def _units(case: Case) -> Iterator[Doubt]:
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
         yield Doubt("W220", what, "positions are hardly in metres, or ids change people", unit, is_sure=True)
-    yield from _far_out(case, unit)
+    is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
+    yield from _far_out(case, unit, is_walking=is_walking)
 
 
-def _far_out(case: Case, unit: str) -> Iterator[Doubt]:
+def _far_out(case: Case, unit: str, *, is_walking: bool) -> Iterator[Doubt]:
+    """W220: positions beyond the floor. People who move as fast as people do are in metres, on a large floor."""
     places = case.sample.rows[["x", "y"]].dropna()
     is_stored = (places.abs() <= case.site.settings.coordinate_max_m).all(axis=1)
     if is_stored.mean() >= USUAL_SHARE:  # the others are bad rows, which go to quarantine and say nothing of the unit
@@ -179,7 +181,7 @@ def _far_out(case: Case, unit: str) -> Iterator[Doubt]:
     if bounds is None:
         if max(extent[1] - extent[0], extent[3] - extent[2]) > SPAN_MAX_M:
             why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
-            yield Doubt("W220", f"positions reach over {shown}", why, unit, is_sure=True)
+            yield Doubt("W220", f"positions reach over {shown}", why, unit, is_sure=not is_walking)
         return
     left, right, low, high = bounds
     outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
