@@ -22,6 +22,7 @@
 --   exposure_open_s      person-seconds in opening hours
 --   violation_records    violation records; null also where people have pixels only and the camera no calibration
 --   violation_s          person-seconds in violation; likewise
+--   violation_open_s     person-seconds in violation in opening hours; likewise
 --   n_violations         violations that started in it; null also where the engine sends no track ids
 --   n_violations_open    those that started in opening hours
 -- figure: M0 How often (headline 1)
@@ -62,8 +63,9 @@
 --   uncertainty  80 % range; last week's forecast is scored beside the seasonal naive one
 --   by           vsd_analytics.figures.forecast.forecast
 -- figure: M28 Trend
---   definition   M0 and M7 of each of the last 12 weeks; weeks recorded too little are gaps
---   unit         per open hour; per person-hour
+--   definition   M0, M6 and M7 of each of the last 12 weeks, over the cameras that recorded the last one; weeks recorded too
+--                little are gaps, weeks without one of these cameras are marked
+--   unit         per open hour; share; per person-hour
 --   denominator  recorded open hours; person-hours
 --   needs        3 recorded weeks
 --   uncertainty  each week's 95 % interval
@@ -139,7 +141,8 @@ per_hour as (
         sum(exposure_ms) / 1000.0 as exposure_s,
         coalesce(sum(exposure_ms) filter (where is_open), 0) / 1000.0 as exposure_open_s,
         sum(violation_records)::bigint as violation_records,
-        sum(violation_ms) / 1000.0 as violation_s
+        sum(violation_ms) / 1000.0 as violation_s,
+        coalesce(sum(violation_ms) filter (where is_open), 0) / 1000.0 as violation_open_s
     from per_quarter
     group by camera_id, camera_no, floor_id, hour_start_ms
 ),
@@ -173,6 +176,7 @@ select
     case when per_hour.recorded_open_s > 0 and per_hour.has_persons then per_hour.exposure_open_s end as exposure_open_s,
     case when per_hour.recorded_s > 0 and per_hour.has_distances then per_hour.violation_records end as violation_records,
     case when per_hour.recorded_s > 0 and per_hour.has_distances then per_hour.violation_s end as violation_s,
+    case when per_hour.recorded_open_s > 0 and per_hour.has_distances then per_hour.violation_open_s end as violation_open_s,
     case
         when per_hour.recorded_s > 0 and per_hour.has_distances and per_hour.has_tracks then coalesce(counted.n_violations, 0)
     end as n_violations,

@@ -11,6 +11,7 @@
 --   open_h             opening time in hours; 2 where an always open site puts its clocks back
 --   recorded_h         recorded opening time, hours
 --   person_h           person-hours in opening hours; null where nothing was recorded or the engine sends no positions
+--   violation_h        person-hours in violation in opening hours; null where they cannot be known in a recorded part of it
 --   n_violations       violations that started in opening hours; null where they cannot be known in a recorded part of it
 -- assumes: hours without opening time are left out, and the hour the clocks skip is missing
 select
@@ -24,6 +25,9 @@ select
     case
         when count(*) filter (where recorded_open_s > 0 and exposure_open_s is null) = 0 then sum(exposure_open_s) / 3600
     end as person_h,
+    case
+        when count(*) filter (where recorded_open_s > 0 and violation_open_s is null) = 0 then sum(violation_open_s) / 3600
+    end as violation_h,
     case
         when count(*) filter (where recorded_open_s > 0 and n_violations_open is null) = 0 then sum(n_violations_open)
     end as n_violations

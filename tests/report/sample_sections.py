@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date, datetime, timedelta
 from typing import Any
@@ -12,6 +13,7 @@ from report import sample_weeks as weeks
 from vsd_analytics.report.draw.spot_pictures import floor_picture
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.stats.usual import usual_range
 
 ROME = weeks.ROME
 LEVELS = (139.0, 135.0, 143.0, None, 138.0, 151.0, 146.0, 143.0, 141.0)
@@ -28,6 +30,7 @@ def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
                 number=37 + k,
                 monday=monday,
                 often=None if level is None else weeks.estimate(level),
+                close=None if level is None else weeks.estimate(level / 584.0),
                 risky=None if level is None else weeks.estimate(level / 292.0),
                 coverage=0.41 if level is None else 0.98,
                 reason=read_reason("41% of open hours were recorded, and a week needs 60%") if level is None else None,
@@ -38,6 +41,7 @@ def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
         number=46,
         monday=weeks.MONDAY,
         often=report.level.often,
+        close=report.level.close_share,
         risky=report.level.risky,
         coverage=report.coverage.share,
     )
@@ -54,10 +58,20 @@ def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
     is_short = n < 3
     return m.Trend(
         weeks=kept,
+        usual_often=_usual([w.often for w in kept]),
+        usual_close=_usual([w.close for w in kept]),
         marks=() if is_short else marks,
         state="not_enough_data" if is_short else "ok",
         reason=read_reason(f"a trend needs 3 recorded weeks, has {n}") if is_short else None,
     )
+
+
+def _usual(weeks: Sequence[m.Estimate | None]) -> m.Usual | None:
+    *before, now = [e.value if e is not None else None for e in weeks]
+    found = usual_range([v for v in before if v is not None])
+    if found is None or now is None:
+        return None
+    return m.Usual(lo=found.lo, hi=found.hi, n_weeks=found.n_weeks, position=found.position(now))
 
 
 def evidence(**more: Any) -> m.Evidence:

@@ -255,6 +255,7 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
     """Four cameras, five areas, an outage, a low-data hour, a logged change with a clear fall."""
     hours = cells()
     often, risky, people = estimate(121.3, -0.14), estimate(0.415, -0.12, 0.05), estimate(292.0, -0.02, 0.03)
+    close = estimate(0.23, -0.04, 0.05)
     return page_model.WeekReport(
         site=m.SiteRef(
             site_id="shop", name="Riverside Store", floor_id="ground", floor_name="Ground floor", floors=("ground",)
@@ -273,7 +274,7 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
         rules=m.Rules(distance_m=2.0, retention_days=14),
         state="normal",
         coverage=coverage(hours, names=camera_names),
-        level=m.Level(often=often, risky=risky, people=people, exposure_h=23486.0, violations=9747),
+        level=m.Level(often=often, risky=risky, close_share=close, people=people, exposure_h=23486.0, violations=9747),
         busiest_spot=m.BusiestSpot(area_id="a0", name=names[0], share=0.36, floor_share=0.06),
         busiest_hour=m.BusiestHour(start=datetime(2026, 11, 14, 17, tzinfo=ROME), violations=242, ratio_to_mean=2.01),
         areas=areas(names),
@@ -384,6 +385,7 @@ def first_week() -> page_model.WeekReport:
         report.level,
         often=alone(report.level.often),
         risky=alone(report.level.risky),
+        close_share=alone(report.level.close_share or estimate(None)),
         people=alone(report.level.people),
     )
     rows = tuple(replace(a, often=alone(a.often)) for a in report.areas)
@@ -440,7 +442,7 @@ def settings_changed() -> page_model.WeekReport:
 def exposure_unknown() -> page_model.WeekReport:
     report = normal()
     unknown = m.Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no positions"))
-    level = replace(report.level, risky=unknown, people=unknown, exposure_h=None)
+    level = replace(report.level, risky=unknown, close_share=unknown, people=unknown, exposure_h=None)
     rows = tuple(replace(a, risky=unknown, exposure_h=None) for a in report.areas)
     return replace(report, level=level, areas=rows)
 

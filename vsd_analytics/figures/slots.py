@@ -35,6 +35,7 @@ class Slots:
         open_h: Open hours, shape (n_weeks, 168), oldest week first.
         recorded_h: Recorded open hours, shape (n_cameras, n_weeks, 168).
         person_h: Person-hours, same shape; NaN where they are not known.
+        violation_h: Person-hours in violation, same shape; NaN where they are not known.
         n_violations: Violations, same shape; NaN where they are not known.
         min_share: Share of its open hours a camera's slot must be recorded for, to enter rates.
     """
@@ -44,6 +45,7 @@ class Slots:
     open_h: Floats
     recorded_h: Floats
     person_h: Floats
+    violation_h: Floats
     n_violations: Floats
     min_share: float
 
@@ -104,7 +106,7 @@ def load_slots(warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: st
     rows = warehouse.table(
         "select camera_id, date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
         "open_h::double as open_h, recorded_h::double as recorded_h, person_h::double as person_h, "
-        "n_violations::double as n_violations from camera_slots "
+        "violation_h::double as violation_h, n_violations::double as n_violations from camera_slots "
         "where local_date between $first and $last and camera_id in (select unnest($cameras))",
         {"first": first, "last": monday + timedelta(days=6), "cameras": list(cameras)},
     )
@@ -122,6 +124,7 @@ def load_slots(warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: st
         open_h=grid("open_h", 0.0).max(axis=0, initial=0.0),
         recorded_h=grid("recorded_h", 0.0),
         person_h=grid("person_h", np.nan),
+        violation_h=grid("violation_h", np.nan),
         n_violations=grid("n_violations", np.nan),
         min_share=float(site.settings.partial_hour_share),
     )

@@ -1,4 +1,4 @@
-"""How the last twelve weeks went: how often and how risky, week by week, and what was changed when (M28)."""
+"""How the last twelve weeks went: how often and how much time too close, week by week, and what was changed (M28)."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ class FloorTrend:
         floor_id: Floor; None = the whole site.
         weeks: Oldest first, from the first week with records on, at most twelve; gaps included.
         marks: Entries of the change log in these weeks; their text is free: escape it.
+        cameras: Names of the cameras, by the position that `WeekRates.missing` gives; free text: escape them.
+        left_out: Names of those that recorded nothing in the last week, so that no week counts them.
         state: "ok" when at least three weeks are no gaps.
         reason: Why not.
         risky_reason: Why the rate per person-hour cannot be given; None where it can.
@@ -37,6 +39,8 @@ class FloorTrend:
     floor_id: str | None
     weeks: tuple[WeekRates, ...]
     marks: tuple[LogEntry, ...]
+    cameras: tuple[str, ...]
+    left_out: tuple[str, ...]
     state: State
     reason: Reason | None
     risky_reason: Reason | None
@@ -61,9 +65,10 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
     """
     slots = load_slots(warehouse, monday, n_weeks=TREND_WEEKS + HISTORY_WEEKS, floor_id=floor_id)
     if (why := slots.why_no_violations) is not None:
-        return FloorTrend(floor_id, (), (), "not_measurable", why, why)
+        return FloorTrend(floor_id, (), (), (), (), "not_measurable", why, why)
     settings = warehouse.site.settings
     used = slots.is_recorded & ~np.isnan(slots.n_violations)
+    is_unknown = slots.why_no_people or np.isnan(slots.violation_h[used]).any()
     why_no_risk = NO_POSITIONS if slots.why_no_people or np.isnan(slots.person_h[used]).any() else None
     seen = np.flatnonzero((slots.recorded_h > 0).any(axis=(0, 2)))
     n_weeks = min(TREND_WEEKS, TREND_WEEKS + HISTORY_WEEKS - int(seen[0])) if len(seen) else 0
@@ -73,6 +78,7 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
         _by_day(slots.recorded_h, used),
         None if why_no_risk else _by_day(slots.person_h, used),
         slots.open_h.reshape(-1, 24).sum(axis=1),
+        close_h=None if why_no_risk or is_unknown else _by_day(slots.violation_h, used),
         coverage=_coverage(slots),
         mondays=mondays,
         min_coverage=float(settings.min_coverage),
@@ -82,7 +88,11 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
     )
     marks = _marks(warehouse, mondays[0], monday, floor_id) if mondays else ()
     why = why_no_trend(weeks)
-    return FloorTrend(floor_id, weeks, marks, "ok" if why is None else "not_enough_data", why, why_no_risk)
+    names = {c.camera_id: c.name for c in warehouse.site.cameras}
+    cameras = tuple(names[c] for c in slots.camera_ids)
+    left_out = tuple(name for name, recorded in zip(cameras, used[:, -1], strict=True) if not recorded.any())
+    state: State = "ok" if why is None else "not_enough_data"
+    return FloorTrend(floor_id, weeks, marks, cameras, left_out, state, why, why_no_risk)
 
 
 def _by_day(values: Floats, used: NDArray[np.bool_]) -> Floats:

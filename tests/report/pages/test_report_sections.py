@@ -94,20 +94,35 @@ def test_the_small_line_is_broken_at_the_gap_and_absent_with_two_weeks() -> None
 
 
 @pytest.mark.parametrize(
-    ("value", "half", "said"),
+    ("value", "said"),
     [
-        (100.0, 10.0, "the lowest of these 9 weeks"),
-        (131.0, 10.0, "week 46 is not clearly below the weeks before"),
-        (140.0, 10.0, "week 46 lies within the weeks before"),
-        (156.0, 10.0, "week 46 is not clearly above the weeks before"),
-        (200.0, 10.0, "the highest of these 9 weeks"),
+        (100.0, "week 46 is below the usual range"),
+        (140.0, "week 46 is in the usual range"),
+        (200.0, "week 46 is above the usual range"),
     ],
 )
-def test_a_week_is_notable_by_its_range_not_by_its_figure(value: float, half: float, said: str) -> None:
+def test_a_week_is_notable_by_the_range_of_the_weeks_before(value: float, said: str) -> None:
     report = weeks.normal()
-    level = replace(report.level, often=m.Estimate(value=value, lo=value - half, hi=value + half))
+    level = replace(report.level, often=m.Estimate(value=value, lo=value - 10, hi=value + 10))
     report = replace(report, level=level)
     assert page_sections.trend_title(replace(report, trend=sections.trend(report)), "often") == said
+
+
+def test_before_four_weeks_there_is_no_usual_range() -> None:
+    report = weeks.normal()
+    assert page_sections.trend_title(replace(report, trend=sections.trend(report, n=4)), "often") == "4 weeks so far"
+    page = render_html(replace(report, trend=sections.trend(report, n=4)))
+    assert "usual range" not in seen(page)
+
+
+def test_a_week_with_other_cameras_is_drawn_apart_and_named() -> None:
+    report = weeks.normal()
+    found = sections.trend(report)
+    other = replace(found.weeks[2], missing=("Entrance",))
+    page = render_html(replace(report, trend=replace(found, weeks=(*found.weeks[:2], other, *found.weeks[3:]))))
+    assert 'stroke-dasharray="2 2"' in page
+    assert "Not comparable: Camera “Entrance” recorded too little" in seen(page)
+    assert 'stroke-dasharray="2 2"' not in render_html(replace(report, trend=found))
 
 
 def test_the_first_week_has_no_chart_but_a_table() -> None:
@@ -128,10 +143,12 @@ def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_ba
     found = trend_weeks.analysis.FloorTrend(
         floor_id="ground",
         weeks=tuple(
-            WeekRates(day, rate(count), rate(count), 1.0, "ok", None)
+            WeekRates(day, rate(count), rate(count), None, 1.0, "ok", None)
             for day, count in ((monday, 3.0), (weeks.MONDAY, 900.0))
         ),
         marks=(),
+        cameras=(),
+        left_out=(),
         state="ok",
         reason=None,
         risky_reason=None,
@@ -145,6 +162,7 @@ def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_ba
 
 class _Settings:
     mask_below = 5
+    confidence = 0.95
 
 
 class _Site:
@@ -268,7 +286,7 @@ def test_without_charts_the_log_is_part_of_what_changed() -> None:
 
 def test_both_readings_are_side_by_side_with_their_accuracy() -> None:
     page = make_page(sections.complete())
-    assert [t.also for t in page.tiles[:2]] == ["Between groups: 98", "Between groups: 0.34"]
+    assert page.tiles[0].also == "Between groups: 98"
     assert "81% (likely between 78% and 84%) remain" in page.readings_note
     assert page.between == {"a0": pytest.approx(37.6), None: pytest.approx(16.2)}
     assert "Of these between groups" in seen(render_html(sections.complete()))

@@ -18,7 +18,7 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.headline import OFTEN, RISKY, story_of
+from vsd_analytics.report.words.headline import CLOSE, OFTEN, story_of
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.result import Reason
 
@@ -38,12 +38,35 @@ def made(verdict: str, value: float) -> m.Estimate:
     return m.Estimate(value=value, previous=value / (1 + change), change=change, verdict=verdict, **ends)  # type: ignore[arg-type]
 
 
-def pair(often: str, risky: str) -> page_model.WeekReport:
+def pair(often: str, close: str) -> page_model.WeekReport:
     """Return a week with two verdicts, more people, and no log."""
     report = weeks.normal()
     people = m.Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
-    level = replace(report.level, often=made(often, 121.0), risky=made(risky, 0.41), people=people)
+    level = replace(report.level, often=made(often, 121.0), close_share=made(close, 0.41), people=people)
     return replace(report, level=level, log=())
+
+
+def beside_usual(often: str, position: str) -> page_model.WeekReport:
+    """Return a week with a verdict on how often that lies somewhere beside the weeks before."""
+    report = pair(often, "cannot_tell")
+    usual = m.Usual(lo=130.0, hi=150.0, n_weeks=8, position=position)  # type: ignore[arg-type]
+    return replace(report, trend=replace(sections.trend(report), usual_often=usual))
+
+
+def silent(n: int) -> page_model.WeekReport:
+    """Return a week in which so many of four cameras recorded nothing."""
+    report = pair("cannot_tell", "cannot_tell")
+    cameras = tuple(
+        replace(c, is_silent=True, share=0.0) if i < n else c for i, c in enumerate(report.coverage.cameras)
+    )
+    return replace(report, coverage=replace(report.coverage, cameras=cameras))
+
+
+def unusual_hour() -> page_model.WeekReport:
+    """Return a week with one hour far from usual."""
+    report = pair("cannot_tell", "about_same")
+    row = m.UnusualHour(day=weeks.MONDAY, hour=10, violations=283, usual=72.0, lo=31.0, hi=121.0)
+    return replace(report, unusual=m.UnusualHours(rows=(row,), n_unusual=1, n_tested=84))
 
 
 def changed(name: str, before: str = "the old", after: str = "the new") -> page_model.WeekReport:
@@ -113,7 +136,14 @@ def inferred() -> page_model.WeekReport:
 
 _AT = datetime(2026, 11, 8, 17, 59, tzinfo=weeks.ROME)
 CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
-    **{f"{o}-{r}": (lambda o=o, r=r: pair(o, r)) for o, r in product(OFTEN, RISKY)},  # type: ignore[misc]
+    **{f"{o}-{r}": (lambda o=o, r=r: pair(o, r)) for o, r in product(OFTEN, CLOSE)},  # type: ignore[misc]
+    **{
+        f"usual-{o}-{p}": (lambda o=o, p=p: beside_usual(o, p))  # type: ignore[misc]
+        for o, p in product(OFTEN, ("below", "within", "above"))
+    },
+    "one-camera-silent": lambda: silent(1),
+    "three-cameras-silent": lambda: silent(3),
+    "unusual-hour": unusual_hour,
     "normal": weeks.normal,
     "after-quoted": quoted,
     "no-areas": no_areas,

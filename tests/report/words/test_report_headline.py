@@ -9,16 +9,17 @@ from typing import get_args
 
 import pytest
 from report import sample_weeks as weeks
-from report.sample_sections import redesigns
+from report.sample_sections import redesigns, trend
+from report.words.golden_cases import beside_usual, silent, unusual_hour
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.figures.week.model_sections import Redesign, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has
-from vsd_analytics.report.words.headline import MAX_WORDS, OFTEN, RISKY, change_to_name, finish, story_of
+from vsd_analytics.report.words.headline import CLOSE, MAX_WORDS, OFTEN, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.result import Verdict
 
@@ -26,40 +27,32 @@ VERDICTS = get_args(Verdict)
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "about_same": 0.02, "cannot_tell": 0.02, "too_little_data": None}
 
 GOLDEN = {
-    ("clear_fall", "clear_fall"): "Violations fell by about a seventh",
-    ("clear_fall", "clear_rise"): "Violations fell by about a seventh, with 15% more people, but rose per person-hour",
-    ("clear_fall", "about_same"): (
-        "Violations fell by about a seventh, with 15% more people: about the same per person-hour"
-    ),
-    ("clear_fall", "cannot_tell"): (
-        "Violations fell by about a seventh, with 15% more people: no clear change per person-hour"
-    ),
+    ("clear_fall", "clear_fall"): "Violations fell by about a seventh, and people spend less time too close",
+    ("clear_fall", "clear_rise"): "Violations fell by about a seventh, but people spend more of their time too close",
+    ("clear_fall", "about_same"): "Violations fell by about a seventh",
+    ("clear_fall", "cannot_tell"): "Violations fell by about a seventh",
     ("clear_fall", "too_little_data"): "Violations fell by about a seventh",
     ("clear_fall", "not_measurable"): "Violations fell by about a seventh",
-    ("clear_rise", "clear_fall"): "Violations rose by about an eighth, with 15% more people, but fell per person-hour",
-    ("clear_rise", "clear_rise"): "Violations rose by about an eighth, and per person-hour too",
-    ("clear_rise", "about_same"): (
-        "Violations rose by about an eighth, with 15% more people: about the same per person-hour"
-    ),
-    ("clear_rise", "cannot_tell"): (
-        "Violations rose by about an eighth, with 15% more people: no clear change per person-hour"
-    ),
+    ("clear_rise", "clear_fall"): "Violations rose by about an eighth, but people spend less of their time too close",
+    ("clear_rise", "clear_rise"): "Violations rose by about an eighth, and people spend more time too close",
+    ("clear_rise", "about_same"): "Violations rose by about an eighth",
+    ("clear_rise", "cannot_tell"): "Violations rose by about an eighth",
     ("clear_rise", "too_little_data"): "Violations rose by about an eighth",
     ("clear_rise", "not_measurable"): "Violations rose by about an eighth",
-    ("about_same", "clear_fall"): "Violations about the same as last week, but fewer per person-hour",
-    ("about_same", "clear_rise"): "Violations about the same as last week, but more per person-hour",
+    ("about_same", "clear_fall"): "About as many violations as last week, but people spend less time too close",
+    ("about_same", "clear_rise"): "About as many violations as last week, but people spend more time too close",
     ("about_same", "about_same"): "Violations about the same as last week",
     ("about_same", "cannot_tell"): "Violations about the same as last week",
     ("about_same", "too_little_data"): "Violations about the same as last week",
     ("about_same", "not_measurable"): "Violations about the same as last week",
-    ("cannot_tell", "clear_fall"): "No clear change in violations since last week, but fewer per person-hour",
-    ("cannot_tell", "clear_rise"): "No clear change in violations since last week, but more per person-hour",
+    ("cannot_tell", "clear_fall"): "No clear change in violations, but people spend less of their time too close",
+    ("cannot_tell", "clear_rise"): "No clear change in violations, but people spend more of their time too close",
     ("cannot_tell", "about_same"): "No clear change in violations since last week",
     ("cannot_tell", "cannot_tell"): "No clear change in violations since last week",
     ("cannot_tell", "too_little_data"): "No clear change in violations since last week",
     ("cannot_tell", "not_measurable"): "No clear change in violations since last week",
-    ("too_little_data", "clear_fall"): "Fewer violations per person-hour; too little data on how often",
-    ("too_little_data", "clear_rise"): "More violations per person-hour; too little data on how often",
+    ("too_little_data", "clear_fall"): "People spend less of their time too close; too little data on violations",
+    ("too_little_data", "clear_rise"): "People spend more of their time too close; too little data on violations",
     ("too_little_data", "about_same"): "Too little data to say whether violations changed",
     ("too_little_data", "cannot_tell"): "Too little data to say whether violations changed",
     ("too_little_data", "too_little_data"): "Too little data to say whether violations changed",
@@ -67,7 +60,7 @@ GOLDEN = {
 }
 
 
-def with_verdicts(often: str, risky: str) -> WeekReport:
+def with_verdicts(often: str, close: str) -> WeekReport:
     report = weeks.normal()
 
     def made(verdict: str, value: float) -> Estimate:
@@ -86,7 +79,7 @@ def with_verdicts(often: str, risky: str) -> WeekReport:
         )  # type: ignore[arg-type]
 
     people = Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
-    level = replace(report.level, often=made(often, 121.0), risky=made(risky, 0.41), people=people)
+    level = replace(report.level, often=made(often, 121.0), close_share=made(close, 0.41), people=people)
     areas = tuple(replace(a, difference=None) for a in report.areas)  # its headline says nothing of places
     return replace(report, level=level, areas=areas, log=())
 
@@ -107,7 +100,7 @@ def test_each_pair_of_verdicts_has_its_sentence(keys: tuple[str, str]) -> None:
 
 
 def test_the_table_is_complete() -> None:
-    assert set(product(OFTEN, RISKY)) == set(product(VERDICTS, (*VERDICTS, "not_measurable"))) == set(GOLDEN)
+    assert set(product(OFTEN, CLOSE)) == set(product(VERDICTS, (*VERDICTS, "not_measurable"))) == set(GOLDEN)
     for keys in GOLDEN:
         assert has(f"headline.pair.{keys[0]}.{keys[1]}")
 
@@ -117,6 +110,38 @@ def test_a_change_that_is_not_clear_is_never_called_one(keys: tuple[str, str]) -
     lead = "".join(s.text for s in story_of(with_verdicts(*keys)).lead)
     first = lead.split(". ")[0]
     assert ("fewer than in" in first or "more than in" in first) == keys[0].startswith("clear")
+
+
+@pytest.mark.parametrize("position", ["below", "within", "above"])
+@pytest.mark.parametrize("often", VERDICTS)
+def test_with_a_usual_range_the_headline_says_where_the_week_lies(often: Verdict, position: str) -> None:
+    headline = story_of(beside_usual(often, position)).headline
+    assert {"below": "below their", "within": "their usual", "above": "above their"}[position] in headline
+    assert terms.n_words(headline) <= MAX_WORDS
+    assert (" fell" in headline or " rose" in headline) == often.startswith("clear")
+
+
+def test_a_clear_change_of_time_too_close_within_its_usual_range_is_no_headline() -> None:
+    report = with_verdicts("cannot_tell", "clear_fall")
+    within = Usual(lo=0.3, hi=0.5, n_weeks=8, position="within")
+    story = story_of(replace(report, trend=replace(trend(report), usual_often=None, usual_close=within)))
+    assert story.headline == "No clear change in violations since last week"
+    assert "14% less than in week 45" in "".join(s.text for s in story.lead)
+    below = replace(within, lo=0.45, position="below")
+    story = story_of(replace(report, trend=replace(trend(report), usual_often=None, usual_close=below)))
+    assert "less of their time too close" in story.headline
+
+
+def test_a_camera_that_recorded_nothing_is_missing_in_the_headline_and_the_lead() -> None:
+    one, three = story_of(silent(1)), story_of(silent(3))
+    assert one.headline == "No clear change in violations since last week, without camera “Entrance”"
+    assert "Camera “Entrance” recorded nothing" in "".join(s.text for s in one.lead)
+    assert three.headline.endswith("without 3 of 4 cameras")
+
+
+def test_the_least_likely_hour_is_named_beside_its_usual_count() -> None:
+    lead = "".join(s.text for s in story_of(unusual_hour()).lead)
+    assert "Unusual: Monday 10:00, with 283 violations (usually 72)." in lead
 
 
 @pytest.mark.parametrize(
@@ -268,7 +293,7 @@ def test_a_week_closed_throughout_is_not_called_an_outage() -> None:
     assert (story.rule, story.headline) == ("closed", "The site was closed in week 46")
     said = all_words(story)
     assert not any(w in said for w in ("network", "stopped", "No camera", "no data"))
-    figures = render_html(closed).partition("</style>")[2].partition("<h2")[0]
+    figures = render_html(closed).partition('<dl class="kpis')[2].partition("</dl>")[0]
     assert "No recording due" in figures
     assert "0%" not in figures
 

@@ -17,7 +17,7 @@ PROFILE: Final = "violations per person-hour and per recorded open hour, and peo
 PEAKS: Final = "highest hours of the week"
 UNUSUAL: Final = "hours with far more or fewer violations than usual"
 OUTLOOK: Final = "people in view, violations per open hour, and the chance of a gathering, by hour of next week"
-TREND: Final = "violations per open hour and per person-hour, by week"
+TREND: Final = "violations per open hour, share of time too close and violations per person-hour, by week"
 _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_hi")
 
 
@@ -134,17 +134,19 @@ def trend(asked: Asked) -> Figure:
     zone = asked.data.site.zone
     for week in found.weeks:
         is_this = week.monday == asked.data.monday
-        often, risky = asked.rate(week.often), asked.rate(week.risky)
+        often, close, risky = asked.rate(week.often), asked.rate(week.close), asked.rate(week.risky)
         if is_this and not asked.is_counted:
-            often, risky = asked.level.often, asked.level.risky
+            often, close, risky = asked.level.often, asked.level.close_share or close, asked.level.risky
         elif (why := asked.data.hidden_in(week.monday).why_floor) is not None:
-            often, risky = (without_figures(e, why) for e in (often, risky))
+            often, close, risky = (without_figures(e, why) for e in (often, close, risky))
         reason = week.reason if week.state != "ok" else often.reason if often.value is None else None
         rows.append(
             {
                 "week": week.week,
                 **limits("often", often),
+                **limits("close_share", close),
                 **limits("risky", risky),
+                "cameras_missing": ", ".join(found.cameras[i] for i in week.missing),
                 "coverage": week.coverage,
                 "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in found.marks),
                 "state": week.state if often.value is not None or week.state != "ok" else "not_enough_data",

@@ -63,7 +63,8 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
     if pictured is not None:
         return (pictured,)
     image = plan_of(data)
-    unseen = camera_views.unseen(data.floor, cameras=data.cameras, bounds=extent)
+    recording = [c for c, own in zip(data.cameras, used[:, data.week()], strict=True) if own.any()]
+    unseen = camera_views.unseen(data.floor, cameras=recording, bounds=extent)
     return (
         FloorMap(
             kind="plan" if image else "floor",

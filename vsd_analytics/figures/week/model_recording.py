@@ -34,6 +34,10 @@ class CameraRecord:
     scheduled_h: float = _f("Open hours of the week.", "h")
     recorded_h: float = _f("Open hours recorded.", "h", "M1")
     share: float | None = _f("Recorded over scheduled.", "share", "M1")
+    is_silent: bool = _f(
+        "True: it recorded no hour of the week that enters rates, so the floor that only it sees is not known.",
+        default=False,
+    )
     last_record: datetime | None = _f(
         "Instant of the last record up to this week, in the site's zone; None: none in the sixty days before.",
         default=None,

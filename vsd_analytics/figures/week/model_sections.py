@@ -12,6 +12,7 @@ from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.result import Design, Reason, State
 
 SpotKind = Literal["tested", "busiest"]
+UsualPosition = Literal["below", "within", "above"]
 Sureness = Literal["high", "medium", "low"]
 
 
@@ -100,7 +101,11 @@ class TrendWeek:
     number: int = _f("Its number in the year.")
     monday: date = _f("First day.")
     often: Estimate | None = _f("Violations per recorded open hour.", "per open hour", "M0", default=None)
+    close: Estimate | None = _f("Share of person-time too close.", "share", "M6", default=None)
     risky: Estimate | None = _f("Violations per person-hour.", "per person-hour", "M7", default=None)
+    missing: tuple[str, ...] = _f(
+        "Names of cameras that recorded too little of it to compare it with this week; free text.", default=()
+    )
     coverage: float | None = _f("Recorded over open camera-hours.", "share", "M1", default=None)
     reason: Reason | None = _f("Why it is a gap.", default=None)
 
@@ -116,11 +121,31 @@ class TrendMark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Usual:
+    """Where a week like the weeks before would lie (`vsd_analytics.stats.usual`)."""
+
+    lo: float = _f("Lower end.")
+    hi: float = _f("Upper end.")
+    n_weeks: int = _f("Weeks before that it was made from.", "weeks")
+    position: UsualPosition = _f("Where this week's figure lies.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trend:
-    """The last weeks, oldest first, each over all its own recorded hours."""
+    """The last weeks, oldest first, each over all its own recorded hours, of the cameras that recorded this week."""
 
     weeks: tuple[TrendWeek, ...] = _f("At most ten, up to this one.", metric="M28", default=())
     marks: tuple[TrendMark, ...] = _f("Logged changes in these weeks.", default=())
+    usual_often: Usual | None = _f(
+        "Usual range of how often, from up to eleven weeks before; None with fewer than four.",
+        "per open hour",
+        "M28",
+        default=None,
+    )
+    usual_close: Usual | None = _f("The same of the share of time too close.", "share", "M28", default=None)
+    left_out: tuple[str, ...] = _f(
+        "Names of cameras that recorded nothing this week, so that no week counts them; free text.", default=()
+    )
     state: State = _f("ok: enough weeks to call it a trend.", default="ok")
     reason: Reason | None = _f("In words, why not.", default=None)
     risky_reason: Reason | None = _f("Why there is no rate per person-hour.", default=None)
@@ -324,3 +349,8 @@ class UnusualHours:
     n_tested: int = _f("Hours that were recorded and have a usual count.", "hours", default=0)
     state: State = _f("Whether any hour could be judged.", default="ok")
     reason: Reason | None = _f("In words, why not.", default=None)
+
+    @property
+    def first(self) -> UnusualHour | None:
+        """Return the least likely hour whose count may be printed; None where there is none."""
+        return next((r for r in self.rows if r.violations is not None), None)

@@ -36,6 +36,7 @@ def coverage(data: WeekData) -> Coverage:
                 scheduled_h=scheduled,
                 recorded_h=recorded,
                 share=recorded / scheduled if scheduled else None,
+                is_silent=scheduled > 0 and not data.hours.is_counted[i, now].any(),
                 last_record=last.get(camera.camera_id),
                 not_counted=data.not_counted.get(camera.camera_id),
                 not_compared=left_out.get(camera.camera_id),

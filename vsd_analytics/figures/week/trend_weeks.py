@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from string import ascii_uppercase
 from typing import Final
 
 from vsd_analytics.figures import trend as analysis
 from vsd_analytics.figures.week import estimates, page_estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek, Usual
 from vsd_analytics.figures.week.results import Level
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.trend import WeekRates
+from vsd_analytics.stats.usual import usual_range
 
 WEEKS: Final = 10
 """Points of the chart: what its width shows legibly."""
@@ -28,21 +31,24 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
         found: The weeks of the analysis room.
         level: The headline numbers, without what must be held back.
     """
-    shown = found.weeks[-WEEKS:]
     below = int(data.site.settings.mask_below)
     names = {a.area_id: a.name for a in data.areas}
+    weeks = tuple(
+        _week(
+            week,
+            below=below,
+            cameras=found.cameras,
+            own=level if week.monday == data.monday else None,
+            why_hidden=data.hidden_in(week.monday).why_floor,
+        )
+        for week in found.weeks
+    )
+    shown = weeks[-WEEKS:]
     first = shown[0].monday if shown else data.monday
     marks = [m for m in found.marks if m.at.astimezone(data.site.zone).date() >= first]
+    confidence = float(data.site.settings.confidence)
     return Trend(
-        weeks=tuple(
-            _week(
-                w,
-                below=below,
-                own=level if w.monday == data.monday else None,
-                why_hidden=data.hidden_in(w.monday).why_floor,
-            )
-            for w in shown
-        ),
+        weeks=shown,
         marks=tuple(
             TrendMark(
                 label=ascii_uppercase[i % 26],
@@ -52,25 +58,48 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
             )
             for i, m in enumerate(marks)
         ),
+        usual_often=_usual([w.often for w in weeks if not w.missing], level.often, confidence=confidence),
+        usual_close=_usual(
+            [w.close for w in weeks if not w.missing], level.close_share, confidence=confidence, most=1.0
+        ),
+        left_out=found.left_out,
         state=found.state,
         reason=found.reason,
         risky_reason=found.risky_reason,
     )
 
 
-def _week(week: WeekRates, *, below: int, own: Level | None, why_hidden: Reason | None) -> TrendWeek:
+def _usual(
+    weeks: Sequence[Estimate | None], now: Estimate | None, *, confidence: float, most: float | None = None
+) -> Usual | None:
+    """Return the usual range of the weeks but the last, and where this week lies; None where either is unknown."""
+    before = [e.value for e in weeks[:-1] if e is not None and e.value is not None]
+    found = usual_range(before, confidence=confidence, most=most)
+    if found is None or now is None or now.value is None:
+        return None
+    return Usual(lo=found.lo, hi=found.hi, n_weeks=found.n_weeks, position=found.position(now.value))
+
+
+def _week(
+    week: WeekRates, *, below: int, cameras: tuple[str, ...], own: Level | None, why_hidden: Reason | None
+) -> TrendWeek:
     _, number, _ = week.monday.isocalendar()
-    often, risky = (page_estimates.level(rate, below=below) for rate in (week.often, week.risky))
+    often, close, risky = (page_estimates.level(rate, below=below) for rate in (week.often, week.close, week.risky))
     if own is not None and week.often is not None:
-        often, risky = own.often, own.risky if week.risky is not None else None
+        often, close = own.often, own.close_share if week.close is not None else None
+        risky = own.risky if week.risky is not None else None
     elif why_hidden is not None:
-        often, risky = (None if e is None else estimates.without_figures(e, why_hidden) for e in (often, risky))
+        often, close, risky = (
+            None if e is None else estimates.without_figures(e, why_hidden) for e in (often, close, risky)
+        )
     return TrendWeek(
         iso=week.week,
         number=number,
         monday=week.monday,
         often=often,
+        close=close,
         risky=risky,
+        missing=tuple(cameras[i] for i in week.missing),
         coverage=week.coverage,
         reason=week.reason,
     )

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import shapely
 
 FONT: Final = 15
-FONT_FIXTURE: Final = 13
+FONT_FIXTURE: Final = 15
 WALL_WIDTH_M: Final = 0.5
 """A wall this thin is drawn solid; a wider one is a closed room."""
 ON_EDGE_M: Final = 0.002

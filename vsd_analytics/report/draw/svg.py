@@ -22,7 +22,7 @@ RAMP_LIGHT: Final = ("#fff4cf", "#ffd58e", "#ffa656", "#e76f3f", "#934444")
 INK, MUTED, RULE, WHITE, HATCH, ACCENT = "#1b2430", "#525d68", "#ddd7ca", "#fff", "#8b8577", "#0f4c81"
 FIXTURE, FIXTURE_EDGE, WALL = "#dcd7cc", "#a39d90", "#4a4f57"
 CHANGE_LIGHT: Final = {"fewer": ("#b7d6ea", "#1f6f9f"), "more": ("#f3bd93", "#b8553f")}
-FEWER, MORE, BAR, RECORDED = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0"
+FEWER, MORE, BAR, RECORDED, BAND = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0", "#e6e2d8"
 
 
 def el(tag: str, content: str | Markup = "", /, **attributes: str | float | None) -> Markup:
@@ -109,7 +109,7 @@ def change_axis(limit: float) -> Markup:
             fmt.signed(t),
             class_="axt",
             fill=MUTED,
-            font_size=12,
+            font_size=13.5,
             text_anchor="middle",
             x=_bar_x(t, limit),
             y=12,
@@ -144,6 +144,14 @@ def change_bar(estimate: Estimate, *, limit: float) -> Markup:
         x = _bar_x(estimate.change, limit)
         parts.append(el("line", class_="pe", stroke=INK, stroke_width=3, x1=x, x2=x, y1=5, y2=25))
     return el("svg", Markup("").join(parts), viewBox=f"0 0 {BAR_WIDTH} 30", aria_hidden="true")
+
+
+def step_bar(start: float, end: float, *, top: float, is_total: bool) -> Markup:
+    """Draw one row of a waterfall: a bar between two levels on an axis from 0 to `top`, which all rows share."""
+    x0, x1 = sorted(round(level / top * BAR_WIDTH, 1) if top > 0 else 0.0 for level in (start, end))
+    side, fill = ("bar", BAR) if is_total else ("ci g", FEWER) if end < start else ("ci b", MORE)
+    bar = el("rect", class_=side, fill=fill, x=x0, width=max(round(x1 - x0, 1), 1.5), y=4, height=14)
+    return el("svg", bar, viewBox=f"0 0 {BAR_WIDTH} 22", preserveAspectRatio="none", aria_hidden="true")
 
 
 def _bar_x(change: float, limit: float) -> float:

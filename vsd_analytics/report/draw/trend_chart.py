@@ -1,4 +1,8 @@
-"""The weeks as dots with whiskers from zero: never joined over a gap, logged changes marked; and as a small line."""
+"""The weeks as dots with whiskers from zero, over their usual range, logged changes marked; and as a small line.
+
+Weeks are never joined over a gap, nor over a week whose cameras differ from this one's: such a week is a hollow,
+dashed dot.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,12 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek
-from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, RULE, WHITE, el
+from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek, Usual
+from vsd_analytics.report.draw.svg import BAND, HATCH, INK, MUTED, RULE, WHITE, el
 from vsd_analytics.report.words import format as fmt
 
-Measure = Literal["often", "risky"]
-WIDE: Final = 840
+Measure = Literal["often", "close"]
+WIDE: Final = 720
 NARROW: Final = 356
 """Two drawings of one chart, so that its letters keep their size on a phone."""
 HEIGHT: Final = 190
@@ -54,7 +58,7 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
 
     Args:
         trend: The weeks and marks.
-        measure: How often or how risky.
+        measure: How often, or the share of time too close.
         width: Width of the drawing; text is as large in each.
         label: Text alternative.
     """
@@ -65,12 +69,14 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
     step = _step(max([most, *ends], default=1.0) or 1.0)
     n_steps = max(1, math.ceil(max([most, *ends], default=1.0) / step - 1e-9))
     axes = _Axes(width, len(weeks), step * n_steps)
-    parts = [_grid(axes, step * k) for k in range(n_steps + 1)]
+    usual = trend.usual_often if measure == "often" else trend.usual_close
+    parts = [] if usual is None else [_usual(axes, usual)]
+    parts += [_grid(axes, step * k, measure) for k in range(n_steps + 1)]
     parts += _week_labels(axes, weeks)
     parts += [_gap(axes, i) for i, e in enumerate(values) if e is None]
     parts += _marks(axes, weeks, trend.marks)
-    parts += _line(axes, values)
-    parts += _dots(axes, values)
+    parts += _line(axes, [None if w.missing else e for w, e in zip(weeks, values, strict=True)])
+    parts += _dots(axes, values, measure, is_other=[bool(w.missing) for w in weeks])
     return el(
         "svg",
         Markup("").join(parts),
@@ -83,7 +89,7 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
 
 def spark(trend: Trend | None, measure: Measure) -> Markup:
     """Draw the weeks as a small line from zero, broken at gaps, the last one a dot; empty under three figures."""
-    values = [_known(w, measure) for w in trend.weeks] if trend is not None else []
+    values = [None if w.missing else _known(w, measure) for w in trend.weeks] if trend is not None else []
     if sum(e is not None for e in values) < 3 or values[-1] is None:
         return Markup("")
     top = max(e.value or 0.0 for e in values if e is not None) or 1.0
@@ -104,7 +110,7 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
 
 
 def _known(week: TrendWeek, measure: Measure) -> Estimate | None:
-    found = week.often if measure == "often" else week.risky
+    found = week.often if measure == "often" else week.close
     return found if found is not None and found.value is not None else None
 
 
@@ -119,7 +125,18 @@ def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str 
     return el("text", text, class_=class_, fill=fill, font_size=13, text_anchor=anchor, x=round(x), y=round(y), **more)
 
 
-def _grid(axes: _Axes, value: float) -> Markup:
+def _usual(axes: _Axes, usual: Usual) -> Markup:
+    """Draw the usual range as a band behind the weeks."""
+    top, bottom = axes.y(min(usual.hi, axes.top)), axes.y(usual.lo)
+    size = {"x": LEFT, "y": round(top, 1), "width": axes.width - LEFT - RIGHT, "height": round(bottom - top, 1)}
+    return el("rect", class_="tu", fill=BAND, **size)
+
+
+def _written(value: float | None, measure: Measure) -> str:
+    return fmt.number(value) if measure == "often" else fmt.percent(value)
+
+
+def _grid(axes: _Axes, value: float, measure: Measure) -> Markup:
     y = round(axes.y(value))
     line = el(
         "line",
@@ -130,7 +147,8 @@ def _grid(axes: _Axes, value: float) -> Markup:
         y1=y,
         y2=y,
     )
-    return line + _text(fmt.number(value) if value >= 10 or value == 0 else f"{value:g}", LEFT - 8, y + 4, anchor="end")
+    plain = fmt.number(value) if value >= 10 or value == 0 else f"{value:g}"
+    return line + _text(plain if measure == "often" else f"{value:.0%}", LEFT - 8, y + 4, anchor="end")
 
 
 def _week_labels(axes: _Axes, weeks: Sequence[TrendWeek]) -> list[Markup]:
@@ -176,7 +194,10 @@ def _line(axes: _Axes, values: Sequence[Estimate | None]) -> list[Markup]:
     return parts
 
 
-def _dots(axes: _Axes, values: Sequence[Estimate | None]) -> list[Markup]:
+def _dots(
+    axes: _Axes, values: Sequence[Estimate | None], measure: Measure, *, is_other: Sequence[bool]
+) -> list[Markup]:
+    """Draw each week's figure; hollow and dashed where its cameras are other ones (`is_other`)."""
     parts = []
     for i, e in enumerate(values):
         if e is None:
@@ -194,7 +215,10 @@ def _dots(axes: _Axes, values: Sequence[Estimate | None]) -> list[Markup]:
             "stroke": INK,
             "stroke_width": 1.6,
         }
-        parts.append(el("circle", **look, cx=x, cy=round(y, 1), r=5.5 if is_last else 4.5))
+        dash = {"stroke_dasharray": "2 2"} if is_other[i] else {}
+        parts.append(el("circle", **look, **dash, cx=x, cy=round(y, 1), r=5.5 if is_last else 4.5))
         if is_last:
-            parts.append(_text(fmt.number(e.value), x + 13, y + 5, anchor="start", class_="tv", font_weight="700"))
+            parts.append(
+                _text(_written(e.value, measure), x + 13, y + 5, anchor="start", class_="tv", font_weight="700")
+            )
     return parts

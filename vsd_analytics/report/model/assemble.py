@@ -187,7 +187,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     often, risky = measured.often, measured.risky
-    close = estimates.close_share(data, data.floor)
+    close = estimates.close_share(data, data.floor, is_compared=is_compared)
     is_printed = True
     if (why := data.hidden.why_floor) is not None:
         often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
@@ -200,7 +200,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     ):
         is_few = is_small(measured.n_before, below=below)
         why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
-        often, risky = (estimates.without_change(e, why) for e in (often, risky))
+        often, close, risky = (estimates.without_change(e, why) for e in (often, close, risky))
     panel = data.panel(data.whole, data.week_days)
     is_known = bool(panel.x_h.any())
     return Level(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Usual
 from vsd_analytics.report.draw.trend_chart import spark
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
@@ -67,19 +67,17 @@ def tiles(report: WeekReport) -> tuple[Tile, ...]:
             return (
                 _framed((*both, _recorded(report)))
                 if both
-                else _framed((_often(report), _risky(report), _recorded(report)))
+                else _framed((_often(report), _close(report), _recorded(report)))
             )
         case _:
-            rest = [t for t in (_spot(report), _hour(report), _recorded(report)) if t is not None]
-            return _framed((_often(report), _risky(report), *rest))
+            rest = [t for t in (_hour(report), _recorded(report)) if t is not None]
+            return _framed((_often(report), _close(report), *rest))
 
 
 def _framed(items: tuple[Tile, ...]) -> tuple[Tile, ...]:
-    """Set the headline numbers large (all, when there are at most three) and mark the first of each row."""
+    """Set the headline numbers large (all, when there are at most three) and mark the first."""
     few = len(items) <= 3
-    return tuple(
-        replace(t, is_large=few or i < 2, is_first=i == 0 or (i == 2 and not few)) for i, t in enumerate(items)
-    )
+    return tuple(replace(t, is_large=few or i < 2, is_first=i == 0) for i, t in enumerate(items))
 
 
 def sentences(parts: Iterable[str]) -> str:
@@ -87,28 +85,35 @@ def sentences(parts: Iterable[str]) -> str:
     return " ".join(terms.sentence(p) for p in parts if p)
 
 
-def _change(report: WeekReport, estimate: Estimate) -> tuple[str, str]:
+def _change(report: WeekReport, estimate: Estimate, *, is_counted: bool = True) -> tuple[str, str]:
     """Return delta and direction: the change where it is clear, else the verdict."""
     if report.state != "normal" or estimate.state != "ok":
         return "", "same"
     if estimate.verdict in ("clear_fall", "clear_rise"):
-        return fmt.fewer_more(estimate.change), terms.direction(estimate.verdict)
+        said = fmt.fewer_more if is_counted else fmt.less_more
+        return said(estimate.change), terms.direction(estimate.verdict)
     return terms.verdict_words(estimate), "same"
 
 
-def _against(report: WeekReport, estimate: Estimate) -> list[str]:
+def _against(
+    report: WeekReport, estimate: Estimate, usual: Usual | None, written: Callable[[float | None], str]
+) -> list[str]:
+    """Return what a headline number is set beside: the week before over the same hours, and the usual range."""
     if report.state != "normal" or report.previous is None or estimate.previous is None:
-        return [fmt.likely_level(estimate)]
-    before = say("tiles.week_before", week=report.previous.number, rate=fmt.number(estimate.previous))
-    return [before, fmt.likely_change(estimate)]
+        beside = [fmt.likely_level(estimate, written=written)]
+    else:
+        beside = [say("tiles.week_before", week=report.previous.number, rate=written(estimate.previous))]
+    if usual is not None:
+        beside.append(say("tiles.usual", low=written(usual.lo), high=written(usual.hi)))
+    return beside
 
 
-def _between(report: WeekReport, measure: Literal["often", "risky"]) -> str:
-    """Return the second reading of a headline number; empty where there is none."""
+def _between(report: WeekReport) -> str:
+    """Return how often by the second reading; empty where there is none."""
     found = report.readings
     if found is None or found.between is None or found.all is None:
         return ""
-    between, every = (getattr(reading, measure) for reading in (found.between, found.all))
+    between, every = found.between.often, found.all.often
     if between.value is None or every.value is None:
         return ""
     rate = fmt.number(between.value)
@@ -128,48 +133,51 @@ def _often(report: WeekReport) -> Tile:
         title=title,
         unit=say("tiles.violations_per_open_hour"),
         value=fmt.number(often.value),
-        note=sentences([*_against(report, often), say("tiles.same_hours") if often.change is not None else ""]),
+        note=sentences(_against(report, often, report.trend.usual_often if report.trend else None, fmt.number)),
         delta=delta,
         direction=direction,
-        also=_between(report, "often"),
+        also=_between(report),
         line=spark(report.trend, "often"),
     )
 
 
-def _risky(report: WeekReport) -> Tile:
-    risky, exposure = report.level.risky, report.level.exposure_h
-    title = say("tiles.risky")
-    if risky.state == "not_measurable" or risky.value is None:
-        value = say("tiles.not_measurable") if risky.state == "not_measurable" else say("tiles.too_little")
-        return Tile(title=title, value=value, note=sentences([reason_text(risky.reason)]), is_wordy=True)
-    delta, direction = _change(report, risky)
-    people = terms.with_people(report.level.people.change, report.level.people.verdict)
-    seen = ""
-    if exposure is not None:
-        key = "tiles.person_hours_people" if people and report.state == "normal" else "tiles.person_hours"
-        seen = say(key, hours=fmt.count(exposure), people=people)
+def _close(report: WeekReport) -> Tile:
+    close, title = report.level.close_share, say("tiles.close")
+    if close is None or close.value is None:
+        is_unknown = close is None or close.state == "not_measurable"
+        value = say("tiles.not_measurable" if is_unknown else "tiles.too_little")
+        return Tile(
+            title=title, value=value, note=sentences([reason_text(close.reason) if close else ""]), is_wordy=True
+        )
+    delta, direction = _change(report, close, is_counted=False)
     return Tile(
         title=title,
-        unit=say("tiles.violations_per_person_hour"),
-        value=fmt.number(risky.value),
-        note=sentences([*_against(report, risky), seen]),
+        unit=say("tiles.close_unit"),
+        value=fmt.percent(close.value),
+        note=sentences(_against(report, close, report.trend.usual_close if report.trend else None, fmt.percent)),
         delta=delta,
         direction=direction,
-        also=_between(report, "risky"),
-        line=spark(report.trend, "risky"),
+        also=_person_hours(report),
+        line=spark(report.trend, "close"),
     )
 
 
-def _spot(report: WeekReport) -> Tile | None:
-    spot = report.busiest_spot
-    if spot is None:
-        return None
-    key = "tiles.share" if spot.floor_share is None else "tiles.share_floor"
-    note = say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share))
-    return Tile(title=say("tiles.spot"), value=spot.name, note=sentences([note]))
+def _person_hours(report: WeekReport) -> str:
+    """Return how much time of people was seen, and whether more of them came; empty where it is not known."""
+    exposure, people = report.level.exposure_h, report.level.people
+    if exposure is None:
+        return ""
+    said = terms.with_people(people.change, people.verdict)
+    key = "tiles.person_hours_people" if said and report.state == "normal" else "tiles.person_hours"
+    return say(key, hours=fmt.count(exposure), people=said)
 
 
 def _hour(report: WeekReport) -> Tile | None:
+    unusual = None if report.unusual is None else report.unusual.first
+    if unusual is not None:
+        at = f"{fmt.day_short(unusual.day)} {fmt.hour_label(unusual.hour)}"
+        note = say("tiles.in_that_hour_usual", n=fmt.count(unusual.violations), usual=fmt.number(unusual.usual))
+        return Tile(title=say("tiles.unusual"), value=at, note=sentences([note]))
     busiest = report.busiest_hour
     if busiest is None:
         return None

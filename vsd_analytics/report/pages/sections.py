@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -40,8 +41,8 @@ class TrendRow:
     start: str
     often: str
     often_likely: str
-    risky: str
-    risky_likely: str
+    close: str
+    close_likely: str
     recorded: str
     note: str
 
@@ -52,11 +53,14 @@ class TrendView:
 
     Attributes:
         heading: Name of the section.
-        panels: How often, how risky; none with fewer than two figures.
+        panels: How often, share of time too close; none with fewer than two figures.
         marks: Letter, moment and text of logged changes.
         notes: What a reader must know beside.
         rows: The table.
+        differs: Why the week before reads otherwise in the comparison; empty where it does not.
         has_gaps: True when a week is one.
+        has_usual: True when a usual range is drawn.
+        has_others: True when a week has other cameras.
     """
 
     heading: str
@@ -64,7 +68,10 @@ class TrendView:
     marks: tuple[tuple[str, str, str], ...]
     notes: tuple[str, ...]
     rows: tuple[TrendRow, ...]
+    differs: str
     has_gaps: bool
+    has_usual: bool
+    has_others: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,11 +116,11 @@ def trend(report: WeekReport) -> TrendView | None:
         return None
     weeks = found.weeks
     panels = []
-    for measure in ("often", "risky"):
+    for measure in ("often", "close"):
         n = sum(_value(w, measure) is not None for w in weeks)
         if n >= 2:
             panels.append(_panel(report, measure))
-    notes = [_differs(report)]
+    notes = []
     if not panels:
         notes.append(say("trend.one"))
     elif found.state != "ok":
@@ -121,8 +128,9 @@ def trend(report: WeekReport) -> TrendView | None:
     ahead = outlook(report)
     if ahead is not None and not ahead.lines:
         notes += ahead.notes
-    if found.risky_reason is not None and panels:
-        notes.append(say("trend.no_risky", reason=reason_text(found.risky_reason)))
+    if found.left_out and panels:
+        cameras = terms.joined(terms.camera_name(c) for c in found.left_out)
+        notes.append(say("trend.left_out", plural=len(found.left_out), cameras=cameras))
     marks = [
         (m.label, fmt.instant_short(m.at), f"{fmt.ended(m.text)} {m.area_name + '.' if m.area_name else ''}".strip())
         for m in found.marks
@@ -133,30 +141,23 @@ def trend(report: WeekReport) -> TrendView | None:
         marks=tuple(marks) if panels else (),
         notes=tuple(n for n in notes if n),
         rows=tuple(_row(w) for w in weeks),
+        differs=_differs(report),
         has_gaps=any(w.often is None for w in weeks),
+        has_usual=found.usual_often is not None or found.usual_close is not None,
+        has_others=any(w.missing for w in weeks),
     )
 
 
 def trend_title(report: WeekReport, measure: Measure) -> str:
-    """Return the title of one measure over the weeks: whether this week's interval lies outside the weeks before."""
+    """Return the title of one measure over the weeks: whether this week lies in their usual range."""
     weeks = report.trend.weeks if report.trend is not None else ()
-    now = _value(weeks[-1], measure) if weeks else None
-    if now is None or now.value is None:
+    if report.trend is None or not weeks or _value(weeks[-1], measure) is None:
         return say("titles.trend_gap", week=report.week.number)
-    past = [e.value for w in weeks[:-1] if (e := _value(w, measure)) is not None and e.value is not None]
-    if len(past) < 2:
-        return say("titles.trend_few", plural=len(past) + 1, n=fmt.count(len(past) + 1))
-    if now.value < min(past):
-        is_clear = now.hi is not None and now.hi < min(past)
-        return say(
-            "titles.trend_lowest" if is_clear else "titles.trend_below", n=len(past) + 1, week=report.week.number
-        )
-    if now.value > max(past):
-        is_clear = now.lo is not None and now.lo > max(past)
-        return say(
-            "titles.trend_highest" if is_clear else "titles.trend_above", n=len(past) + 1, week=report.week.number
-        )
-    return say("titles.trend_usual", week=report.week.number)
+    usual = report.trend.usual_often if measure == "often" else report.trend.usual_close
+    if usual is None:
+        n = sum(_value(w, measure) is not None for w in weeks)
+        return say("titles.trend_few", plural=n, n=fmt.count(n))
+    return say(f"titles.trend_{usual.position}", week=report.week.number)
 
 
 def causes(report: WeekReport) -> BarTable | None:
@@ -267,8 +268,7 @@ def unusual(report: WeekReport) -> Listed | None:
     ]
     n = found.n_unusual
     title = say("titles.unusual", plural=n, n=n) if n else say("titles.unusual_none")
-    notes = (say("when.unusual_tested", n=fmt.count(found.n_tested)),)
-    return Listed(title=title, sub=sub, lines=tuple(lines), notes=notes)
+    return Listed(title=title, sub=sub, lines=tuple(lines))
 
 
 def readings_note(report: WeekReport) -> str:
@@ -294,7 +294,7 @@ def _because(reason: Reason | None) -> str:
 
 
 def _value(week: TrendWeek, measure: Measure) -> Estimate | None:
-    found = week.often if measure == "often" else week.risky
+    found = week.often if measure == "often" else week.close
     return found if found is not None and found.value is not None else None
 
 
@@ -305,15 +305,22 @@ def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
     label = say(f"trend.label_{measure}", **ends)
     return TrendPanel(
         title=say(f"trend.{measure}", title=trend_title(report, measure)),
-        sub=say(f"trend.sub_{measure}", confidence=fmt.percent(report.rules.confidence)),
+        sub=say(
+            f"trend.sub_{measure}",
+            confidence=fmt.percent(report.rules.confidence),
+            distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit),
+        ),
         wide=chart(found, measure, width=WIDE, label=label),
         narrow=chart(found, measure, width=NARROW, label=label),
     )
 
 
 def _row(week: TrendWeek) -> TrendRow:
-    often, risky = _value(week, "often"), _value(week, "risky")
+    often, close = _value(week, "often"), _value(week, "close")
     note = reason_text(week.reason)
+    if week.missing:
+        cameras = terms.joined(terms.camera_name(c) for c in week.missing)
+        note = say("trend.without", plural=len(week.missing), cameras=cameras)
     if often is None and week.often is not None:
         note = reason_text(week.often.reason) or note
     return TrendRow(
@@ -321,17 +328,17 @@ def _row(week: TrendWeek) -> TrendRow:
         start=fmt.date_short(week.monday),
         often=fmt.number(often.value if often else None),
         often_likely=_range(often),
-        risky=fmt.number(risky.value if risky else None),
-        risky_likely=_range(risky),
+        close=fmt.percent(close.value if close else None),
+        close_likely=_range(close, written=fmt.percent),
         recorded=fmt.percent(week.coverage),
         note=terms.sentence(note) if note else "",
     )
 
 
-def _range(e: Estimate | None) -> str:
+def _range(e: Estimate | None, *, written: Callable[[float | None], str] = fmt.number) -> str:
     if e is None or e.lo is None or e.hi is None:
         return fmt.MISSING
-    return say("format.and", first=fmt.number(e.lo), last=fmt.number(e.hi))
+    return say("format.and", first=written(e.lo), last=written(e.hi))
 
 
 def _differs(report: WeekReport) -> str:

@@ -21,6 +21,7 @@ from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages import sections, tables
+from vsd_analytics.report.pages.contributions import Contributions, contributions
 from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
 from vsd_analytics.report.pages.key_figures import Tile, tiles
@@ -30,7 +31,7 @@ from vsd_analytics.report.pages.spot_cards import Cards, cards
 from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
-from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.words.headline import finish, silent_cameras
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
@@ -103,6 +104,7 @@ class Page:
         is_ranked: True when areas may be ordered and shares shown.
         areas: Areas in the order of the page.
         table: The timetable.
+        not_recorded: What hatched floor of a map means.
         down: Names of cameras that were down in some hour.
         masked_hours: True when the count of any hour is too small to print.
         held_hours: True when any other hour is held back, as it would tell such a count.
@@ -120,6 +122,7 @@ class Page:
         between: Violations between groups per open hour, by area; empty for none.
         cards: The numbered spots.
         unusual: Hours far from usual.
+        contributions: What each area adds to the floor's change.
         causes: What moved the time spent close.
         redesigns: What logged changes did.
         trend: The last weeks.
@@ -151,6 +154,7 @@ class Page:
     is_ranked: bool
     areas: tuple[AreaRow, ...]
     table: tables.TimetableRows
+    not_recorded: str
     down: str
     masked_hours: bool
     held_hours: bool
@@ -168,6 +172,7 @@ class Page:
     between: dict[str | None, float | None]
     cards: Cards | None
     unusual: sections.Listed | None
+    contributions: Contributions | None
     causes: sections.BarTable | None
     redesigns: sections.BarTable | None
     trend: sections.TrendView | None
@@ -227,6 +232,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         is_ranked=is_ranked,
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
+        not_recorded=not_recorded(report),
         down=terms.joined(terms.camera_name(names.get(c, c)) for c in _down(report)),
         masked_hours=any(c.is_masked for c in report.when.cells),
         held_hours=any(c.is_held_back for c in report.when.cells),
@@ -244,6 +250,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
         cards=cards(report),
         unusual=sections.unusual(report),
+        contributions=contributions(report),
         causes=sections.causes(report),
         redesigns=sections.redesigns(report),
         trend=weeks,
@@ -279,6 +286,12 @@ def _messages(report: WeekReport) -> str:
     if not n:
         return ""
     return say("data.messages", plural=n, n=fmt.count(n), gaps=say("data.gaps", plural=n_gaps, n=fmt.count(n_gaps)))
+
+
+def not_recorded(report: WeekReport) -> str:
+    """Return what hatched floor of a map means: no camera sees it, or the one that does recorded nothing."""
+    cameras = terms.joined(terms.camera_name(c.name) for c in silent_cameras(report))
+    return say("where.no_recording", cameras=cameras) if cameras else say("where.no_camera")
 
 
 def _down(report: WeekReport) -> list[str]:

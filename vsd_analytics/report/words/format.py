@@ -7,6 +7,7 @@ Templates call these as filters and do no arithmetic of their own.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from datetime import date, datetime
 from typing import Final
 
@@ -86,19 +87,32 @@ def fewer_more(change: float | None) -> str:
     return say("format.fewer" if points < 0 else "format.more", percent=f"{abs(points):,}%")
 
 
-def likely_change(estimate: Estimate) -> str:
-    """Write the interval of a change: likely between 10% and 18% fewer; empty when there is none."""
+def less_more(change: float | None) -> str:
+    """Write a relative change of something that is not counted: 14% less, 8% more, about the same."""
+    if change is None or not math.isfinite(change * 100) or round(change * 100) >= 0:
+        return fewer_more(change)
+    return say("format.less", percent=f"{-round(change * 100):,}%")
+
+
+def likely_change(estimate: Estimate, *, is_counted: bool = True) -> str:
+    """Write the interval of a change: likely between 10% and 18% fewer; empty when there is none.
+
+    Args:
+        estimate: The change.
+        is_counted: False for an amount: likely between 10% and 18% less.
+    """
     lo, hi = estimate.change_lo, estimate.change_hi
     if lo is None or hi is None or not math.isfinite(lo * 100) or not math.isfinite(hi * 100):
         return ""
     low, high = round(lo * 100), round(hi * 100)
+    said = fewer_more if is_counted else less_more
     if low == high:
-        return say("format.likely", change=say("format.no_change") if low == 0 else fewer_more(lo))
+        return say("format.likely", change=say("format.no_change") if low == 0 else said(lo))
     if low < 0 and high < 0:
-        return say("format.likely_fewer", low=f"{-high:,}%", high=f"{-low:,}%")
+        return say("format.likely_fewer" if is_counted else "format.likely_less", low=f"{-high:,}%", high=f"{-low:,}%")
     if low > 0 and high > 0:
         return say("format.likely_more", low=f"{low:,}%", high=f"{high:,}%")
-    ends = [say("format.no_change") if round(v * 100) == 0 else fewer_more(v) for v in (lo, hi)]
+    ends = [say("format.no_change") if round(v * 100) == 0 else said(v) for v in (lo, hi)]
     return say("format.likely_between", low=ends[0], high=ends[1])
 
 
@@ -109,11 +123,17 @@ def likely_signed(estimate: Estimate) -> str:
     return say("format.likely_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
 
 
-def likely_level(estimate: Estimate) -> str:
-    """Write the interval of a level: likely between 116 and 126; empty when there is none."""
+def likely_level(estimate: Estimate, *, written: Callable[[float | None], str] | None = None) -> str:
+    """Write the interval of a level: likely between 116 and 126; empty when there is none.
+
+    Args:
+        estimate: The level.
+        written: How its values are written; None = `number`.
+    """
     if estimate.lo is None or estimate.hi is None:
         return ""
-    return say("format.likely_between", low=number(estimate.lo), high=number(estimate.hi))
+    low, high = ((written or number)(v) for v in (estimate.lo, estimate.hi))
+    return say("format.likely_between", low=low, high=high)
 
 
 def one_in(rate: float) -> str:

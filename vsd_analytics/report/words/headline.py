@@ -1,16 +1,18 @@
 """The words of the page, made by rule from the figures: headline, lead, three things to know, one question.
 
-The headline reads the two verdicts, never a point estimate alone. The catalogue's table `headline.pair` is the whole
-5 x 6 table of verdicts (how often x how risky); abnormal weeks have their own sentence each. "After" is allowed,
-"because" is not.
+The headline reads the two verdicts and the usual range, never a point estimate alone. In the catalogue `headline.pair`
+is the whole 5 x 6 table of verdicts (how often x share of time too close), and `headline.usual` says where how often
+lies beside the weeks before; abnormal weeks have their own sentence each. "After" is allowed, "because" is not.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
+from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.results import AreaRow, LogLine
 from vsd_analytics.report.model.week import Span, Story, WeekReport
 from vsd_analytics.report.words import format as fmt
@@ -24,8 +26,9 @@ MAX_WORDS: Final = 15
 OWN_SHARE: Final = 0.8
 """A change of the floor is an area's own when at least this part of it lies there."""
 OFTEN: Final = ("clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data")
-RISKY: Final = (*OFTEN, "not_measurable")
-"""The two keys of the table `headline.pair` of the catalogue: how often, how risky."""
+CLOSE: Final = (*OFTEN, "not_measurable")
+"""The two keys of the table `headline.pair` of the catalogue: how often, share of time too close."""
+CLEAR: Final = ("clear_fall", "clear_rise")
 
 
 def finish(report: WeekReport) -> WeekReport:
@@ -54,12 +57,18 @@ def story_of(report: WeekReport) -> Story:
     )
 
 
-def risk_key(report: WeekReport) -> str:
-    """Return the second key of the table: the verdict on how risky, or not_measurable."""
-    risky = report.level.risky
-    if risky.state == "not_measurable":
+def close_key(report: WeekReport) -> str:
+    """Return the second key of the table: the verdict on the share of time too close, or not_measurable.
+
+    A clear change that leaves the share within its usual range is no news for a headline: the lead says it.
+    """
+    close = report.level.close_share
+    if close is None or close.state == "not_measurable":
         return "not_measurable"
-    return risky.verdict or "too_little_data"
+    usual = report.trend.usual_close if report.trend is not None else None
+    if close.verdict in CLEAR and usual is not None and usual.position == "within":
+        return "cannot_tell"
+    return close.verdict or "too_little_data"
 
 
 def often_key(report: WeekReport) -> str:
@@ -87,26 +96,41 @@ def _headline(report: WeekReport) -> tuple[str, str]:
             return "settings_changed", _settings_headline(report)
         case _:
             pass
-    keys = often_key(report), risk_key(report)
-    rule, key = "/".join(k.removeprefix("clear_") for k in keys), f"headline.pair.{keys[0]}.{keys[1]}"
-    people = terms.with_people(report.level.people.change, report.level.people.verdict)
-    said = say("headline.people", people=people) if people and people != say("words.with_as_many") else ""
+    keys = often_key(report), close_key(report)
+    rule = "/".join(k.removeprefix("clear_") for k in keys)
     moved = terms.moved(often.change) if often.change is not None else say("headline.changed")
-    text = say(key, moved=moved, people=said)
-    if terms.n_words(text) > MAX_WORDS:
-        text = say(key, moved=moved, people="")
-    if ":" in text:
-        return rule, text
-    entry = change_to_name(report)
-    for tail in [] if entry is None else _after(entry):
-        longer = say("headline.after", headline=text, entry=tail)
-        if terms.n_words(longer) <= MAX_WORDS:
-            return f"{rule}/after", longer
-    for tail in _where(report):
-        longer = say("headline.where", headline=text, part=tail)
-        if terms.n_words(longer) <= MAX_WORDS:
-            return f"{rule}/where", longer
-    return rule, text
+    plain = say(f"headline.pair.{keys[0]}.{keys[1]}", moved=moved)
+    usual = report.trend.usual_often if report.trend is not None else None
+    entry, cameras = change_to_name(report), silent_cameras(report)
+    choices: list[tuple[str, str]] = []
+    if entry is not None:
+        choices += [("/after", say("headline.after", headline=plain, entry=tail)) for tail in _after(entry)]
+    if usual is not None and keys[1] not in CLEAR:
+        beside = say(f"headline.usual.{keys[0]}.{usual.position}", moved=moved)
+        choices += [("/where", say("headline.where", headline=beside, part=tail)) for tail in _where(report)]
+        choices.append((f"/{usual.position}", beside))
+    choices += [("/where", say("headline.where", headline=plain, part=tail)) for tail in _where(report)]
+    choices.append(("", plain))
+    if cameras:
+        choices = [
+            (name, say("headline.without", headline=text, cameras=_cameras(report, cameras)))
+            for name, text in choices
+            if name not in ("/where", "/after")
+        ]
+    name, text = next((c for c in choices if terms.n_words(c[1]) <= MAX_WORDS), choices[-1])
+    return rule + name, text
+
+
+def silent_cameras(report: WeekReport) -> list[CameraRecord]:
+    """Return the cameras that recorded nothing, so that the page does not know the floor that only they see."""
+    return [c for c in report.coverage.cameras if c.is_silent]
+
+
+def _cameras(report: WeekReport, cameras: Sequence[CameraRecord]) -> str:
+    if len(cameras) > 2:
+        return say("headline.some_cameras", n=len(cameras), all=len(report.coverage.cameras))
+    named = terms.joined(terms.camera_name(c.name) for c in cameras)
+    return f"{named[:1].lower()}{named[1:]}"
 
 
 def _where(report: WeekReport) -> list[str]:
@@ -190,7 +214,8 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
         case "first_week":
             level = fmt.likely_level(often)
             tail = say("lead.first_week", level=say("lead.in_brackets", text=level) if level else "")
-            return [_people_came(report), _times(report), Span(text=tail)], [say("lead.first_week_note")]
+            spans = [_people_came(report), _times(report), Span(text=tail), *_close_spans(report)]
+            return _trimmed(spans), [say("lead.first_week_note")]
         case "settings_changed":
             return _settings_lead(report)
         case _:
@@ -232,17 +257,34 @@ def _normal_lead(report: WeekReport) -> list[Span]:
             spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
             spans.append(Span(text=say("lead.unknown", since=since)))
-    spans += _risk_spans(report)
-    clear = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
+    usual = report.trend.usual_often if report.trend is not None else None
+    if usual is not None:
+        spans.append(Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi))))
+    spans += _close_spans(report)
+    if cameras := silent_cameras(report):
+        named = terms.joined(terms.camera_name(c.name) for c in cameras)
+        spans.append(Span(text=say("lead.camera_silent", plural=len(cameras), cameras=named)))
+    clear = [a for a in report.areas if a.often.verdict in CLEAR]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
     same_way.sort(key=lambda a: -abs(a.often.change or 0.0))
     if same_way and len(clear) <= 3:
         areas = terms.joined(_with_change(a) for a in same_way)
         spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
-    spot = report.busiest_spot
-    if spot is not None and spot.area_id is not None and spot.area_id not in {a.area_id for a in same_way}:
-        spans.append(Span(text=say("lead.look_at", area=spot.name)))
+    spans += _unusual_hour(report)
+    return _trimmed(spans)
+
+
+def _trimmed(spans: Sequence[Span]) -> list[Span]:
     return [*spans[:-1], replace(spans[-1], text=spans[-1].text.rstrip())]
+
+
+def _unusual_hour(report: WeekReport) -> list[Span]:
+    """Name the least likely hour of the week; nothing where every hour was as usual."""
+    row = None if report.unusual is None else report.unusual.first
+    if row is None:
+        return []
+    hour = f"{fmt.weekday(row.day)} {fmt.hour_label(row.hour)}"
+    return [Span(text=say("lead.unusual", hour=hour, n=fmt.count(row.violations), usual=fmt.number(row.usual)))]
 
 
 def _with_change(area: AreaRow) -> str:
@@ -251,24 +293,26 @@ def _with_change(area: AreaRow) -> str:
     return say("lead.area_change", area=area.name, change=fmt.fewer_more(area.often.change))
 
 
-def _risk_spans(report: WeekReport) -> list[Span]:
-    risky, people = report.level.risky, report.level.people
-    said = terms.with_people(people.change, people.verdict)
-    with_people = say("headline.people", people=said) if said else ""
-    if risky.state == "not_measurable":
-        return [Span(text=say("lead.risky_unknown", reason=reason_text(risky.reason) or say("lead.no_positions")))]
-    if risky.state == "not_enough_data" or risky.value is None:
-        return [Span(text=say("lead.risky_little", reason=reason_text(risky.reason) or say("lead.few_seen")))]
-    spans = [Span(text=say("lead.per_person_hour")), Span(text=fmt.number(risky.value), is_strong=True)]
-    match risky.verdict:
-        case "clear_fall" | "clear_rise":
-            change, likely = fmt.fewer_more(risky.change), fmt.likely_change(risky)
-            tail = say("lead.risky_clear", change=change, likely=likely, people=with_people)
-        case "about_same" | "cannot_tell":
-            tail = say("lead.risky_same", people=with_people)
+def _close_spans(report: WeekReport) -> list[Span]:
+    close = report.level.close_share
+    if close is None or close.state == "not_measurable":
+        why = None if close is None else close.reason
+        return [Span(text=say("lead.close_unknown", reason=reason_text(why) or say("lead.no_positions")))]
+    if close.state == "not_enough_data" or close.value is None:
+        return [Span(text=say("lead.close_little", reason=reason_text(close.reason) or say("lead.few_seen")))]
+    strong = Span(text=say("lead.close_strong", share=fmt.percent(close.value)), is_strong=True)
+    since = terms.week_before(report)
+    match close.verdict if report.state == "normal" else None:
+        case "clear_fall" | "clear_rise" if close.change is not None:
+            likely = fmt.likely_change(close, is_counted=False)
+            tail = say("lead.close_clear", change=fmt.less_more(close.change), since=since, likely=likely)
+        case "about_same":
+            tail = say("lead.close_same", since=since)
+        case "cannot_tell":
+            tail = say("lead.close_not_clear")
         case _:
-            tail = say("lead.risky_other", people=with_people)
-    return [*spans, Span(text=tail)]
+            tail = say("lead.close_other")
+    return [Span(text=say("lead.close_share")), strong, Span(text=tail)]
 
 
 def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
