@@ -58,6 +58,38 @@ def test_without_positions_there_is_no_risk_but_how_often(world: tuple[np.ndarra
     assert all(w.risky is None and w.often is not None for w in made)
 
 
+def test_a_camera_that_broke_is_left_out_of_all_weeks_so_that_it_is_no_fall(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, exposure_h = (a.copy() for a in world)
+    for values in (n, x_h, exposure_h):
+        values[0, -7:] = 0
+    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])
+    alone = weekly_trend(n[1:], x_h[1:], exposure_h[1:], OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])
+    assert [w.often for w in made] == [w.often for w in alone]
+    assert [w.missing for w in made] == [()] * 4
+
+
+def test_a_week_without_one_of_the_cameras_of_the_last_week_names_it(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, exposure_h = (a.copy() for a in world)
+    for values in (n, x_h, exposure_h):
+        values[1, 49:55] = 0
+    made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])
+    assert [w.missing for w in made] == [(), (1,), (), ()]
+
+
+def test_the_share_of_time_too_close_is_that_of_its_own_week(world: tuple[np.ndarray, ...]) -> None:
+    n, x_h, exposure_h = world
+    close_h = exposure_h * np.random.default_rng(3).uniform(0.2, 0.6, exposure_h.shape)
+    made = weekly_trend(n, x_h, exposure_h, OPEN, close_h=close_h, coverage=np.ones(10), mondays=MONDAYS[-4:])
+    for week, last in zip(made, (49, 56, 63, 70), strict=True):
+        now = slice(last - 7, last)
+        assert week.close is not None
+        assert week.close.rate == pytest.approx(close_h[:, now].sum() / exposure_h[:, now].sum())
+        assert week.close.n_events is None
+        assert week.close.lo is not None
+        assert week.close.lo < week.close.rate
+    assert made[0].risky == weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])[0].risky
+
+
 def test_days_must_make_weeks(world: tuple[np.ndarray, ...]) -> None:
     n, x_h, _ = world
     with pytest.raises(ValueError, match="whole weeks"):
