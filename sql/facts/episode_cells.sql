@@ -13,7 +13,7 @@
 --   cy            floor(y / cell_m)
 --   violation_ms  person-milliseconds of the two, over all violation records of the run
 --   owned_ms      those of records that this camera counts, because it owns their midpoint
--- assumes: each of the two counts where they stand; a person without a position stands nowhere
+-- assumes: each of the two counts where they stand; a person without a position is in no cell
 with persons as (
     select
         hour,
