@@ -9,6 +9,22 @@
 --   local_date
 --   n_others       others closer than distance_m at the instant, at least 1
 --   violation_s    person-seconds in opening hours
+-- figure: M32 Three or more others too close
+--   definition   person-seconds with three or more others closer than distance_m at the same instant / person-seconds
+--   unit         share of person-time
+--   denominator  person-hours
+--   needs        as M6
+--   uncertainty  day-clustered 95 % interval, as M6 between groups
+--   by           vsd_analytics.figures.company_kept.three_or_more
+-- figure: M33 Room around people
+--   definition   person-time by people per m² in the disc of distance_m around a person, oneself included, in the levels of service of
+--                walkways A to F (limits 0.31, 0.43, 0.72, 1.08, 2.15; Fruin, Pedestrian Planning and Design, 1971); floor behind
+--                walls and out of view counts as empty
+--   unit         share of person-time
+--   denominator  person-hours
+--   needs        as M6, and a distance_m of 1.02 m or more: a smaller disc holds one person at level B
+--   uncertainty  day-clustered 95 % interval, as M6 between groups
+--   by           vsd_analytics.figures.company_kept.room_around
 -- assumes: person-time without anybody closer than distance_m is that of camera_hours less these
 select
     neighbour_times.camera_id,
