@@ -12,7 +12,7 @@
 --   weekday            1 Monday to 7 Sunday
 --   exposure_open_s    person-seconds of this camera in the area in opening hours
 --   violation_open_s   person-seconds in violation
---   n_violations_open  violations in the area that started in opening hours
+--   n_violations_open  violations with most of their person-time in the area that started in opening hours
 -- figure: M15 Areas
 --   definition   M0 and M7 of each area, highest M0 first, border areas noted; from four areas on, M7 pulled to their mean, excess a week
 --   unit         per open hour; per person-hour

@@ -10,6 +10,14 @@
 --   local_date
 --   violation_s    person-seconds in violation
 --   between_s      those in which somebody closer than distance_m is not of the person's own group
+-- figure: M30 Time too close between groups
+--   definition   person-minutes with somebody of another group closer than distance_m: in all, and per stay (M6 between groups times the mean
+--                time of a track id in one camera's view)
+--   unit         person-minutes
+--   denominator  person-hours of cameras whose ids last
+--   needs        ids that last, as M9; 5 days for an interval
+--   uncertainty  that of M6 between groups, over the same hours
+--   by           vsd_analytics.figures.catalogue.between_groups.close_minutes
 -- steps:
 --   others        one row per other person; who has no group is between groups with everybody and needs no comparison
 --   within_group  bool_and: one stranger close by makes the time between groups

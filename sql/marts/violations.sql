@@ -1,7 +1,7 @@
 -- name: marts/violations
 -- One row per violation: an episode of at least episode_min_s, counted once, whichever cameras saw it.
 -- grain: camera_id, started_ms, track_a, track_b
--- reads: episodes, area_cells, cameras
+-- reads: episodes, episode_areas, cameras
 -- columns:
 --   camera_id        the camera that counts it, as in episodes
 --   floor_id
@@ -13,7 +13,7 @@
 --   y_m              mean midpoint, floor metres
 --   cx               floor(x / cell_m)
 --   cy               floor(y / cell_m)
---   area_id          area of vsd.toml it lies in; null for the rest of the floor
+--   area_id          area of vsd.toml in which most of its person-time in violation lies; null for the rest of the floor
 --   min_distance_m   closest approach
 --   hour_start_ms    UTC instant of its local hour
 --   local_date
@@ -46,7 +46,7 @@ select
     episodes.y_m,
     episodes.cx,
     episodes.cy,
-    area_cells.area_id,
+    episode_areas.area_id,
     episodes.min_distance_m,
     episodes.hour_start_ms,
     episodes.local_date,
@@ -55,7 +55,11 @@ select
     episodes.is_together
 from episodes
 inner join cameras on episodes.camera_id = cameras.camera_id
-left join area_cells
-    on cameras.floor_id = area_cells.floor_id and episodes.cx = area_cells.cx and episodes.cy = area_cells.cy
+left join episode_areas
+    on
+        episodes.camera_id = episode_areas.camera_id
+        and episodes.track_a = episode_areas.track_a
+        and episodes.track_b = episode_areas.track_b
+        and episodes.started_ms = episode_areas.started_ms
 where episodes.is_violation and episodes.is_owned
 order by episodes.started_ms, episodes.camera_id, episodes.track_a, episodes.track_b

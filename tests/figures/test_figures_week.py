@@ -1,4 +1,4 @@
-"""The thirty figures of a week: planted truth, what is held back, and what is refused with its reason."""
+"""The figures of a week: planted truth, what is held back, and what is refused with its reason."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def values(figures: Figures, metric: str, name: str, key: str) -> dict[Any, Any]
 
 
 def check(figures: Figures) -> None:
-    """Hold every figure to the contract: thirty, plain, missing numbers null with a reason."""
+    """Hold every figure to the contract: all there, plain, missing numbers null with a reason."""
     assert set(figures) == {f.metric for f in figure_headers()}
     for metric, figure in figures.items():
         assert figure["state"] in STATES, metric
@@ -87,6 +87,11 @@ def test_what_was_planted_is_reported(told: Figures) -> None:
     assert values(told, "M21", "share", "least")[2] == 1
     assert told["M22"]["value"] == 0
     assert told["M22"]["rows"] == []
+    assert told["M30"]["value"] == pytest.approx(60 * CLOSE_H, rel=1e-3)  # everybody is a stranger
+    assert values(told, "M30", "value", "what")["per stay"] == pytest.approx(60 * CLOSE_H / (2 * N + 7), rel=1e-3)
+    assert values(told, "M31", "value", "what") == {"median": 1, "90 % meet at most": 1}
+    assert told["M32"]["value"] == 0
+    assert values(told, "M33", "value", "level") == pytest.approx({"A": 1, **dict.fromkeys("BCDEF", 0)})
     share = pytest.approx(CLOSE_H / EXPOSURE_H, rel=1e-3)
     assert values(told, "M26", "share", "distance_m") == dict.fromkeys((1.8, 2.0, 2.2), share)
 
@@ -170,6 +175,8 @@ def test_small_counts_are_held_back_everywhere(tmp_path: Path) -> None:
     counts = lambda day, hour: {w.QUEUE: 1} if day < 3 and hour == 10 else {}  # noqa: E731
     told = figures_of(w.report(w.world(tmp_path, w.toml(), w.messages(counts))))
     check(told)
+    for metric in ("M0", "M7", "M8", "M9", "M10", "M30", "M31", "M32", "M33", "M34"):
+        assert told[metric]["state"] != "ok", metric
     for metric in ("M0", "M7", "M8", "M9", "M10"):
         assert told[metric]["state"] == "not_enough_data", metric
         assert "fewer than 5" in told[metric]["reason"], metric
@@ -186,7 +193,7 @@ def test_without_positions_every_figure_of_exposure_and_place_says_so(tmp_path: 
         frames.append(frame)
     told = figures_of(w.report(w.world(tmp_path, w.toml(), frames)))
     check(told)
-    for metric in ("M3", "M5", "M6", "M7", "M15", "M16", "M17", "M18", "M19", "M20", "M23"):
+    for metric in ("M3", "M5", "M6", "M7", "M15", "M16", "M17", "M18", "M19", "M20", "M23", "M30", "M32", "M33"):
         assert told[metric]["state"] == "not_measurable", metric
         assert told[metric]["reason"] == "the engine sends no positions", metric
     assert told["M0"]["value"] == pytest.approx(N / 21, rel=1e-3)
@@ -202,7 +209,9 @@ def test_without_ids_time_and_maps_remain(tmp_path: Path) -> None:
         assert told[metric]["state"] == "not_measurable", metric
         assert "ids" in told[metric]["reason"], metric
     assert told["M6"]["value"] == pytest.approx(CLOSE_H / EXPOSURE_H, rel=1e-3)
-    for metric in ("M3", "M5", "M11", "M16", "M17", "M18", "M26"):
+    for metric in ("M30", "M31", "M34"):
+        assert told[metric]["state"] != "ok", metric
+    for metric in ("M3", "M5", "M11", "M16", "M17", "M18", "M26", "M32", "M33"):
         assert told[metric]["state"] == "ok", metric
 
 

@@ -21,7 +21,7 @@ from vsd_analytics.warehouse.sqlfiles import relations
 
 HOURS = range(T0 // HOUR - 4, T0 // HOUR + 6)
 CHANGE_MS = T0 + HOUR // 2
-CLUSTERS = {"cluster_times", "gathering_parts", "gathering_joins", "company_times"}
+CLUSTERS = {"cluster_times", "gathering_parts", "gathering_joins", "company_times", "neighbour_times", "episode_cells"}
 OF_PAIRS = {*CLUSTERS, "distance_times", "same_pairs"}
 FACTS = [r.name for r in relations("facts").values() if r.unit == "hour"]
 

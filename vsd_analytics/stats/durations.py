@@ -176,7 +176,7 @@ def durations(
     total = max(with_any, n_days or 0)
     drawn = np.random.default_rng(seed).integers(0, total, size=(n_boot, total))
     times = np.stack([np.bincount(days, minlength=total)[:with_any] for days in drawn])
-    draws = _quantiles_of_draws(ranked, code, times, (0.5, 0.9))
+    draws = quantiles_of_draws(ranked, code, times, (0.5, 0.9))
     se = np.nanstd(np.log(draws), axis=0, ddof=1) * math.sqrt(with_any / (with_any - 1))
     half = t_quantile(with_any - 1, confidence=confidence) * se
     median, p90 = (
@@ -262,7 +262,7 @@ def _quantile(ranked: npt.NDArray[np.float64], q: float) -> float:
     return float(ranked[min(int(np.searchsorted(np.arange(1, len(ranked) + 1), q * len(ranked))), len(ranked) - 1)])
 
 
-def _quantiles_of_draws(
+def quantiles_of_draws(
     ranked: npt.NDArray[np.float64], day: npt.NDArray[np.int64], times: npt.NDArray[np.int64], shares: tuple[float, ...]
 ) -> npt.NDArray[np.float64]:
     """Return the smallest value that at least each share is at most, by draw: shape (n_draws, n_shares).

@@ -1,0 +1,115 @@
+"""How many others are within the legal distance: time with three or more (M32), and room around people (M33)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distances
+from vsd_analytics.figures.groups import PURGED
+from vsd_analytics.figures.panels import Array, Period, Place, positions
+from vsd_analytics.figures.rates import not_measured
+from vsd_analytics.result import Reason
+from vsd_analytics.stats.estimates import RateEstimate
+
+THREE: Final = 3
+SQUARE_FOOT_M2: Final = 0.3048**2
+ROOM_M2: Final = tuple(feet * SQUARE_FOOT_M2 for feet in (35, 25, 15, 10, 5))
+"""Least floor for each person of levels of service A to E of walkways; below the last is F. Source: Fruin, Pedestrian
+Planning and Design (1971), in square feet."""
+LEVELS: Final = "ABCDEF"
+
+
+@dataclass(frozen=True, slots=True)
+class RoomLevel:
+    """Person-time at one of Fruin's levels of service.
+
+    Attributes:
+        level: A (most room) to F.
+        density_from, density_to: People per m² above which it begins and up to which it goes; None = no end.
+        share: Share of person-time, with the interval of M6 between groups.
+    """
+
+    level: str
+    density_from: float
+    density_to: float | None
+    share: RateEstimate
+
+
+def three_or_more(period: Period) -> RateEstimate:
+    """Return the share of person-time with three or more others closer than the legal distance (M32)."""
+    if (why := period.why_no_exposure) is not None:
+        return not_measured(why)
+    by_number = _by_number(period)
+    if by_number is None:
+        return not_measured(PURGED)
+    crowded = sum((hours for n, hours in by_number.items() if n >= THREE), start=np.zeros_like(period.data.everyone.n))
+    return _share(period, crowded)
+
+
+def room_around(period: Period) -> tuple[RoomLevel, ...]:
+    """Return person-time by how densely people stand around a person, at Fruin's levels of service (M33).
+
+    The density is that of the disc of the legal distance around a person, oneself included: (1 + others) / (pi d^2).
+    Floor behind walls and out of view counts as empty, so near them it is too low.
+    """
+    area_m2 = math.pi * float(period.data.site.settings.distance_m) ** 2
+    edges = [0.0, *(1 / room for room in ROOM_M2), math.inf]
+    hours: list[Array] | None = None
+    why = period.why_no_exposure
+    if why is None and area_m2 < ROOM_M2[0]:
+        why = Reason("room.small_disc", least=math.sqrt(ROOM_M2[0] / math.pi))
+    if why is None:
+        by_number = _by_number(period)
+        why = PURGED if by_number is None else None
+        if by_number is not None:
+            in_company = sum(by_number.values(), start=np.zeros_like(period.data.everyone.n))
+            by_number[0] = np.maximum(period.data.everyone.exposure_h - in_company, 0.0)
+            hours = [np.zeros_like(in_company) for _ in LEVELS]
+            for n, value in by_number.items():
+                hours[level_of((1 + n) / area_m2)] += value
+    return tuple(
+        RoomLevel(
+            level,
+            edges[k],
+            None if math.isinf(edges[k + 1]) else edges[k + 1],
+            not_measured(why) if hours is None and why is not None else _share(period, (hours or [])[k]),
+        )
+        for k, level in enumerate(LEVELS)
+    )
+
+
+def level_of(density: float) -> int:
+    """Return the place in `LEVELS` of a density in people per m²; a limit belongs to the roomier level."""
+    return sum(density * room > 1 for room in ROOM_M2)
+
+
+def _share(period: Period, hours: Array) -> RateEstimate:
+    data = period.data
+    place = Place(hours * SECONDS, data.everyone.exposure_h, data.everyone.cameras & knows_distances(period))
+    return close_share(period, place, has_history=False)
+
+
+def _by_number(period: Period) -> dict[int, Array] | None:
+    """Return person-hours by number of others too close, each (n_cameras, n_hours); None where they were not stored."""
+    data = period.data
+    rows = data.warehouse.table(
+        "select camera_id, hour_start_ms, n_others, violation_s::double / 3600 as hours from neighbour_hours "
+        "where camera_id in (select unnest($cameras::varchar[])) and local_date between $first and $last "
+        "order by hour_start_ms, camera_id, n_others",
+        {"cameras": data.ids, "first": period.first, "last": period.last},
+    )
+    n, hours = rows["n_others"].to_numpy(), rows["hours"].to_numpy()
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+    found: dict[int, Array] = {}
+    for number in np.unique(n).tolist():
+        found[number] = np.zeros_like(data.everyone.n)
+        found[number][camera[n == number], hour[n == number]] = hours[n == number]
+    stored = sum(found.values(), start=np.zeros_like(data.everyone.n))
+    if (data.violation_h * period.is_inside).sum() > 1.001 * (stored * period.is_inside).sum() + 1e-6:
+        return None  # sealed by a version that did not count others
+    return found
