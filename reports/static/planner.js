@@ -26,12 +26,19 @@ function likely(e) {
 const hoursText = h => h < 0.95 && h > 0 ? word('format.under_an_hour') : word('format.hours', { n: nf(h, h < 10 && h % 1 ? 1 : 0) }, h);
 const hoursFigure = h => nf(h, 1).replace(/[.,]0$/, '');
 const verdict = e => { const said = word(`words.${e.verdict}`); return e.theta === null ? said : word('change', { verdict: said, change: fewer(e.theta) }); };
+const share = v => { if (v === null || !Number.isFinite(v)) return NONE; const n = Math.round(v * 100); return n === 0 && v > 0 ? word('format.nearly_none', { percent: percent(1) }) : n === 100 && v < 1 ? word('format.nearly_all', { percent: percent(99) }) : percent(n); };
+const signed = v => { const n = Math.round(v * 100); return (n > 0 ? '+' : n < 0 ? MINUS : '') + percent(n); };
+const KINDS = ['often', 'close', 'risky'];
+const shownRate = (k, v) => k === 'close' ? share(v) : fig(v);
+const shownRange = (k, e) => k !== 'close' ? between(e) : e.lo === null || e.hi === null ? '' : range(share(e.lo), share(e.hi));
+const shownChange = (k, e) => k !== 'close' ? [verdict(e), likely(e)] : [word('change', { verdict: word(`words.${e.verdict}`), change: signed(e.theta - 1) }), e.lo === null || e.hi === null ? '' : word('format.likely_signed', { low: signed(e.lo - 1), high: signed(e.hi - 1) })];
 const withLikely = (text, range) => range ? word('likely', { text, range }) : text;
 const isTold = e => Boolean(e) && (e.lo !== null || e.hi !== null);
 
 /* ---- the live sentence and the table of rates ---- */
 function sentences(t) {
   const c = t.change, compare = state.show !== 'week', [now, before] = M.weeks, parts = [], say = (key, values) => parts.push(word(key, values));
+  if (noDay()) return [word('no_day_chosen')];
   if (t.place.id !== 'floor') say('place', { name: t.place.name });
   if (compare && c && c.often.rateA !== null && c.often.rateB !== null && c.often.nA + c.often.nB > 0) {
     say('both', { before, now, a: fig(c.often.rateA), b: fig(c.often.rateB) });
@@ -44,7 +51,7 @@ function sentences(t) {
   if (o.rate === null) say('refused', { week: now, reason: o.reason });
   else {
     const often = withLikely(word('often', { rate: fig(o.rate) }), between(o));
-    say('level', { week: now, rates: t.risky.rate === null ? often : word('with_risky', { often, rate: fig(t.risky.rate) }) });
+    say('level', { week: now, rates: t.close.rate === null ? often : word('with_close', { often, share: share(t.close.rate) }) });
     if (o.lo === null && o.reason) say('no_interval', { reason: o.reason });
   }
   say('hours', { hours: hoursText(t.hours) });
@@ -53,22 +60,28 @@ function sentences(t) {
   return parts;
 }
 function tell() {
-  const t = rates(placeNow()), c = t.change, said = sentences(t).join(' ');
+  const c = changeNow(), said = c && c.spans.length && state.show !== 'week' ? tellChange(c) : tellWeeks();
   if ($('out').textContent !== said) $('out').textContent = said;
-  for (const k of ['often', 'risky']) {
+  for (const k of KINDS) $(`side-${k}`).textContent = $(`now-${k}`).querySelector('b').textContent;
+  $('side-name').textContent = $('read-name').textContent;
+}
+function tellWeeks() {
+  const t = rates(placeNow()), c = t.change;
+  for (const k of KINDS) {
     const e = t[k];
-    fill(`now-${k}`, [fig(e.rate), between(e) || (e.rate === null ? e.reason : '')], { rate: e.rate, lo: e.lo, hi: e.hi });
+    fill(`now-${k}`, [shownRate(k, e.rate), shownRange(k, e) || (e.rate === null ? e.reason : '')], { rate: e.rate, lo: e.lo, hi: e.hi });
   }
   $('now-hours').textContent = hoursFigure(t.hours);
   if ($('was-often')) {
     $('was-hours').textContent = c ? hoursFigure(c.hours) : NONE;
-    for (const k of ['often', 'risky']) {
+    for (const k of KINDS) {
       const e = c && c[k], isShown = e && e.rateA !== null && (k === 'often' || e.xA >= M.rules.minExposure);
-      fill(`was-${k}`, [isShown ? fig(e.rateA) : NONE, isShown ? word('same_hours') : '']);
-      fill(`change-${k}`, isTold(e) ? [verdict(e), likely(e)] : [word('words.too_little_data'), e ? e.reason : M.notCompared], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
+      fill(`was-${k}`, [isShown ? shownRate(k, e.rateA) : NONE, isShown ? word('same_hours') : '']);
+      fill(`change-${k}`, isTold(e) ? shownChange(k, e) : [word('words.too_little_data'), e ? e.reason : M.notCompared], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
     }
   }
   $('read-name').textContent = t.place.name;
+  return sentences(t).join(' ');
 }
 function fill(id, [big, small], exact) {
   const cell = $(id); cell.querySelector('b').textContent = big; cell.querySelector('small').textContent = small || '';
@@ -77,20 +90,19 @@ function fill(id, [big, small], exact) {
 
 /* ---- drawing ---- */
 function draw() {
-  const began = performance.now(), map = M.maps[state.map], has = week.cells && before && before.cells;
+  const began = performance.now(), map = M.maps[state.map], { now, was, used, usedWas } = pairNow();
   document.body.dataset.show = state.show; document.body.dataset.map = state.map;
   document.body.classList.toggle('div', state.show === 'difference' || map.kind === 'excess');
-  if (week.cells) {
-    const isSame = has && !M.notCompared && state.show !== 'week';
-    const now = field(week, isSame ? week.same : week.drawn), was = has && state.show !== 'week' ? field(before, isSame ? before.same : before.drawn) : null;
-    const isDifference = state.show === 'difference' && was;
-    const shown = isDifference ? now.map((v, i) => v - was[i]) : now;
-    if (isDifference && now.known) shown.known = now.known.map((v, i) => v && was.known[i]);
+  if (now && svg) {
+    const here = field(now, used), there = was && state.show !== 'week' ? field(was, usedWas) : null, isDifference = state.show === 'difference' && there;
+    const shown = isDifference ? here.map((v, i) => v - there[i]) : here, seenHere = seenBy(now, used), seenThere = there ? seenBy(was, usedWas) : null;
+    if (isDifference && here.known) shown.known = here.known.map((v, i) => v && there.known[i]);
     setBands('gb', shown, map);
-    if (state.show === 'split' && was) setBands('ga', was, map); else all('#ga path').forEach(p => p.setAttribute('d', ''));
+    setWhites('gb', shown.known, isDifference ? both(seenHere, seenThere) : seenHere);
+    if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
     setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
   }
-  setCut(); setRect(); tell(); setControls(); remember();
+  setCut(); setRect(); setChange(); tell(); setControls(); remember();
   document.body.dataset.ms = (performance.now() - began).toFixed(1);
 }
 
@@ -121,6 +133,7 @@ function setControls() {
   $('draw').setAttribute('aria-pressed', isDrawing); box.classList.toggle('drawing', isDrawing);
   ['left', 'bottom', 'right', 'top'].forEach((id, i) => { if (document.activeElement !== $(id)) $(id).value = state.rect ? state.rect[i] : ''; });
   for (const id of ['left', 'bottom', 'right', 'top']) $(id).parentElement.parentElement.hidden = !(state.rect || isDrawing);
+  all('.ar').forEach(path => path.classList.toggle('on', path.dataset.area === state.place));
   all('.hs').forEach((path, i) => path.classList.toggle('on', M.spots[i].id === state.place));
   $('place').querySelector('[value=rect]').disabled = !state.rect; $('clear').hidden = !state.rect;
 }
@@ -132,7 +145,7 @@ function look(v) {
   state.view = { w, h, x: Math.min(W - w, Math.max(0, v.x)), y: Math.min(H - h, Math.max(0, v.y)) };
   svg.setAttribute('viewBox', [state.view.x, state.view.y, w, h].map(n => n.toFixed(2)).join(' '));
   svg.style.setProperty('--u', w / Math.max(1, svg.clientWidth));
-  $('hat').setAttribute('patternTransform', `rotate(45) scale(${w / Math.max(1, svg.clientWidth)})`);
+  $('hat').setAttribute('patternTransform', `rotate(45) scale(${w / Math.max(1, svg.clientWidth)})`); $('dots').setAttribute('patternTransform', `scale(${w / Math.max(1, svg.clientWidth)})`);
   $('zl').textContent = `${Math.round(W / w * 100)}%`;
   const all100 = w >= W - 1e-6;
   $('zo').disabled = $('zr').disabled = all100; all('[data-pan]').forEach(b => { b.disabled = all100; });
@@ -153,6 +166,13 @@ function setNames(unit) {
     const found = ['1.15em', '-.4em'].map(dy => { e.setAttribute('dy', dy); return [dy, boxOf(e)]; }).find(([, b]) => b.y > 0 && !taken.some(t => meet(t, b)));
     e.classList.toggle('out-of-way', !found);
     if (found) { e.setAttribute('dy', found[0]); taken.push(found[1]); }
+  }
+  for (const e of all('.fn')) {
+    const b = e.getBBox(), [x, y] = [b.x + b.width / 2, b.y + b.height / 2], up = e.hasAttribute('transform');
+    const own = up ? { x: x - b.height / 2, y: y - b.width / 2, width: b.height, height: b.width } : b;
+    const fits = b.width <= +e.dataset.along && !taken.some(t => meet(t, own));
+    e.classList.toggle('out-of-way', !fits);
+    if (fits) taken.push(own);
   }
 }
 const zoom = (f, px = 0.5, py = 0.5) => { const v = state.view, w = Math.min(W, Math.max(W / 16, v.w / f)); look({ w, x: v.x + (v.w - w) * px, y: v.y + (v.h - w * H / W) * py }); later(); };
@@ -186,6 +206,7 @@ function floorAt(e) {
 /* ---- the address: only what is expected is read from it ---- */
 function remember() {
   const s = state, v = s.view, out = [];
+  if (s.change) out.push(`change=${s.change}`);
   if (s.show !== 'week') out.push(`show=${s.show}`);
   if (s.map !== 'violations') out.push(`map=${s.map}`);
   if (!s.days.every(Boolean)) out.push(`days=${s.days.map(d => d ? 1 : 0).join('')}`);
@@ -203,10 +224,12 @@ function recall() {
   const s = state, take = (key, rule) => { const m = rule.exec(got.get(key) || ''); return m && m[0]; };
   const whole = (key, lo, hi, otherwise) => { const n = take(key, /^\d{1,2}$/); return n !== null && +n >= lo && +n <= hi ? +n : otherwise; };
   const numbers = (key, n) => { const m = take(key, /^-?\d{1,6}(,-?\d{1,6}){2,3}$/); const list = m ? m.split(',').map(Number) : []; return list.length === n ? list : null; };
-  s.show = take('show', before ? /^(week|split|difference)$/ : /^week$/) || 'week';
-  if (s.show === 'difference' && M.notCompared) s.show = 'week';
+  s.change = whole('change', 1, 99, 0); const change = changeNow(), isPaired = Boolean(change && change.spans.length);
+  if (!change) s.change = 0;
+  s.show = take('show', before || isPaired ? /^(week|split|difference)$/ : /^week$/) || 'week';
+  if (s.show === 'difference' && M.notCompared && !isPaired) s.show = 'week';
   const kind = take('map', /^[a-z]{1,12}$/); s.map = kind && Object.hasOwn(M.maps, kind) ? kind : 'violations';
-  if (s.map === 'excess' && s.show === 'difference') s.map = 'violations';
+  if (s.map === 'excess' && s.show !== 'week' && (isPaired || s.show === 'difference')) s.map = 'violations';
   s.days = (take('days', /^[01]{7}$/) || '1111111').split('').map(Number);
   s.from = whole('from', hours[0], hours[1] - 1, hours[0]); s.to = whole('to', s.from + 1, hours[1], hours[1]);
   const r = numbers('rect', 4); s.rect = null; if (r && week.cells) setRectangle(r, false);
@@ -238,8 +261,8 @@ async function picture() {
     if (e.closest('defs') || e.hasAttribute('hidden')) continue;
     const s = css(e); if (s.display === 'none') continue;
     c.save();
-    const bands = e.closest('#ga,#gb'); if (bands) c.clip(new Path2D($(`known-${bands.id}`).getAttribute('d')), 'evenodd');
-    if (state.show === 'split' && e.closest('#ga,#gb')) { const left = e.closest('#ga'); c.beginPath(); c.rect(left ? -1e5 : cut, -1e5, left ? cut + 1e5 : 2e5, 3e5); c.clip(); }
+    const bands = e.closest('#ga,#gb'); if (e.closest('#gs')) for (const id of ['sure', 'known-gb']) c.clip(new Path2D($(id).getAttribute('d') || [...$(id).children].map(p => p.getAttribute('d')).join('')), 'evenodd'); if (bands) c.clip(new Path2D($(`known-${bands.id}`).getAttribute('d')), 'evenodd');
+    if (state.show === 'split' && e.closest('#ga,#gb,#gs,#wa,#wb')) { const left = e.closest('#ga,#wa'); c.beginPath(); c.rect(left ? -1e5 : cut, -1e5, left ? cut + 1e5 : 2e5, 3e5); c.clip(); }
     if (s.filter !== 'none') c.filter = s.filter;
     if (s.mixBlendMode !== 'normal') c.globalCompositeOperation = s.mixBlendMode;
     const a = n => +e.getAttribute(n) || 0, a2 = n => parseFloat(e.getAttribute(n)) || 0;
@@ -252,7 +275,7 @@ async function picture() {
       const p = new Path2D(e.tagName === 'path' ? e.getAttribute('d') : ''); if (e.tagName === 'rect') p.rect(a('x'), a('y'), a('width'), a('height'));
       if (e.tagName === 'line') { p.moveTo(a('x1'), a('y1')); p.lineTo(a('x2'), a('y2')); }
       if (e.tagName === 'circle') p.arc(a('cx'), a('cy'), parseFloat(s.r) || a('r'), 0, 7);
-      if (s.fill.startsWith('url')) { c.save(); c.clip(p, 'evenodd'); c.strokeStyle = css($('hatline')).stroke; c.lineWidth = 1.2 * unit; c.beginPath(); for (let x = -H; x < W + H; x += 9 * unit) { c.moveTo(x, 0); c.lineTo(x + H, H); } c.stroke(); c.restore(); } else if (s.fill !== 'none') { c.fillStyle = s.fill; c.globalAlpha = +s.fillOpacity; c.fill(p, 'evenodd'); c.globalAlpha = 1; }
+      if (s.fill.includes('#dots')) { c.save(); c.clip(p, 'evenodd'); c.fillStyle = css($('dot')).fill; for (let x = 0; x < W; x += 8 * unit) for (let y = 0; y < H; y += 8 * unit) { c.beginPath(); c.arc(x, y, 1.2 * unit, 0, 7); c.fill(); } c.restore(); } else if (s.fill.startsWith('url')) { c.save(); c.clip(p, 'evenodd'); c.strokeStyle = css($('hatline')).stroke; c.lineWidth = 1.2 * unit; c.beginPath(); for (let x = -H; x < W + H; x += 9 * unit) { c.moveTo(x, 0); c.lineTo(x + H, H); } c.stroke(); c.restore(); } else if (s.fill !== 'none') { c.fillStyle = s.fill; c.globalAlpha = +s.fillOpacity; c.fill(p, 'evenodd'); c.globalAlpha = 1; }
       if (s.stroke !== 'none') { c.strokeStyle = s.stroke; c.lineWidth = parseFloat(s.strokeWidth) * unit; c.setLineDash(s.strokeDasharray === 'none' ? [] : s.strokeDasharray.split(/[, ]+/).map(n => parseFloat(n) * unit)); c.stroke(p); }
     }
     c.restore();

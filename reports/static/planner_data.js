@@ -7,8 +7,9 @@ const M = JSON.parse($('meta').textContent);
 const word = (key, values = {}, plural = 2) => { const entry = M.words[key]; return (entry.other ? entry[plural === 1 ? 'one' : 'other'] : entry).replace(/\{(\w+)\}/g, (_, name) => values[name]); };
 
 /* ---- the packed data: numbers of seven bits a byte, see vsd_analytics/planner/pack.py ---- */
+function decoded(text) { const a = new Uint8Array(text.length); for (let i = 0; i < a.length; i++) a[i] = text.charCodeAt(i); return a; }
 async function unpack(text) {
-  const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : Uint8Array.from(atob(text), c => c.charCodeAt(0));
+  const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : decoded(atob(text));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
@@ -31,8 +32,7 @@ function reader(b) {
 }
 
 /* What is read only when it is first asked for. */
-function lazily(makers) {
-  const made = {};
+function lazily(makers, made = {}) {
   for (const [name, make] of Object.entries(makers)) Object.defineProperty(made, name, { configurable: true, get() { const value = make(); Object.defineProperty(made, name, { value }); return value; } });
   return made;
 }
@@ -42,31 +42,44 @@ function readPanel(r) {
   for (const k of ['day', 'weekday', 'hour', 'fold']) p[k] = r.many(S);
   const rec = r.many(C * S);
   p.recorded = rec.map(v => Math.floor(v / 2) / 3.6e6); p.counted = rec.map(v => v % 2);
-  p.n = r.many(P * C * S); p.time = r.many(P * C * S).map(v => v / 3.6e6);
+  p.n = r.many(P * C * S); p.time = r.many(P * C * S).map(v => v / 3.6e6); p.close = r.many(P * C * S).map(v => v / 1e3);
   return p;
 }
 
-function readCells(parts, S, nCells) {
-  const read = (r, cells, kinds) => {
-    const n = r.one(), key = r.keys(n), t = { n, camera: new Uint8Array(n), cell: new Int32Array(n), slot: new Int32Array(n) };
-    for (let i = 0; i < n; i++) { const k = Math.floor(key[i] / S); t.slot[i] = key[i] - k * S; t.camera[i] = Math.floor(k / cells); t.cell[i] = k % cells; }
-    for (const kind of kinds) t[kind] = r.many(n);
-    return t;
-  };
-  const across = M.grid.cellsAcross, [violations, split, time, excess] = parts;
+/* A table by camera, cell and hour: the sums of each camera and cell, and, read only when asked for, their hours. */
+function readTable(sums, hours, cells, kinds, unit) {
+  const n = sums.one(), key = sums.keys(n), t = { n, camera: new Uint8Array(n), cell: new Int32Array(n) };
+  for (let i = 0; i < n; i++) { t.camera[i] = Math.floor(key[i] / cells); t.cell[i] = key[i] % cells; }
+  for (const kind of kinds) t[kind] = scaled(sums.many(n), unit);
+  return hours ? lazily({ rows: () => readRows(t, hours, kinds, unit) }, t) : t;
+}
+const scaled = (a, unit) => { if (unit !== 1) for (let i = 0; i < a.length; i++) a[i] *= unit; return a; };
+function readRows(t, r, kinds, unit) {
+  const size = r.many(t.n), n = sum(size), rows = { n, camera: new Uint8Array(n), cell: new Int32Array(n), slot: r.many(n) };
+  for (let i = 0, k = 0; i < t.n; i++) for (let j = 0, slot = 0; j < size[i]; j++, k++) { slot += rows.slot[k]; rows.slot[k] = slot; rows.camera[k] = t.camera[i]; rows.cell[k] = t.cell[i]; }
+  for (const kind of kinds) rows[kind] = scaled(r.many(n), unit);
+  return rows;
+}
+
+function readCells(parts, nCells) {
+  const across = M.grid.cellsAcross, [violations, violationHours, split, time, timeHours, excess] = parts;
   return lazily({
-    violations: () => read(violations, nCells * across * across, ['v']),
+    violations: () => readTable(violations, violationHours, nCells * across * across, ['v'], 1),
     split: () => readSplit(split, nCells, across),
-    time: () => {
-      const unit = time.one() / 3.6e6, t = read(time, nCells, ['v', 'w']);
-      for (const k of ['v', 'w']) for (let i = 0; i < t.n; i++) t[k][i] *= unit;
-      return t;
-    },
+    time: () => { const unit = time.one() / 3.6e6; return readTable(time, timeHours, nCells, ['v', 'w'], unit); },
     excess: () => {
       const nx = excess.one(), ny = excess.one();
       return { nx, ny, x: excess.one() - 1e6, y: excess.one() - 1e6, v: excess.many(nx * ny).map(v => v ? (v - 1) / 100 : NaN) };
     },
   });
+}
+
+/* The matched weeks on one side of a logged change: sums over the hours that both sides recorded. */
+function readSide(r, hasCells, nCells) {
+  const C = M.cameras, n = M.places.length * C, across = M.grid ? M.grid.cellsAcross : 0;
+  const p = { isSide: true, hours: r.many(C).map(v => v / 3.6e6), n: r.many(n), time: r.many(n).map(v => v / 3.6e6), close: r.many(n).map(v => v / 1e3) };
+  if (hasCells) p.cells = { violations: readTable(r, null, nCells * across * across, ['v'], 1), time: readTable(r, null, nCells, ['v', 'w'], 100 / 3.6e6) };
+  return p;
 }
 
 /* How violations lie inside cells of half a metre, by camera: in each fine cell, and in all of a cell of half a metre. */
@@ -82,10 +95,11 @@ function readSplit(r, nCells, across) {
 }
 
 /* ---- what is selected ---- */
-const hours = M.hours, state = { show: 'week', map: 'violations', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50 };
-let week, before, past, fine, isDrawing = false, corner = null;
+const hours = M.hours, state = { show: 'week', map: 'violations', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0 };
+let week, before, past, fine, seen = null, isDrawing = false, corner = null;
 
 const chosen = p => Uint8Array.from(p.hour, (h, i) => state.days[p.weekday[i]] && h >= state.from && h < state.to ? 1 : 0);
+const noDay = () => !state.days.some(Boolean);
 const isWhole = () => state.days.every(Boolean) && state.from === hours[0] && state.to === hours[1];
 
 /* For each hour of this week the same hour of the other, or -1; and which camera-hours both can answer for. */
@@ -105,24 +119,24 @@ function pairHours() {
 function panelOf(p, used, place) {
   const on = chosen(p), C = M.cameras, S = p.S, days = [...new Set(Array.from(p.day).filter((_, i) => on[i]))];
   const column = new Map(days.map((d, i) => [d, i])), blank = () => new Array(days.length).fill(0);
-  const n = [], x = [], time = blank(), weekday = days.map(d => p.weekday[p.day.indexOf(d)]);
+  const n = [], x = [], time = blank(), close = blank(), weekday = days.map(d => p.weekday[p.day.indexOf(d)]);
   for (let c = 0; c < C; c++) {
     n.push(blank()); x.push(blank());
     if (!place.cameras[c]) continue;
     for (let i = 0; i < S; i++) if (on[i] && used[c * S + i]) {
       const d = column.get(p.day[i]), k = (place.index * C + c) * S + i;
       x[c][d] += p.recorded[c * S + i];
-      if (place.index >= 0) { n[c][d] += p.n[k]; time[d] += p.time[k]; }
+      if (place.index >= 0) { n[c][d] += p.n[k]; time[d] += p.time[k]; close[d] += p.close[k]; }
     }
   }
   if (place.index < 0) {
     const inside = place.squares, A = M.grid.cellsAcross, wide = M.grid.nx * A, square = k => Math.floor(Math.floor(k / wide) / A) * M.grid.nx + Math.floor(k % wide / A);
-    const v = p.cells.violations, t = p.cells.time;
+    const v = p.cells.violations.rows, t = p.cells.time.rows;
     for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside[square(v.cell[i])]) n[v.camera[i]][column.get(p.day[v.slot[i]])] += v.v[i];
-    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) time[column.get(p.day[t.slot[i]])] += t.v[i];
+    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) { const d = column.get(p.day[t.slot[i]]); time[d] += t.v[i]; close[d] += t.w[i] * 3600; }
   }
   const total = time.map((_, d) => sum(n.map(row => row[d])));
-  return { often: { n, x }, risky: { n: [total], x: [time] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
+  return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [time] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
 }
 
 /* Some squares of the floor as a place: the cameras that ever counted anybody in them. */
@@ -148,6 +162,8 @@ function placeNow() {
   return spot && week.cells ? squaresAsPlace(spot.id, spot.name, spot.squares) : M.places.find(p => p.id === state.place) || M.places[0];
 }
 
+const isCloseTold = place => (place.index >= 0 ? place : M.places[0]).close;
+
 /* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
 function rates(place) {
   const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : word('reason.nobody'));
@@ -158,28 +174,44 @@ function rates(place) {
     place, hours: now.hours,
     often: M.noViolations ? nothing(M.noViolations) : hide ? nothing(hide) : howOften(now.often, M.rules, now.weekday, history('often')),
     risky: M.noViolations || M.noExposure ? nothing(M.noViolations || M.noExposure) : hide ? nothing(hide) : howRisky(now.risky, M.rules, now.weekday, history('risky')),
+    close: M.noExposure ? nothing(M.noExposure) : hide ? nothing(hide) : !isCloseTold(place) ? nothing(word('no_close')) : howClose(now.close, M.rules, now.weekday, history('close')),
     change: null,
   };
-  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.risky = nothing(word('reason.masked', { n: M.rules.mask }));
+  if (noDay()) { told.often = told.close = told.risky = nothing(word('no_day')); return told; }
+  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.close = told.risky = nothing(word('reason.masked', { n: M.rules.mask }));
   if (before && !M.notCompared && !hide && !place.hidden[1] && !M.noViolations) {
     const a = panelOf(before, before.same, place), b = panelOf(week, week.same, place);
     told.change = {
       hours: b.hours, often: compareRates(a.often, b.often, M.rules, false),
       risky: M.noExposure ? null : compareRates(a.risky, b.risky, M.rules, true),
+      close: M.noExposure || !isCloseTold(place) ? null : inSeconds(compareRates(a.close, b.close, M.rules, true)),
     };
-    if (isWhole() && place.report) for (const k of ['often', 'risky']) if (told.change[k] && place.report[k]) Object.assign(told.change[k], place.report[k]);
+    if (isWhole() && place.report) for (const k of ['often', 'close', 'risky']) if (told.change[k] && place.report[k]) Object.assign(told.change[k], place.report[k]);
   }
   return told;
 }
 
 /* ---- maps ---- */
+/* Recorded hours of each camera in the selection. */
+function recordedBy(p, used) {
+  if (p.isSide) return p.hours;
+  const on = chosen(p), S = p.S, out = new Float64Array(M.cameras);
+  for (let c = 0; c < M.cameras; c++) for (let i = 0; i < S; i++) if (on[i] && used[c * S + i]) out[c] += p.recorded[c * S + i];
+  return out;
+}
+/* Sums by camera and cell of the selection; of a whole week they come with the page. */
+function cellSums(p, used, t, kind, cells) {
+  const sums = new Float64Array(M.cameras * cells);
+  if (p.isSide || used === p.drawn && isWhole()) { const values = t[kind]; for (let i = 0; i < t.n; i++) sums[t.camera[i] * cells + t.cell[i]] += values[i]; return sums; }
+  const on = chosen(p), S = p.S, r = t.rows, values = r[kind];
+  for (let i = 0; i < r.n; i++) { const c = r.camera[i], s = r.slot[i]; if (on[s] && used[c * S + s]) sums[c * cells + r.cell[i]] += values[i]; }
+  return sums;
+}
 /* Sum over cameras of (what lies in a cell / the camera's recorded hours), per m2, spread over the fine cells. */
 function spread(p, used, t, kind, across, isPerHour) {
-  const on = chosen(p), S = p.S, hoursOf = new Float64Array(M.cameras), g = M.grid, k = g.fineAcross / across, per = k * k, out = new Float64Array(fine.nx * fine.ny);
-  for (let c = 0; c < M.cameras; c++) for (let i = 0; i < S; i++) if (on[i] && used[c * S + i]) hoursOf[c] += p.recorded[c * S + i];
-  const cells = g.nx * across * g.ny * across, sums = new Float64Array(M.cameras * cells), values = t[kind], wide = g.nx * across;
-  for (let i = 0; i < t.n; i++) { const c = t.camera[i], s = t.slot[i]; if (on[s] && used[c * S + s]) sums[c * cells + t.cell[i]] += values[i]; }
-  const split = kind === 'v' && across > 1 ? p.cells.split : null;
+  const g = M.grid, k = g.fineAcross / across, per = k * k, out = new Float64Array(fine.nx * fine.ny), hoursOf = recordedBy(p, used);
+  const cells = g.nx * across * g.ny * across, sums = cellSums(p, used, t, kind, cells), wide = g.nx * across;
+  const split = kind === 'v' && across > 1 && !state.change ? p.cells.split : null;
   for (let j = 0; j < sums.length; j++) if (sums[j]) {
     const c = Math.floor(j / cells), cell = j - c * cells, x = cell % wide * k, y = Math.floor(cell / wide) * k;
     const f = isPerHour ? sums[j] / hoursOf[c] * g.fineAcross * g.fineAcross : sums[j];
@@ -228,19 +260,33 @@ const toDrawing = ([i, j]) => [(M.grid.x0 + (i + 0.5) * M.grid.fine - M.extent[0
 const bandPath = (values, at) => pathOf(outlines(values, fine.nx, fine.ny, at), toDrawing);
 
 function setBands(group, values, map) {
-  const known = values.known;
-  $(`known-${group}`).setAttribute('d', known ? bandPath(outlined(known, fine), 0.5) : `M0 0h${M.size[0]}v${M.size[1]}h${-M.size[0]}z`);
-  const paths = all(`#${group} path`), isRatio = map.kind === 'excess', drawn = outlined(values, fine);
-  paths.forEach((path, i) => {
-    const two = map.diverging, at = isRatio || state.show === 'difference' ? two[(i - 5) % 2] : null;
+  const known = values.known, isRatio = map.kind === 'excess', drawn = outlined(values, fine);
+  $(`known-${group}`).setAttribute('d', known ? bandPath(outlined(known, fine), 0.5) : `M0 0h${M.size[0]}v${M.size[1]}h-${M.size[0]}z`);
+  const plain = !isRatio && state.show !== 'difference';
+  all(`#${group} path`).forEach((path, i) => {
     let d = '';
-    if (i < 5 && !isRatio && state.show !== 'difference') d = map.steps[i] === undefined ? '' : bandPath(drawn, map.steps[i]);
-    else if (i >= 5 && at !== null) {
-      const less = i < 7;
-      d = bandPath(less ? drawn.map(v => isRatio ? (v > 0 ? 1 / v : 0) : -v) : drawn, at);
-    }
+    if (i < 5 && plain) d = map.steps[i] === undefined ? '' : bandPath(drawn, map.steps[i]);
+    else if (i >= 5 && !plain) d = bandPath(i < 7 ? drawn.map(v => isRatio ? (v > 0 ? 1 / v : 0) : -v) : drawn, map.diverging[(i - 5) % 2]);
     path.setAttribute('d', d);
   });
+  // more than the crowd explains is certain only inside the hotspots, which passed their test: full colour there alone
+  if (group === 'gb') all('#gs path').forEach((path, i) => path.setAttribute('d', isRatio ? all('#gb path')[7 + i].getAttribute('d') : ''));
+}
+
+/* Cells that some camera recorded in the selection; null where it is not known what the cameras see. */
+function seenBy(p, used) {
+  const on = recordedBy(p, used), n = fine.nx * fine.ny, out = new Uint8Array(n);
+  if (!seen) return on.some(h => h > 0) ? null : out;
+  for (let c = 0; c < M.cameras; c++) if (on[c] > 0) for (let i = 0, o = c * n; i < n; i++) out[i] |= seen[o + i];
+  return out;
+}
+const both = (a, b) => a && b ? a.map((v, i) => v & b[i]) : a || b;
+
+/* White has three looks: recorded and less than the lowest step (plain), recorded by no camera (hatched), too little (dots). */
+function setWhites(group, known, recorded) {
+  const [off, dots] = all(group === 'gb' ? '#wb path' : '#wa path');
+  off.setAttribute('d', recorded ? bandPath(recorded.map(v => 1 - v), 0.5) : '');
+  dots.setAttribute('d', known ? bandPath(known.map((v, i) => !v && (!recorded || recorded[i]) && (!fine.home || fine.home[i] === i) ? 1 : 0), 0.5) : '');
 }
 
 /* Signs where a difference is greatest, so that direction is not told by colour alone. */

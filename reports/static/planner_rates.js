@@ -154,6 +154,17 @@ function howRisky(panel, R, weekday, past) {
   return level(k, profileOf(k, past, weekday, R), R, R.q, 'risky');
 }
 
+/* Share of time too close (M6): person-seconds in violation stand for events, see figures/close_time.py. */
+function howClose(panel, R, weekday, past) {
+  const k = asCounts(panel), hours = sum(k.x.map(sum));
+  if (!k.kept.length) return refused(k, null, word('reason.nobody_seen'));
+  const e = level(k, profileOf(k, past, weekday, R), R, R.q, 'risky'), part = v => v === null ? null : Math.min(1, v / 3600);
+  if (e.n === 0) return { ...e, lo: null, hi: null, ok: true, reason: word('reason.nobody_close') };
+  const least = hours < R.minExposure && e.lo !== null;
+  return { ...e, rate: part(e.rate), lo: least || e.lo === null ? null : e.lo / 3600, hi: least ? null : part(e.hi), reason: least ? word('reason.interval_person_hours', { n: R.minExposure, has: hours.toFixed(1) }) : e.reason };
+}
+const inSeconds = e => ({ ...e, rateA: e.rateA === null ? null : e.rateA / 3600, rateB: e.rateB === null ? null : e.rateB / 3600 });
+
 function verdictOf(lo, hi, same) {
   if (lo === null && hi === null) return 'too_little_data';
   const low = lo === null ? 0 : lo, high = hi === null ? Infinity : hi;

@@ -2,10 +2,11 @@
 
 function listen() {
   const on = (id, kind, act) => { const e = $(id); if (e) e.addEventListener(kind, act); };
-  all('[name=show]').forEach(b => b.addEventListener('change', () => { state.show = b.value; if (state.show === 'difference' && state.map === 'excess') state.map = 'violations'; draw(); }));
+  all('[name=show]').forEach(b => b.addEventListener('change', () => { state.show = b.value; if (state.show === 'week') state.change = 0; if (state.map === 'excess' && (state.show === 'difference' || state.change)) state.map = 'violations'; draw(); }));
   all('[data-day]').forEach(b => b.addEventListener('click', () => { const d = b.dataset.day; state.days[d] = state.days[d] ? 0 : 1; draw(); }));
   all('[data-pick]').forEach(b => b.addEventListener('click', () => { state.days = b.dataset.pick.split('').map(Number); draw(); }));
-  on('mapkind', 'change', e => { state.map = e.target.value; if (state.map === 'excess' && state.show === 'difference') state.show = 'week'; draw(); });
+  on('mapkind', 'change', e => { state.map = e.target.value; if (state.map === 'excess' && (state.show === 'difference' || state.change)) { state.show = 'week'; state.change = 0; } draw(); });
+  all('[data-change]').forEach(b => b.addEventListener('click', () => chooseChange(+b.dataset.change)));
   on('from', 'change', e => { state.from = +e.target.value; if (state.to <= state.from) state.to = state.from + 1; draw(); });
   on('to', 'change', e => { state.to = +e.target.value; if (state.from >= state.to) state.from = state.to - 1; draw(); });
   on('place', 'change', e => { state.place = e.target.value; retell(); });
@@ -52,9 +53,16 @@ function key(e) {
   else if (e.key === '-') zoom(1 / 1.5);
   else if (e.key === '0') whole();
   else if (e.key === 'r' || e.key === 'R') drawing(!isDrawing);
+  else if (e.key === 'a' || e.key === 'A') nextArea(e.shiftKey ? -1 : 1);
   else if (e.key === 'Escape' && isDrawing) drawing(false);
   else return;
   e.preventDefault();
+}
+
+/* The next area of the map, or the one before. */
+function nextArea(step) {
+  const ids = M.places.map(p => p.id), at = ids.indexOf(state.place);
+  state.place = ids[((at < 0 ? 0 : at) + step + ids.length) % ids.length]; retell();
 }
 
 /* Pointers: drag moves the map or draws a rectangle, two fingers zoom, the wheel zooms; a click does the same in steps. */
@@ -89,6 +97,7 @@ function pointers() {
       if (isDrawing) {
         if (corner) { setRectangle([...corner, ...from.floor]); drawing(false); } else { corner = from.floor; say(word('corner')); }
       } else if (from.target.dataset.spot) { state.place = from.target.dataset.spot; retell();
+      } else if (from.target.dataset.area) { state.place = from.target.dataset.area === state.place ? 'floor' : from.target.dataset.area; retell();
       } else if (state.view.w < W - 1e-6) { const v = state.view; look({ w: v.w, x: v.x + (from.at[0] - 0.5) * v.w, y: v.y + (from.at[1] - 0.5) * v.h }); }
     }
     if (e.type === 'pointerup' && from && from.moved && isDrawing && !from.isPinch) drawing(false);
@@ -97,10 +106,17 @@ function pointers() {
   box.addEventListener('pointerup', up); box.addEventListener('pointercancel', up);
 }
 
+/* Flags as run lengths; the first run is of zeros. */
+function runs(r, n) {
+  const a = new Uint8Array(n);
+  for (let i = 0, on = 0; i < n; on ^= 1) { const k = r.one(); if (on) a.fill(1, i, i + k); i += k; }
+  return a;
+}
+
 /* Fixtures: the nearest free cell of each cell, cells near free floor, and open steps to the right and upwards. */
 function readWalkable(r) {
-  const n = fine.nx * fine.ny, runs = () => { const a = new Uint8Array(n); for (let i = 0, on = 0; i < n; on ^= 1) for (let k = r.one(); k > 0 && i < n; k--) a[i++] = on; return a; };
-  const free = runs(); fine.right = runs(); fine.up = runs(); fine.edge = runs();
+  const n = fine.nx * fine.ny, free = runs(r, n);
+  fine.right = runs(r, n); fine.up = runs(r, n); fine.edge = runs(r, n);
   fine.home = Int32Array.from(free, (_, i) => i); fine.carried = new Float64Array(fine.nx);
   for (let i = 0; i < n; i++) if (!free[i]) fine.home[i] = r.one();
 }
@@ -110,9 +126,11 @@ async function start() {
   document.body.classList.add('live');
   const bytes = await unpack($('data').textContent.trim()), r = reader(bytes), g = M.grid;
   fine = g ? { nx: g.nx * g.fineAcross, ny: g.ny * g.fineAcross, home: null } : null;
-  const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells([r.part(), r.part(), r.part(), r.part()], p.S, g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
+  const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells(Array.from({ length: 6 }, () => r.part()), g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
   week = read(0); before = M.hasBefore ? read(1) : null; past = M.hasPast ? readPanel(r) : null;
   if (g && r.one()) readWalkable(r);
+  if (M.hasSeen) { seen = runs(r, M.cameras * fine.nx * fine.ny); document.body.classList.add('views'); }
+  readChanges(r);
   pairHours();
   recall(); draw(); listen();
   document.body.dataset.first = (performance.now() - began).toFixed(1);

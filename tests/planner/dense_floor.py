@@ -31,7 +31,7 @@ def planner(base: PlannerData, *, n_violations: int, below: int = 5) -> PlannerD
     shown = replace(base.shown, extent=(0.0, 0.0, float(WIDTH), float(DEPTH)))
     return replace(
         base, cameras=cameras, places=places, shown=shown, history=history, comparable=(True,) * CAMERAS,
-        walkable=None,
+        walkable=None, seen=None, changes=(),
         week=weeks[0], before=weeks[1],
     )  # fmt: skip
 
@@ -99,6 +99,7 @@ def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> HourPa
     return HourPanel(
         day=day, weekday=day % 7, hour=8 + slots % HOURS, fold=np.zeros_like(slots), recorded_ms=full,
         is_counted=np.ones_like(full, dtype=np.bool_), n=given, exposure_ms=given * 9_137,
+        close_ms=given * 3_041,
     )  # fmt: skip
 
 

@@ -136,15 +136,18 @@ def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
         n = next(stream)
         told: dict[str, Any] = {"day": many(n), "weekday": many(n), "hour": many(n), "fold": many(n)}
         told["recorded"] = many(n_cameras * n)
-        told["n"], told["time"] = many(n_places * n_cameras * n), many(n_places * n_cameras * n)
+        told["n"], told["time"], told["close"] = (many(n_places * n_cameras * n) for _ in range(3))
         if week.cells is not None:
             for name, kinds in (("violations", 1), ("time_cells", 2)):
                 next(stream)  # how many bytes follow, as before each part
                 if name == "time_cells":
                     told["unit"] = next(stream)
-                rows = next(stream)
-                told[f"{name}_key"] = many(rows)
-                told[name] = [many(rows) for _ in range(kinds)]
+                sums = next(stream)
+                told[f"{name}_key"], told[f"{name}_sums"] = many(sums), [many(sums) for _ in range(kinds)]
+                next(stream)
+                size = many(sums)
+                many(sum(size))
+                told[name] = [many(sum(size)) for _ in range(kinds)]
                 if name == "violations":
                     next(stream)
                     rows = next(stream)

@@ -396,7 +396,7 @@ def test_it_prints_on_paper(opened: Open) -> None:
 
 def test_a_floor_without_a_map_has_its_rates(browser: Any, exact: PlannerData, tmp_path: Path) -> None:
     assert exact.before is not None
-    bare = replace(exact, shown=None, walkable=None, why_no_map=Reason("nobody.seen"),
+    bare = replace(exact, shown=None, walkable=None, seen=None, changes=(), why_no_map=Reason("nobody.seen"),
                    week=replace(exact.week, cells=None),
                    before=replace(exact.before, cells=None))  # fmt: skip
     path = tmp_path / "bare.html"

@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 @click.command()
 @click.option("--week", metavar="WEEK", default="last", show_default=True, help="ISO week: 2026-W46, last, last-2.")
 @click.option("--before", metavar="WEEK", help="The week it is compared with (default: the one before).")
+@click.option(
+    "--weeks",
+    type=click.IntRange(2, 12),
+    metavar="N",
+    help="Weeks of the change log to look back, 2 to 12 (default: 12 if they have a logged change, else 2).",
+)
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one page for each).")
 @click.option(
     "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
@@ -32,19 +38,22 @@ def planner(
     project: Project,
     week: str,
     before: str | None,
+    weeks: int | None,
     floor_id: str | None,
     out: str | None,
     is_opened: bool,
     as_json: bool,
 ) -> None:
-    """Write a page to explore a floor: days, hours, before and after, four maps, the rates of any rectangle.
+    """Write a page to explore a floor: days, hours, logged changes, five maps, the rates of any rectangle.
 
+    A click on a logged change shows the weeks before and after it, what it did, and what became of the whole floor.
     One file that needs no network and no server. Its figures are those of the report; the page contains
     no count under mask_below. With --json, print the figures of the whole week and where the page was written.
 
     \b
     Example:
       vsd planner --week last --open
+      vsd planner --weeks 12
       vsd planner --week 2026-W46 --before 2026-W42 --floor ground --out pages/
     """
     from vsd_analytics.planner.page import render_planner
@@ -67,7 +76,7 @@ def planner(
         from vsd_analytics.planner.planner_data import planner_pages
 
         made = planner_pages(
-            project.site, monday, before=earlier, floor_id=floor_id, on_plan=on_plan, on_hours=on_hours
+            project.site, monday, before=earlier, weeks=weeks, floor_id=floor_id, on_plan=on_plan, on_hours=on_hours
         )
     folder = Path(out) if out not in (None, "-") else project.root / "reports"
     printed = []
@@ -98,12 +107,15 @@ def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
         "week": data.week.ref.iso,
         "before": None if data.before is None else data.before.ref.iso,
         "why_not_compared": data.why_not_compared,
+        "weeks": data.weeks,
+        "changes": [c.number for c in data.changes],
         "places": [
             {
                 "id": row.place_id,
                 "name": row.name,
                 "held_back": hidden.get(k),
                 "often": None if k in hidden else asdict(row.often),
+                "close_share": None if k in hidden else asdict(row.close_share),
                 "risky": None if k in hidden else asdict(row.risky),
             }
             for k, row in enumerate(data.places)

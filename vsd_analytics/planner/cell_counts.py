@@ -97,23 +97,26 @@ def grid_of(extent: Extent) -> CellGrid | None:
     return grid if grid.n_squares <= SQUARES_MAX else None
 
 
-def week_cells(
-    data: WeekData,
-    period: Period,
-    *,
-    slots: Ints,
-    used: Flags,
-    shared: Flags,
-    extent: Extent,
-    grid: CellGrid,
-    below: int,
-    hidden: Sequence[Area | None] | None = (),
-) -> WeekCells:
-    """Return what lies where.
+@dataclass(frozen=True, slots=True, eq=False)
+class LyingCounts:
+    """Violations and person-time of a week by camera, cell and hour.
 
-    Args:
-        data: The floor.
-        period: The week.
+    Attributes:
+        violations: By cell of half a metre.
+        time: Person-time and person-time in violation by square, in `unit_ms`; each from at least so many tracks.
+        unit_ms: Unit of person-time.
+    """
+
+    violations: Rows
+    time: Rows
+    unit_ms: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Asked:
+    """What of a week is asked for.
+
+    Attributes:
         slots: Which of the floor's hours are the week's open ones, rising.
         used: Camera-hours that take part, shape (n_cameras, n_slots).
         shared: Those of them that are compared with the other week, same shape; small counts stay on their side.
@@ -123,7 +126,40 @@ def week_cells(
         hidden: Areas whose counts are held back (None among them: the rest of the floor), which are one place here;
             None = the floor's own count is held back, so that no violation has a cell.
     """
-    x0, y0, x1, y1 = (end / CELL_M for end in extent)
+
+    slots: Ints
+    used: Flags
+    shared: Flags
+    extent: Extent
+    grid: CellGrid
+    below: int
+    hidden: Sequence[Area | None] | None = ()
+
+
+def week_cells(data: WeekData, period: Period, asked: Asked) -> WeekCells:
+    """Return what lies where in a week, how it lies inside the cells, and the week's excess."""
+    lying = lying_counts(data, asked)
+    return WeekCells(
+        violations=lying.violations,
+        fine=_fine(
+            data,
+            slots=asked.slots,
+            used=asked.used & (asked.hidden is not None),
+            extent=asked.extent,
+            grid=asked.grid,
+            below=asked.below,
+            places=_places(data, asked.grid, hidden=asked.hidden or ()),
+        ),
+        time=lying.time,
+        unit_ms=lying.unit_ms,
+        excess=excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last),
+    )
+
+
+def lying_counts(data: WeekData, asked: Asked) -> LyingCounts:
+    """Return the violations and the person-time of a week by camera, cell and hour."""
+    slots, grid, hidden = asked.slots, asked.grid, asked.hidden
+    x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
     rows = data.warehouse.table(
         "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, n_violations, n_tracks, exposure_ms, "
         "violation_ms from planner_cells where floor_id = $floor and hour_start_ms between $from and $to "
@@ -141,27 +177,29 @@ def week_cells(
     x, y = rows["cx"].to_numpy() - grid.x0 * n_across, rows["cy"].to_numpy() - grid.y0 * n_across
     n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
     slot = np.minimum(slot, len(slots) - 1)
-    taken = used[camera, slot] & (start_ms[slot] == rows["hour_start_ms"].to_numpy())
-    keys = np.stack((camera, slot, x, y, data.hours.day[slots][slot], shared[camera, slot]))[:, taken]
+    taken = asked.used[camera, slot] & (start_ms[slot] == rows["hour_start_ms"].to_numpy())
+    keys = np.stack((camera, slot, x, y, data.hours.day[slots][slot], asked.shared[camera, slot]))[:, taken]
     n, tracks, *times = (v[taken] for v in (n, tracks, *times))
     is_able, stood = data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
-    places = _places(data, grid, hidden=hidden or ())
     unit_ms = _unit(*times)
-    return WeekCells(
-        violations=_given(keys[:, is_able], [n[is_able]], grid=grid, across=n_across, below=below, places=places),
-        fine=_fine(
-            data, slots=slots, used=used & (hidden is not None), extent=extent, grid=grid, below=below, places=places
+    return LyingCounts(
+        violations=_given(
+            keys[:, is_able],
+            [n[is_able]],
+            grid=grid,
+            across=n_across,
+            below=asked.below,
+            places=_places(data, grid, hidden=hidden or ()),
         ),
         time=_given(
             keys[:, stood],
             [np.maximum(tracks, 1)[stood], *(_rounded(v[stood], unit_ms) for v in times)],
             grid=grid,
             across=n_across,
-            below=below,
+            below=asked.below,
             is_square=True,
         ),
         unit_ms=unit_ms,
-        excess=excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last),
     )
 
 
@@ -174,7 +212,7 @@ def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:
 def _fine(
     data: WeekData, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int, places: Ints
 ) -> Ints:
-    """Return the week's violations by camera and cell of the report's map; arguments as for `week_cells`."""
+    """Return the week's violations by camera and cell of the report's map; arguments as in `Asked`."""
     rows = data.warehouse.table(
         "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, count(*)::bigint as n from violations "
         "where floor_id = $floor and hour_start_ms between $from and $to and is_open and cx is not null "

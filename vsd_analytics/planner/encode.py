@@ -8,6 +8,7 @@ import numpy as np
 
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import HourPanel
+from vsd_analytics.planner.logged_changes import ChangeSide
 from vsd_analytics.planner.pack import packed, sparse, varints
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek
 
@@ -28,22 +29,34 @@ def packed_numbers(data: PlannerData) -> str:
         parts += _panel_bytes(data.history)
     if grid is not None:
         parts += _walkable_bytes(data)
+        parts += [] if data.seen is None else [_runs(data.seen)]
+    for change in data.changes:
+        for side in (change.before, change.after):
+            if side is not None:
+                parts += _part(_side_bytes(side, grid))
     return packed(parts)
+
+
+def _side_bytes(side: ChangeSide, grid: cell_counts.CellGrid | None) -> list[bytes]:
+    parts = [varints(v) for v in (side.recorded_ms, side.n, side.exposure_ms, side.close_ms)]
+    if side.violations is not None and side.time is not None and grid is not None:
+        across = round(cell_counts.SQUARE_M / cell_counts.CELL_M)
+        parts += sparse(side.violations.camera * grid.n_squares * across**2 + side.violations.cell,
+                        *side.violations.values)  # fmt: skip
+        parts += sparse(side.time.camera * grid.n_squares + side.time.cell, *side.time.values)
+    return parts
 
 
 def _panel_bytes(panel: HourPanel) -> list[bytes]:
     numbers = (panel.day, panel.weekday, panel.hour, panel.fold, 2 * panel.recorded_ms + panel.is_counted)
-    return [varints([panel.day.size]), *(varints(v) for v in (*numbers, panel.n, panel.exposure_ms))]
+    return [varints([panel.day.size]), *(varints(v) for v in (*numbers, panel.n, panel.exposure_ms, panel.close_ms))]
 
 
 def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[bytes]:
     assert week.cells is not None
     assert grid is not None
-    n_slots, across = week.panel.day.size, round(cell_counts.SQUARE_M / cell_counts.CELL_M)
+    across = round(cell_counts.SQUARE_M / cell_counts.CELL_M)
     per_square = round(cell_counts.SQUARE_M / cell_counts.FINE_M) ** 2
-
-    def table(rows: cell_counts.Rows, n_cells: int) -> list[bytes]:
-        return sparse((rows.camera * n_cells + rows.cell) * n_slots + rows.slot, *rows.values)
 
     lying = week.cells
     ratio = lying.excess
@@ -54,10 +67,25 @@ def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[by
         whole = np.nan_to_num(np.rint(ratio.values * 100) + 1, nan=0.0)
         excess = [varints([n_x, n_y, ORIGIN + ratio.grid.cx, ORIGIN + ratio.grid.cy]), varints(whole)]
     return [
-        *_part(table(lying.violations, grid.n_squares * across**2)),
+        *_table(lying.violations, grid.n_squares * across**2),
         *_part(sparse(lying.fine[0] * grid.n_squares * per_square + lying.fine[1], lying.fine[2])),
-        *_part([varints([lying.unit_ms]), *table(lying.time, grid.n_squares)]),
+        *_table(lying.time, grid.n_squares, varints([lying.unit_ms])),
         *_part(excess),
+    ]
+
+
+def _table(rows: cell_counts.Rows, n_cells: int, *head: bytes) -> list[bytes]:
+    """Return two parts: the sums of each camera and cell, and their hours.
+
+    The whole week is drawn from the sums alone, so a page opens without reading a row for each hour.
+    """
+    key, first, size = np.unique(rows.camera * n_cells + rows.cell, return_index=True, return_counts=True)
+    sums = np.add.reduceat(rows.values, first, axis=1) if key.size else rows.values
+    gaps = np.diff(rows.slot, prepend=0)
+    gaps[first] = rows.slot[first]
+    return [
+        *_part([*head, *sparse(key, *sums)]),
+        *_part([varints(size), varints(gaps), *(varints(v) for v in rows.values)]),
     ]
 
 

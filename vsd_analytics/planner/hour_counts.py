@@ -8,7 +8,7 @@ from datetime import date, timedelta
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Flags, Ints, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import Array, Flags, Ints, Period, Place, TwoPeriods
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.planner.rounding import merge_small_counts
 from vsd_analytics.result import Reason
@@ -44,6 +44,7 @@ class HourPanel:
         is_counted: Camera-hours that enter rates, same shape.
         n: Violations, shape (n_places, n_cameras, n_slots); no count is from 1 to under `mask_below`.
         exposure_ms: Person-milliseconds, same shape.
+        close_ms: Those in violation, same shape; with a count that is merged goes the time of its hour.
     """
 
     day: Ints
@@ -54,6 +55,7 @@ class HourPanel:
     is_counted: Flags
     n: Ints
     exposure_ms: Ints
+    close_ms: Ints
 
 
 def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
@@ -68,6 +70,7 @@ def panel_of(
     places: Sequence[Place],
     *,
     first: date,
+    close_h: Sequence[Array],
     hidden: Collection[int] = (),
     held: Sequence[Collection[int]] = (),
     shared: Flags | None = None,
@@ -75,13 +78,23 @@ def panel_of(
     """Return the open hours of some days; hours that a week's report holds back are given as one sum, in one of them.
 
     A camera with too small a count in a place is merged with the camera that counts most there.
+
+    Args:
+        data: The floor.
+        days: The days.
+        places: What is counted.
+        first: Day 0 of the panel.
+        close_h: Person-hours in violation of each place, shape (n_cameras, n_hours).
+        hidden: Places whose counts are not given.
+        held: Hours whose counts the timetables hold back, week by week.
+        shared: Camera-hours that are compared with another week; small counts stay on their side.
     """
     slots, hours = open_slots(data, days), data.hours
     counted = hours.is_counted[:, slots]
     day = hours.day[slots] - first.toordinal()
     below = int(data.site.settings.mask_below)
     shape = (len(places), len(data.ids), len(slots))
-    n, exposure_ms = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    n, exposure_ms, close_ms = (np.zeros(shape, dtype=np.int64) for _ in range(3))
     for k, place in enumerate(places):
         used = counted & place.cameras[:, None]
         if data.why_no_exposure is None:
@@ -89,24 +102,28 @@ def panel_of(
         if k in hidden:
             continue
         counts = np.where(used, place.n[:, slots], 0).astype(np.int64)
+        close = np.where(used, np.rint(np.nan_to_num(close_h[k][:, slots]) * 3_600_000), 0).astype(np.int64)
         for of_week in held if k == 0 else ():
             together = np.isin(slots, list(of_week))
             if not together.any():
                 continue
             to = int(np.flatnonzero(together)[np.argmax(counts[:, together].sum(axis=0))])
-            sums = counts[:, together].sum(axis=1)
-            counts[:, together] = 0
-            counts[:, to] = sums
-        left = 0
+            for values in (counts, close):
+                sums = values[:, together].sum(axis=1)
+                values[:, together] = 0
+                values[:, to] = sums
+        left = np.zeros(2, dtype=np.int64)
         for c, row_n in enumerate(counts):
             side = np.zeros_like(day) if shared is None else shared[c, slots].astype(np.int64)
             order = np.lexsort((side, day))
             groups = (2 * day[order] + side[order], day[order])
-            given = merge_small_counts(row_n[order][None], groups=groups, below=below)
-            n[k, c, order] = given.values[0]
-            left += int(given.n_dropped[0])
-        if n[k].any() or left >= below:
-            n[k].flat[int((n[k] if n[k].any() else counts).argmax())] += left
+            given = merge_small_counts(np.stack((row_n, close[c]))[:, order], groups=groups, below=below)
+            n[k, c, order], close_ms[k, c, order] = given.values
+            left += given.n_dropped
+        if n[k].any() or left[0] >= below:
+            to = int((n[k] if n[k].any() else counts).argmax())
+            n[k].flat[to] += left[0]
+            close_ms[k].flat[to] += left[1]
     return HourPanel(
         day=day,
         weekday=hours.weekday[slots],
@@ -116,6 +133,7 @@ def panel_of(
         is_counted=counted,
         n=n,
         exposure_ms=exposure_ms,
+        close_ms=close_ms,
     )
 
 

@@ -23,6 +23,8 @@ class MapKind:
         suffix: Written after a value of the legend.
         steps: Lower ends of its five bands; empty for a ratio.
         diverging: Two steps of a difference or of a ratio, either side.
+        first: The lowest step, as written in a legend; empty for a ratio.
+        middle: What a difference, or a ratio, between the inner steps is called.
     """
 
     kind: Kind
@@ -33,6 +35,8 @@ class MapKind:
     suffix: str
     steps: tuple[float, ...]
     diverging: tuple[float, float]
+    first: str
+    middle: str
 
 
 EXPOSURE_STEPS: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -65,9 +69,17 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str) -> tuple[MapKind,
             suffix,
             steps,
             _two(steps) if steps else RATIO_STEPS,
+            f"{steps[0]:g}{suffix}" if steps else "",
+            _middle(steps, suffix),
         )
         for kind, metric, suffix, steps in made
     )
+
+
+def _middle(steps: tuple[float, ...], suffix: str) -> str:
+    if not steps:
+        return say("planner.legend.explained", low=f"{1 / RATIO_STEPS[0]:g}", high=f"{RATIO_STEPS[0]:g}")
+    return say("planner.legend.points_within" if suffix else "planner.legend.within", n=f"{_two(steps)[0]:g}")
 
 
 def _two(steps: tuple[float, ...]) -> tuple[float, float]:

@@ -15,9 +15,12 @@ from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_map import MapFixture
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
+from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import packed_numbers
+from vsd_analytics.planner.logged_changes import LoggedChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import script, sentences
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
@@ -51,6 +54,17 @@ class Label:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FixtureLabel:
+    """A fixture's name in its middle, along its longer side, and the room it has, in units of the drawing."""
+
+    text: str
+    x: int
+    y: int
+    along: int
+    is_upright: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlannerDrawing:
     """The floor as the page's SVG, in units of the drawing, y down."""
 
@@ -61,8 +75,9 @@ class PlannerDrawing:
     is_paper: bool
     unseen: str
     bands: tuple[str, ...]
-    areas: tuple[str, ...]
+    areas: tuple[tuple[str, str], ...]
     fixtures: tuple[Markup, ...]
+    fixture_names: tuple[FixtureLabel, ...]
     hotspots: tuple[tuple[str, str, Label], ...]
     labels: tuple[Label, ...]
 
@@ -74,6 +89,8 @@ class PlannerFigureRow:
     name: str
     often: str
     often_likely: str
+    close: str
+    close_likely: str
     risky: str
     risky_likely: str
     previous: str
@@ -106,6 +123,8 @@ class PlannerPage:
     drawing: PlannerDrawing | None
     rows: tuple[PlannerFigureRow, ...]
     spots: tuple[tuple[str, str, FloorSpot], ...]
+    changes: tuple[ChangeWords, ...]
+    has_pairs: bool
     watching: tuple[str, ...]
     is_made_up: bool
     mask: int
@@ -159,6 +178,8 @@ def _page(data: PlannerData) -> PlannerPage:
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
+        changes=tuple(change_words(c) for c in data.changes),
+        has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
@@ -220,6 +241,8 @@ def _meta(
         "notCompared": text_or_none(data.why_not_compared),
         "noViolations": text_or_none(data.why_no_violations),
         "noExposure": text_or_none(data.why_no_exposure),
+        "hasSeen": data.seen is not None and grid is not None,
+        "changes": [_change_of_log_meta(c) for c in data.changes],
         "places": [_place_meta(data, k, row) for k, row in enumerate(data.places)],
         "spots": [] if grid is None else [_spot_meta(s, grid) for s in data.hotspots.spots],
         "rules": {
@@ -268,7 +291,11 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     changes: dict[str, Any] = {}
     close = row.close_share
     if data.before is not None and data.why_not_compared is None and not any(hidden):
-        changes = {"often": _change_meta(row.often), "risky": _change_meta(row.risky)}
+        changes = {
+            "often": _change_meta(row.often),
+            "close": _change_meta(close),
+            "risky": _change_meta(row.risky),
+        }
     return {
         "id": row.place_id,
         "name": row.name,
@@ -276,8 +303,18 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
-        "closeShare": None if hidden[0] is not None else [close.value, close.lo, close.hi],
+        "close": int(row.is_close_told),
         "report": changes,
+    }
+
+
+def _change_of_log_meta(change: LoggedChange) -> dict[str, Any]:
+    return {
+        "number": change.number,
+        "area": None if change.area is None else f"area:{change.area.area_id}",
+        "spans": change_words(change).spans,
+        "hasCells": int(change.before is not None and change.before.time is not None),
+        "hidden": {str(k): reason_text(why) for k, why in change.hidden.items()},
     }
 
 
@@ -308,11 +345,13 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
     """Return the report's figures of a place as texts."""
     hidden = data.week.hidden.get(index)
     hidden_before = data.before.hidden.get(index) if data.before is not None else None
-    often, risky = row.often, row.risky
+    often, risky, close = row.often, row.risky, row.close_share
     if hidden is not None:
         why = reason_text(hidden)
-        return PlannerFigureRow(name=row.name, often=fmt.MISSING, often_likely=why, risky=fmt.MISSING, risky_likely="",
-                         previous=fmt.MISSING, change="", change_likely="")  # fmt: skip
+        return PlannerFigureRow(
+            name=row.name, often=fmt.MISSING, often_likely=why, close=fmt.MISSING, close_likely="", risky=fmt.MISSING,
+            risky_likely="", previous=fmt.MISSING, change="", change_likely="",
+        )  # fmt: skip
     changes = hidden_before is None and often.verdict is not None and often.previous is not None
     clear = often.verdict in ("clear_fall", "clear_rise")
     said = verdict_words(often) if changes else ""
@@ -320,12 +359,20 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
         name=row.name,
         often=fmt.number(often.value),
         often_likely=fmt.likely_level(often) or reason_text(often.reason),
+        close=fmt.percent(close.value),
+        close_likely=_likely_share(close),
         risky=fmt.number(risky.value),
         risky_likely=fmt.likely_level(risky) or reason_text(risky.reason),
         previous=fmt.number(often.previous) if changes else fmt.MISSING,
         change=f"{said}, {fmt.fewer_more(often.change)}" if changes and clear else said,
         change_likely=fmt.likely_change(often) if changes else "",
     )
+
+
+def _likely_share(close: Estimate) -> str:
+    if close.lo is None or close.hi is None:
+        return reason_text(close.reason)
+    return catalogue.say("format.likely_between", low=fmt.percent(close.lo), high=fmt.percent(close.hi))
 
 
 def _drawing(data: PlannerData) -> PlannerDrawing:
@@ -359,11 +406,26 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         is_paper=shown.image is not None and shown.image.is_opaque,
         unseen=straight_path(frame.rings(shown.unseen)),
         bands=tuple(bands.get(step, "") for step in data.site.settings.heat_steps),
-        areas=tuple(straight_path([frame.ring(a.ring)]) for a in shown.areas),
+        areas=tuple((_area_place(a.area_id), straight_path([frame.ring(a.ring)])) for a in shown.areas),
         fixtures=tuple(fixtures(shown.fixtures, frame, is_named=False)),
+        fixture_names=tuple(_fixture_label(f, frame) for f in shown.fixtures),
         hotspots=tuple(spots),
         labels=tuple(labels),
     )
+
+
+def _area_place(area_id: str | None) -> str:
+    return "rest" if area_id is None else f"area:{area_id}"
+
+
+def _fixture_label(fixture: MapFixture, frame: Frame) -> FixtureLabel:
+    shape = shapely.Polygon(frame.ring(fixture.ring))
+    at = shape.centroid if shape.centroid.within(shape) else shape.representative_point()
+    left, top, right, bottom = shape.bounds
+    wide, tall = round(right - left), round(bottom - top)
+    room = 2 * max(wide, tall) if fixture.is_movable else max(wide, tall)
+    is_upright = tall > wide and not fixture.is_movable
+    return FixtureLabel(text=fixture.name, x=round(at.x), y=round(at.y), along=room, is_upright=is_upright)
 
 
 def _sizes(drawing: PlannerDrawing | None) -> str:

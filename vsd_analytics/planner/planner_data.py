@@ -1,4 +1,4 @@
-"""What the planner's page knows of a floor: two weeks by hour, camera, place and cell, and the report's own figures.
+"""What the planner's page knows of a floor: two weeks by hour, camera, place and cell, the log, the report's figures.
 
 The page computes every rate again in the browser, from sums that are additive over hours, cameras and cells; nothing
 here is a rate but the table that a page without script shows.
@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from typing import Final
 
 import numpy as np
 
 from vsd_analytics.figures import hotspots as spots
+from vsd_analytics.figures.close_time import change_close_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.hotspot_export import without_small
-from vsd_analytics.figures.panels import WEEK, Flags, Period, Place
+from vsd_analytics.figures.panels import WEEK, Array, Flags, Period, Place
 from vsd_analytics.figures.week import areas as report_areas
+from vsd_analytics.figures.week import findings
 from vsd_analytics.figures.week.density import FloorGrid
 from vsd_analytics.figures.week.floor_maps import floor_maps
 from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
@@ -28,6 +30,8 @@ from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells
 from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
+from vsd_analytics.planner.logged_changes import MOST_WEEKS, Counted, LoggedChange, entries_of, logged_changes
+from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.terms import REST
@@ -39,6 +43,8 @@ from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 HISTORY: Final = HISTORY_WEEKS * WEEK
 """How far back the usual rates of weekdays are taken from."""
+LEAST_WEEKS: Final = 2
+"""The week and the one before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -87,7 +93,8 @@ class PlaceRow:
         has_history: Its usual rates of weekdays are given; not where an earlier week holds its count back.
         often: How often (M0), with the change from the other week.
         risky: How risky (M7), likewise.
-        close_share: Share of person-time too close (M6) this week; None where it is hidden or unknown.
+        close_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
+        is_close_told: The cameras that count there know distances, so that the share of any part of a week is told.
     """
 
     place_id: str
@@ -98,6 +105,7 @@ class PlaceRow:
     often: Estimate
     risky: Estimate
     close_share: Estimate
+    is_close_told: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -119,8 +127,11 @@ class PlannerData:
         why_no_exposure: Why person-time is unknown; None if it is known.
         shown: The report's map: extent, plan, floor no camera sees, bands; None without one.
         walkable: Where people can walk, cells of the report's map; None = everywhere.
+        seen: What each camera sees of the page's grid, shape (n_cameras, n_y, n_x); None where it is unknown.
         hotspots: Hotspots of the 28 days up to this week's end (M20).
         is_made_up: The data are those of `vsd demo`.
+        weeks: Weeks of the log that the page holds.
+        changes: The log's entries of these weeks, in order of time.
     """
 
     site: Site
@@ -137,13 +148,25 @@ class PlannerData:
     why_no_exposure: Reason | None
     shown: FloorMap | None
     walkable: WalkableFloor | None
+    seen: Flags | None
     hotspots: spots.FloorHotspots
     is_made_up: bool
+    weeks: int
+    changes: tuple[LoggedChange, ...]
 
 
-def first_day(site: Site, monday: date, before: date) -> date:
-    """Return the first day the page needs: of either week's history, or of the hotspots' earlier windows."""
-    return min(monday - HISTORY, before, spots.days_needed(site, monday + timedelta(days=6))[0])
+def weeks_needed(site: Site, monday: date, *, floor_id: str | None = None) -> int:
+    """Return how many weeks of the log a page holds unless told: twelve if they have a logged change, else two."""
+    return MOST_WEEKS if entries_of(site, monday, weeks=MOST_WEEKS, floor_id=floor_id) else LEAST_WEEKS
+
+
+def first_day(site: Site, monday: date, before: date, *, weeks: int = 2) -> date:
+    """Return the first day the page needs: of either week's history, or of the hotspots' earlier windows.
+
+    With a logged change in its weeks it is the report's, so that verdicts on changes rest on the same weeks.
+    """
+    first = min(monday - HISTORY, before, spots.days_needed(site, monday + timedelta(days=6))[0])
+    return min(first, findings.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
 
 
 def planner_pages(
@@ -152,6 +175,7 @@ def planner_pages(
     *,
     before: date | None = None,
     floor_id: str | None = None,
+    weeks: int | None = None,
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> list[PlannerData]:
@@ -162,6 +186,7 @@ def planner_pages(
         monday: First day of the week.
         before: First day of the week it is compared with; None = the one before.
         floor_id: Only this floor.
+        weeks: Weeks of the log, up to this one, from 2 to 12; None = `weeks_needed`.
         on_plan: Called with the number of fact hours to compute first; see `build`.
         on_hours: Called after computed hours.
 
@@ -174,13 +199,16 @@ def planner_pages(
     if not floors:
         raise KeyError(floor_id)
     last = max(monday, other) + timedelta(days=6)
-    first = first_day(site, monday, other)
+    n_weeks = weeks_needed(site, monday) if weeks is None else weeks
+    first = first_day(site, monday, other, weeks=n_weeks)
     with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
         warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
-        return [planner_data(warehouse, floor=f, monday=monday, before=other) for f in floors]
+        return [planner_data(warehouse, floor=f, monday=monday, before=other, weeks=n_weeks) for f in floors]
 
 
-def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: date) -> PlannerData:
+def planner_data(
+    warehouse: Warehouse, *, floor: Floor, monday: date, before: date, weeks: int = LEAST_WEEKS
+) -> PlannerData:
     """Return what the page of a floor knows of a week and another.
 
     Args:
@@ -188,6 +216,7 @@ def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: da
         floor: The floor.
         monday: First day of the week.
         before: First day of the other week.
+        weeks: Weeks of the log, up to this one.
     """
     data = TwoWeeks(warehouse, floor=floor, monday=monday, before=before)
     has_before = bool(data.hours.recorded_s[:, data.week(before)].any())
@@ -213,6 +242,7 @@ def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: da
             data,
             data.this.history_days,
             [_place(data, p) for p in places],
+            close_h=_close_h(data, places),
             first=monday - HISTORY,
             hidden={k for k, p in enumerate(places) if not p.has_history},
             held=held_hours(data, past),
@@ -225,9 +255,26 @@ def planner_data(warehouse: Warehouse, *, floor: Floor, monday: date, before: da
         why_no_exposure=data.why_no_exposure,
         shown=shown,
         walkable=_walkable(data, shown),
+        seen=_seen(data, shown),
         hotspots=without_small(found, below=int(data.site.settings.mask_below), revealing=revealing_spots(data, found)),
         is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
+        weeks=weeks,
+        changes=logged_changes(
+            data,
+            Counted(
+                places=[_place(data, p) for p in places],
+                areas=[p.area for p in places[1:]],
+                close_h=_close_h(data, places),
+                extent=None if shown is None else shown.extent,
+            ),
+            weeks=weeks,
+        ),
     )
+
+
+def _seen(data: TwoWeeks, shown: FloorMap | None) -> Flags | None:
+    grid = None if shown is None else cell_counts.grid_of(shown.extent)
+    return None if shown is None or grid is None else seen_cells(data.cameras, extent=shown.extent, grid=grid)
 
 
 def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
@@ -268,6 +315,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
         *((row.often, row.risky or level.risky, row.close_share or unknown_share) for row in of_areas),
     ]
     places = [data.whole, *(data.area(None if a is None else a.area_id) for a in areas)]
+    timed = [close_time(data.this, where) for where in (data.floor, *areas)]
     return tuple(
         PlaceRow(
             place_id=place_id,
@@ -277,11 +325,27 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
             has_history=k not in unknown,
             often=often,
             risky=risky,
-            close_share=close_share,
+            close_share=_with_change(data, close_share, of_time) if is_compared else close_share,
+            is_close_told=bool((of_time.cameras == place.cameras).all()),
         )
-        for k, (place_id, name, area, place, (often, risky, close_share)) in enumerate(
-            zip(ids, names, [None, *areas], places, figures, strict=True)
+        for k, (place_id, name, area, place, of_time, (often, risky, close_share)) in enumerate(
+            zip(ids, names, [None, *areas], places, timed, figures, strict=True)
         )
+    )
+
+
+def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
+    """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
+    found = change_close_share(data.pair, of_time)
+    if found.theta is None or share.value is None:
+        return share
+    return replace(
+        share,
+        previous=found.rate_a,
+        change=found.theta - 1,
+        change_lo=None if found.lo is None else found.lo - 1,
+        change_hi=None if found.hi is None else found.hi - 1,
+        verdict=found.verdict,
     )
 
 
@@ -291,6 +355,12 @@ def _place(data: TwoWeeks, row: PlaceRow) -> Place:
     return data.area(None if row.area is None else row.area.area_id)
 
 
+def _close_h(data: TwoWeeks, places: Sequence[PlaceRow]) -> list[Array]:
+    """Return person-hours in violation of each place by camera and hour of the floor's data."""
+    where = [None if p.area is None else p.area.area_id for p in places[1:]]
+    return [data.violation_h, *(data.violation_in(area_id) for area_id in where)]
+
+
 def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown: FloorMap | None) -> PlannerWeek:
     """Return one of the weeks; what may not be printed of it is hidden and empty."""
     below = int(data.site.settings.mask_below)
@@ -298,16 +368,23 @@ def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown
     rows = [_place(data, p) for p in places]
     hidden = hidden_places(data, [period.first], [p.area for p in places[1:]], below=below)
     held = held_hours(data, [period.first])
-    panel = panel_of(data, period.days, rows, hidden=hidden, first=period.first, held=held, shared=shared)
+    panel = panel_of(
+        data,
+        period.days,
+        rows,
+        close_h=_close_h(data, places),
+        hidden=hidden,
+        first=period.first,
+        held=held,
+        shared=shared,
+    )
     grid = None if shown is None else cell_counts.grid_of(shown.extent)
     lying = None
     is_ranked = _share(period) >= data.site.settings.min_coverage
     if shown is not None and grid is not None:
         slots = open_slots(data, period.days)
         used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
-        lying = cell_counts.week_cells(
-            data,
-            period,
+        asked = cell_counts.Asked(
             slots=slots,
             used=used[:, slots],
             shared=shared[:, slots],
@@ -316,6 +393,7 @@ def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown
             below=below,
             hidden=None if 0 in hidden else [p.area for k, p in enumerate(places) if k in hidden],
         )
+        lying = cell_counts.week_cells(data, period, asked)
     ref = WeekRef.of(period.first, zone=data.site.timezone)
     return PlannerWeek(ref=ref, panel=panel, cells=lying, is_ranked=is_ranked, hidden=hidden)
 

@@ -9,14 +9,21 @@ from typing import Final
 from vsd_analytics.report.words import catalogue
 from vsd_analytics.resources import shipped
 
-SCRIPTS: Final = ("planner_rates.js", "planner_map.js", "planner_data.js", "planner.js", "planner_start.js")
+SCRIPTS: Final = (
+    "planner_rates.js",
+    "planner_map.js",
+    "planner_data.js",
+    "planner.js",
+    "planner_changes.js",
+    "planner_start.js",
+)
 SAID: Final = "planner.script."
 """Sentences of the catalogue that the script says are those below this and these."""
 SAID_TOO: Final = (
     *("format.tiny", "format.same", "format.fewer", "format.more", "format.no_change", "format.likely"),
     *("format.likely_fewer", "format.likely_more", "format.likely_between", "format.hours", "format.under_an_hour"),
     *("words.clear_fall", "words.clear_rise", "words.about_same", "words.cannot_tell"),
-    "words.too_little_data",
+    *("words.too_little_data", "format.nearly_none", "format.nearly_all", "format.likely_signed"),
 )
 
 
@@ -34,6 +41,9 @@ REASONS: Final = {
     "camera_both": "change.camera",
     "nobody": "nobody.on_camera",
     "masked": "hidden.few",
+    "nobody_seen": "nobody.seen_open",
+    "nobody_close": "nobody.close",
+    "interval_person_hours": "level.interval_person_hours",
 }
 """Reasons that the script gives, by its own short names: the same sentences as those of the statistics."""
 

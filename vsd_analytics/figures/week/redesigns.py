@@ -19,14 +19,21 @@ NEW_DAYS: Final = 14
 """A change of the week or the one before lies between the two weeks that M23 compares."""
 
 
-def redesigns(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[Redesign, ...]:
+def redesigns(
+    data: WeekData, found: Sequence[BeforeAfterFigure], *, shown_days: int = SHOWN_DAYS
+) -> tuple[Redesign, ...]:
     """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
 
     A change is reported as long as its weeks after include a day of this week, or it lies in the last nine weeks. In
     the second case the report says what is still missing.
+
+    Args:
+        data: The week.
+        found: What the changes did.
+        shown_days: Days back from the week's end from which changes are given.
     """
     return tuple(
-        _redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < SHOWN_DAYS
+        _redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
     )
 
 

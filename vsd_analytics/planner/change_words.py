@@ -1,0 +1,141 @@
+"""Logged changes in words: what the log says, what can be said of it, and the figures behind that.
+
+Only a comparison with areas that were left alone may say that a change worked; all else is a range.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.planner.logged_changes import ChangeSide, LoggedChange
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.things_to_know import is_shown_to_work
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeRow:
+    """A figure of a change: its verdict in words, the change, its likely range."""
+
+    name: str
+    verdict: str
+    change: str
+    likely: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeWords:
+    """A logged change as texts.
+
+    Attributes:
+        number: Its place in the log, from 1.
+        day: Mon 12 Oct.
+        place: The area's name, or the whole site.
+        text: What the log says; free text.
+        verdict: The sentence that answers whether it helped.
+        rows: The area's change and the net effect on the whole floor, with ranges.
+        notes: Whom it is compared with, and what moved elsewhere.
+        cautions: What the data could not rule out.
+        spans: The days before and after; empty where there are none yet.
+        has_map: There are matched weeks to draw.
+    """
+
+    number: int
+    day: str
+    place: str
+    text: str
+    verdict: str
+    rows: tuple[ChangeRow, ...]
+    notes: tuple[str, ...]
+    cautions: tuple[str, ...]
+    spans: tuple[str, ...]
+    has_map: bool
+
+
+def change_words(change: LoggedChange) -> ChangeWords:
+    """Return a logged change as texts."""
+    result = change.result
+    is_ok = result is not None and result.state == "ok"
+    sides = [side for side in (change.before, change.after) if side is not None]
+    return ChangeWords(
+        number=change.number,
+        day=fmt.date_short(change.at.date()),
+        place=say("planner.log.site") if change.area is None else change.area.name,
+        text=fmt.ended(change.text),
+        verdict=_verdict(change),
+        rows=_rows(result) if result is not None and is_ok else (),
+        notes=_notes(result) if result is not None and is_ok else (),
+        cautions=tuple(reason_text(r) for r in (*result.doubts, *result.cautions)) if result is not None else (),
+        spans=tuple(_span(side) for side in sides),
+        has_map=bool(sides),
+    )
+
+
+def _span(side: ChangeSide) -> str:
+    first, last = side.days
+    return say("planner.log.span", first=fmt.date_short(first), last=fmt.date_short(last))
+
+
+def _verdict(change: LoggedChange) -> str:
+    result, area = change.result, "" if change.area is None else change.area.name
+    if result is None:
+        return say("planner.log.whole_site")
+    if result.state != "ok":
+        return say("planner.log.refused", reason=reason_text(result.reason).rstrip("."))
+    running = result.running
+    if running is None:
+        return say("planner.log.alone", area=area)
+    size = fmt.percent(abs(running.change or 0.0))
+    if is_shown_to_work(result):
+        return say("planner.log.works", area=area, change=size)
+    if is_shown_to_work(result, wherever=True):
+        return say("planner.log.moved", area=area, change=size)
+    if running.verdict == "clear_fall":
+        return say("planner.log.fell", area=area, change=size)
+    if running.verdict == "clear_rise":
+        return say("planner.log.rose", area=area, change=size)
+    if running.verdict == "about_same":
+        return say("planner.log.same", area=area)
+    if running.change_lo is None or running.change_hi is None:
+        return say("planner.log.untold", area=area, reason=reason_text(running.reason).rstrip("."))
+    low, high = (_less_more(v) for v in (running.change_lo, running.change_hi))
+    return say("planner.log.cannot_tell", area=area, low=low, high=high)
+
+
+def _less_more(change: float) -> str:
+    """Write a change of time: 52% less, 73% more."""
+    return say("planner.log.less" if change < 0 else "planner.log.more", percent=fmt.percent(abs(change)))
+
+
+def _rows(result: Redesign) -> tuple[ChangeRow, ...]:
+    n = result.n_watched or 0
+    figures = (
+        (say("planner.log.running", plural=n, n=n, area=result.area_name), result.running),
+        (say("planner.log.close", area=result.area_name), result.close),
+        (say("planner.log.people", area=result.area_name), result.people),
+        (say("planner.log.net"), result.net),
+    )
+    return tuple(_row(name, e) for name, e in figures if e is not None)
+
+
+def _row(name: str, e: Estimate) -> ChangeRow:
+    return ChangeRow(
+        name=name,
+        verdict=terms.verdict_words(e),
+        change=fmt.signed(e.change),
+        likely=fmt.likely_signed(e) or reason_text(e.reason),
+    )
+
+
+def _notes(result: Redesign) -> tuple[str, ...]:
+    n, notes = result.n_weeks or 0, []
+    if result.design == "beside":
+        notes.append(say("planner.log.beside", plural=n, n=n, areas=terms.joined(result.compared_with)))
+    if result.moved_elsewhere is not None and result.moved_elsewhere > 0:
+        share = fmt.percent(min(1.0, result.moved_elsewhere))
+        notes.append(say("planner.log.elsewhere", share=share, area=result.area_name))
+    return tuple(notes)

@@ -1,0 +1,276 @@
+"""Logged changes on the page: what each did, as the report says it, and the matched weeks before and after it.
+
+The verdicts are those of `vsd_analytics.figures.before_after`. The weeks are its windows, over the hours that both
+sides recorded. What lies where in them is added up from weeks whose small counts are merged one by one, as on the page
+of each week: so no number here tells more than those pages do, however the weeks of two changes overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.config.change_log import read_log
+from vsd_analytics.figures.before_after import before_after
+from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
+from vsd_analytics.figures.compare import Days
+from vsd_analytics.figures.panels import WEEK, Array, Flags, Ints, Period, Place, TwoPeriods
+from vsd_analytics.figures.week.model_map import Extent
+from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.figures.week.redesigns import redesigns
+from vsd_analytics.planner import cell_counts
+from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, LogEntry, Site
+
+MOST_WEEKS: Final = 12
+"""Weeks of the log that a page holds, at most: as many as the report's trend has."""
+UNIT_MS: Final = 100
+"""Unit of person-time in the sums of several weeks."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Lying:
+    """What lies where in some weeks.
+
+    Attributes:
+        camera, cell: Of each row, by camera and cell, rising.
+        values: Columns, shape (n_kinds, n_rows).
+    """
+
+    camera: Ints
+    cell: Ints
+    values: Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ChangeSide:
+    """The weeks on one side of a change, over the hours recorded on both.
+
+    Attributes:
+        days: First and last day.
+        recorded_ms: Recorded opening time, shape (n_cameras,).
+        n: Violations, shape (n_places, n_cameras); small counts are merged week by week.
+        exposure_ms: Person-milliseconds, same shape.
+        close_ms: Those in violation, same shape.
+        violations: By cell of half a metre; None without a map.
+        time: Person-time and person-time in violation by square, in `UNIT_MS`; likewise.
+    """
+
+    days: Days
+    recorded_ms: Ints
+    n: Ints
+    exposure_ms: Ints
+    close_ms: Ints
+    violations: Lying | None
+    time: Lying | None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LoggedChange:
+    """An entry of the log.
+
+    Attributes:
+        number: Its place in the log, from 1.
+        at: Instant in the site's zone.
+        text: Free text.
+        area: The area it names; None = the whole site.
+        result: What it did, as in the report; None where the whole site is concerned.
+        before, after: The matched weeks; None where there are none yet.
+        why_no_weeks: Why there are none.
+        hidden: Why the figures of a place are not given in these weeks, by place.
+    """
+
+    number: int
+    at: datetime
+    text: str
+    area: Area | None
+    result: Redesign | None
+    before: ChangeSide | None
+    after: ChangeSide | None
+    why_no_weeks: Reason | None
+    hidden: Mapping[int, Reason]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Counted:
+    """What is counted where.
+
+    Attributes:
+        places: The whole floor, its areas, the rest.
+        areas: The places after the first: areas, and None for the rest.
+        close_h: Person-hours in violation of each place, shape (n_cameras, n_hours).
+        extent: The floor shown; None without a map.
+    """
+
+    places: Sequence[Place]
+    areas: Sequence[Area | None]
+    close_h: Sequence[Array]
+    extent: Extent | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Week:
+    """A week with small counts merged, and which of the floor's hours it has."""
+
+    slots: Ints
+    panel: HourPanel
+    lying: cell_counts.LyingCounts | None
+    hidden: Mapping[int, Reason]
+
+
+def entries_of(site: Site, monday: date, *, weeks: int, floor_id: str | None = None) -> list[tuple[int, LogEntry]]:
+    """Return the log's entries of the last weeks up to the one from `monday`, with their numbers, in order of time.
+
+    Args:
+        site: The project.
+        monday: First day of the last week.
+        weeks: How many weeks back.
+        floor_id: Only entries of this floor's areas and of the whole site; None = of all floors.
+    """
+    first, last = monday - (weeks - 1) * WEEK, monday + timedelta(days=6)
+    floors = {a.area_id: a.floor_id for a in site.areas}
+    found = [
+        (number, entry)
+        for number, entry in enumerate(read_log(site), 1)
+        if first <= local_day(site, entry) <= last
+        and (entry.area_id is None or (entry.area_id in floors and floor_id in (None, floors[entry.area_id])))
+    ]
+    return sorted(found, key=lambda each: (each[1].at, each[0]))
+
+
+def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[LoggedChange, ...]:
+    """Return the logged changes of the last weeks up to this one, in order of time.
+
+    Args:
+        data: The floor; its warehouse reaches back to the first day of the report.
+        counted: What is counted where.
+        weeks: How many weeks of the log.
+    """
+    made = _Weeks(data, counted)
+    return tuple(
+        _change(data, made, number, entry)
+        for number, entry in entries_of(data.site, data.monday, weeks=weeks, floor_id=data.floor.floor_id)
+    )
+
+
+def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> LoggedChange:
+    areas = {a.area_id: a for a in data.areas}
+    result = None
+    if entry.area_id is not None:
+        [result] = redesigns(data, [before_after(data.warehouse, number)], shown_days=MOST_WEEKS * 7)
+        spans, why = (result.before, result.after), result.reason
+    else:
+        windows, why = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
+        spans = (None, None) if windows is None else (windows.before, windows.after)
+    sides: list[ChangeSide | None] = [None, None]
+    hidden: dict[int, Reason] = {}
+    if spans[0] is not None and spans[1] is not None:
+        pair = TwoPeriods(Period(data, *spans[0]), Period(data, *spans[1]))
+        sides = [made.side(spans[0], pair.used(0)), made.side(spans[1], pair.used(1))]
+        hidden = {**made.hidden(spans[1]), **made.hidden(spans[0])}
+    return LoggedChange(
+        number=number,
+        at=entry.at.astimezone(data.site.zone),
+        text=entry.text,
+        area=None if entry.area_id is None else areas[entry.area_id],
+        result=result,
+        before=sides[0],
+        after=sides[1],
+        why_no_weeks=why if sides[0] is None else None,
+        hidden=dict(sorted(hidden.items())),
+    )
+
+
+class _Weeks:
+    """The weeks of a floor with small counts merged, each made once."""
+
+    def __init__(self, data: TwoWeeks, counted: Counted) -> None:
+        self._data, self._counted = data, counted
+        self._made: dict[date, _Week] = {}
+
+    def hidden(self, days: Days) -> dict[int, Reason]:
+        """Return why places are not given: what the report of any of the weeks holds back."""
+        return {k: why for monday in _mondays(days) for k, why in self._week(monday).hidden.items()}
+
+    def side(self, days: Days, used: Flags) -> ChangeSide:
+        """Return the sums of some days over camera-hours `used`, shape (n_cameras, n_hours)."""
+        shape = (len(self._counted.places), len(self._data.ids))
+        sums = {name: np.zeros(shape, dtype=np.int64) for name in ("n", "exposure_ms", "close_ms")}
+        recorded_ms = np.zeros(shape[1], dtype=np.int64)
+        lying: dict[str, list[Ints]] = {"violations": [], "time": []}
+        for monday in _mondays(days):
+            week = self._week(monday)
+            taken = used[:, week.slots]
+            recorded_ms += (week.panel.recorded_ms * taken).sum(axis=1)
+            for name in sums:
+                sums[name] += (getattr(week.panel, name) * taken).sum(axis=2)
+            if week.lying is None:
+                continue
+            for name, unit in (("violations", 1), ("time", week.lying.unit_ms)):
+                rows: cell_counts.Rows = getattr(week.lying, name)
+                kept = taken[rows.camera, rows.slot]
+                lying[name].append(
+                    np.concatenate(([rows.camera[kept]], [rows.cell[kept]], rows.values[:, kept] * unit))
+                )
+        has_map = bool(lying["time"])
+        return ChangeSide(
+            days=days,
+            recorded_ms=recorded_ms,
+            **sums,
+            violations=_summed(lying["violations"], unit=1) if has_map else None,
+            time=_summed(lying["time"], unit=UNIT_MS) if has_map else None,
+        )
+
+    def _week(self, monday: date) -> _Week:
+        if monday not in self._made:
+            self._made[monday] = self._make(monday)
+        return self._made[monday]
+
+    def _make(self, monday: date) -> _Week:
+        data, counted = self._data, self._counted
+        below, days = int(data.site.settings.mask_below), data.warehouse.days(monday, monday + timedelta(days=6))
+        hidden = hidden_places(data, [monday], counted.areas, below=below)
+        panel = panel_of(
+            data,
+            days,
+            counted.places,
+            close_h=counted.close_h,
+            first=monday,
+            hidden=hidden,
+            held=held_hours(data, [monday]),
+        )
+        slots = open_slots(data, days)
+        grid = None if counted.extent is None else cell_counts.grid_of(counted.extent)
+        lying = None
+        if grid is not None and counted.extent is not None and slots.size:
+            asked = cell_counts.Asked(
+                slots=slots,
+                used=panel.is_counted,
+                shared=np.zeros_like(panel.is_counted),
+                extent=counted.extent,
+                grid=grid,
+                below=below,
+                hidden=None if 0 in hidden else [a for k, a in enumerate(counted.areas, 1) if k in hidden],
+            )
+            lying = cell_counts.lying_counts(data, asked)
+        return _Week(slots, panel, lying, hidden)
+
+
+def _mondays(days: Days) -> list[date]:
+    first = days[0] - timedelta(days=days[0].weekday())
+    return [first + k * WEEK for k in range((days[1] - first).days // 7 + 1)]
+
+
+def _summed(parts: Sequence[Ints], *, unit: int) -> Lying:
+    """Return rows (camera, cell, values) added up by camera and cell, in units."""
+    rows = np.concatenate(parts, axis=1)
+    keys, at = np.unique(rows[:2], axis=1, return_inverse=True)
+    values = np.zeros((len(rows) - 2, keys.shape[1]), dtype=np.int64)
+    for total, column in zip(values, rows[2:], strict=True):
+        np.add.at(total, at.ravel(), column)
+    return Lying(camera=keys[0], cell=keys[1], values=(values + unit // 2) // unit)
