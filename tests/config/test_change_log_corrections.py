@@ -144,7 +144,7 @@ def test_the_list_shows_what_holds_and_the_history_what_was(tmp_path: Path) -> N
     run("edit", "1", "--text", "moved away")
     assert run("list").split() == ["1", "2026-11-11T12:00+01:00", "whole", "site", "moved", "away"]
     run("remove", "1")
-    assert "moved" not in run("list")
+    assert "moved away" not in run("list")
     history = run("list", "--all")
     kinds = [line.split()[1] for line in history.splitlines() if line.split()[0] != "before"]
     assert kinds == ["added", "corrected", "removed"]

@@ -51,6 +51,7 @@ from vsd_analytics.figures.week.results import (
     When,
 )
 from vsd_analytics.figures.week.stored_records import StoredRecords
+from vsd_analytics.report.model.week_agenda import Agenda
 
 # fmt: on
 
@@ -85,6 +86,7 @@ class Story:
     lead: tuple[Span, ...] = _f("Two to four sentences.")
     things: tuple[Thing, ...] = _f("At most three.")
     question: str = _f("Exactly one, about the room.")
+    question_id: str = _f("Its id, for vsd log answer.", default="")
     notes: tuple[str, ...] = _f("What an abnormal week says in its box.", default=())
 
 
@@ -125,4 +127,5 @@ class WeekReport:
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     selfcheck: SelfCheck | None = _f("How often the verdicts on the floor are false alarms.", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M29; absent keys are not in this version.")
+    agenda: Agenda | None = _f("What may be asked, and what earlier weeks asked.", default=None)
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)
