@@ -25,7 +25,7 @@ from vsd_analytics.config.log_records import (
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, UsageError
-from vsd_analytics.site.model import Answer, AnswerKind, LogEntry, Site
+from vsd_analytics.site.model import AnswerKind, LogEntry, QuestionAnswer, Site
 
 __all__ = ["FILE", "add_answer", "add_entry", "edit_entry", "entry_dict", "read_answers", "read_log", "remove_entry",
            "torn_lines"]  # fmt: skip
@@ -73,7 +73,7 @@ def read_log(site: Site) -> tuple[LogEntry, ...]:
     return _entries(read_records(site))
 
 
-def read_answers(site: Site) -> tuple[Answer, ...]:
+def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
     """Return the answers to the report's questions by time; a change that was taken back answers nothing.
 
     Raises:
@@ -118,7 +118,7 @@ def add_answer(
     at: str | datetime,
     text: str | None = None,
     by: str | None = None,
-) -> Answer:
+) -> QuestionAnswer:
     """Add the answer to a question of the report, durably.
 
     "tried" is a change of the question's area at that time, so the reports compare before and after it. "not-possible"
@@ -140,7 +140,7 @@ def add_answer(
     if by is not None and not is_name(by):
         raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
     said = _one_line(asked.text if text is None else text)
-    answer = Answer(_instant(at, site), asked.question_id, kind, said, asked.area_id, by)
+    answer = QuestionAnswer(_instant(at, site), asked.question_id, kind, said, asked.area_id, by)
     line: dict[str, Any] = {"at": answer.at.isoformat(), "text": said, "area": asked.area_id}
     line |= {"question": asked.question_id, "answer": kind} | ({} if by is None else {"by": by})
     if kind == "tried" and not asked.is_change:

@@ -15,7 +15,7 @@ from typing import Any, Final, get_args
 
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, InputError, VsdError, Where
-from vsd_analytics.site.model import Answer, AnswerKind, LogEntry, Site
+from vsd_analytics.site.model import AnswerKind, LogEntry, QuestionAnswer, Site
 
 FILE: Final = "log.jsonl"
 LOCK: Final = Path("status") / "log.lock"
@@ -40,7 +40,7 @@ class LogRecord:
 
     line: int
     entry: LogEntry | None = None
-    answer: Answer | None = None
+    answer: QuestionAnswer | None = None
     supersedes: LogEntry | None = None
 
 
@@ -158,7 +158,7 @@ def _read(value: dict[str, Any], *, number: int, site: Site) -> LogRecord:
         raise ValueError(f'"answer" is none of {", ".join(ANSWERS)}')
     if entry.question is None:
         raise ValueError('"question" is missing')
-    answer = Answer(entry.at, entry.question, kind, entry.text, entry.area_id, entry.by)
+    answer = QuestionAnswer(entry.at, entry.question, kind, entry.text, entry.area_id, entry.by)
     is_change = kind == "tried" and value.get("change", True) is True
     return LogRecord(number, entry=entry if is_change else None, answer=answer, supersedes=supersedes)
 

@@ -142,7 +142,7 @@ AnswerKind = Literal["tried", "not-possible", "later"]
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class QuestionAnswer:
     """What became of a question of the report.
 
     Attributes:

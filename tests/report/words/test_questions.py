@@ -11,7 +11,7 @@ from report import model_classes as m
 from report import sample_weeks as weeks
 
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, Place
+from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
 from vsd_analytics.report.pages.asked import asked_lines
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import questions
@@ -58,7 +58,7 @@ def with_agenda(**more: Any) -> WeekReport:
     """Return the normal week with two places to ask about."""
     made = {n: questions.remedies(n, None, area=None, fixtures=()) for n in ("Checkout queue", "Main entrance")}
     places = tuple(
-        Place(place=name.split()[-1].lower(), area_id=name.split()[-1].lower(), name=name, remedies=remedies)
+        PlaceToAsk(place=name.split()[-1].lower(), area_id=name.split()[-1].lower(), name=name, remedies=remedies)
         for name, remedies in made.items()
     )
     return replace(weeks.normal(), agenda=Agenda(**({"places": places} | more)))

@@ -26,7 +26,7 @@ def redesigns(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[Redes
     the second case the report says what is still missing.
     """
     return tuple(
-        _redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < SHOWN_DAYS
+        redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < SHOWN_DAYS
     )
 
 
@@ -67,7 +67,8 @@ def _moved_people(data: WeekData, found: BeforeAfterFigure) -> bool:
     return is_new and is_shown and found.people is not None and found.people.verdict == "clear_fall"
 
 
-def _redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
+def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
+    """Return what a logged change did, without what would tell a small count."""
     names = {a.area_id: a.name for a in data.areas}
     effect = page_estimates.change(found.effect) if found.effect is not None else None
     if effect is None and found.alone is not None:

@@ -19,9 +19,9 @@ from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.spots import place_shape
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, Place
+from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
 from vsd_analytics.report.words import questions as rules
-from vsd_analytics.site.model import Answer
+from vsd_analytics.site.model import QuestionAnswer
 
 WATCHED: Final = timedelta(days=28)
 """So long after a logged change nothing else is asked about its area: two changes at once cannot be told apart."""
@@ -57,7 +57,7 @@ def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
         for a in read_asked(site)
         if a.floor_id == data.floor.floor_id and data.monday - MEMORY <= a.monday < data.monday
     ]
-    answers: dict[str, Answer] = {}
+    answers: dict[str, QuestionAnswer] = {}
     if asked:
         answers = {a.question: a for a in read_answers(site) if end - MEMORY <= a.at < end}
     changes = {(e.question, e.at): number for number, e in enumerate(read_log(site), 1) if e.question is not None}
@@ -82,7 +82,7 @@ def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
     return tuple(found)
 
 
-def _places(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> tuple[Place, ...]:
+def _places(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> tuple[PlaceToAsk, ...]:
     """Return the material areas by violations, and the rest of the floor by its weight."""
     cards = {c.area_id: c for c in reversed(report.spots.cards)} if report.spots is not None else {}
     spots = {} if found is None else {s.number: place_shape(s.place) for s in found.spots}
@@ -101,7 +101,7 @@ def _place(
     report: WeekReport,
     data: WeekData,
     changed: dict[str, date],
-) -> Place:
+) -> PlaceToAsk:
     area = next((a for a in data.areas if a.area_id == row.area_id), None)
     evidence = None if card is None else card.evidence
     usual = None if card is None else card.usual
@@ -117,7 +117,7 @@ def _place(
             when=when,
             is_unsure=evidence is not None and evidence.sureness == "low",
         )
-    return Place(
+    return PlaceToAsk(
         place=row.area_id or rules.REST,
         area_id=row.area_id,
         name=row.name,

@@ -27,6 +27,7 @@ from vsd_analytics.figures.week.model_map import (
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.model_sections import (
     Causes,
+    LedgerLine,
     Outlook,
     Readings,
     Redesign,
@@ -121,6 +122,9 @@ class WeekReport:
     spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
     readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
     redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
+    ledger: tuple[LedgerLine, ...] = _f(
+        "Every logged change from the first week looked at, and what it avoided.", metric="M27", default=()
+    )
     causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
     trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
     outlook: Outlook | None = _f("The next week.", metric="M25", default=None)

@@ -21,7 +21,7 @@ class Remedy:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class PlaceToAsk:
     """A place that a question may be about, and what may be asked there."""
 
     place: str = _f("Id of the area, or rest.")
@@ -55,7 +55,7 @@ class PastQuestion:
 class Agenda:
     """What this week may ask and what earlier weeks did."""
 
-    places: tuple[Place, ...] = _f("The busiest first; only places that hold a material share.", default=())
+    places: tuple[PlaceToAsk, ...] = _f("The busiest first; only places that hold a material share.", default=())
     asked: tuple[PastQuestion, ...] = _f("What the reports of the year before asked, oldest first.", default=())
     busiest_before: tuple[str, ...] = _f(
         "Ids of the areas with most violations in each of the eight weeks before, the latest first; weeks without "

@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.week.model_sections import UsualHours
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.model.week_agenda import PastQuestion, Place, Remedy
+from vsd_analytics.report.model.week_agenda import PastQuestion, PlaceToAsk, Remedy
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
@@ -56,6 +56,8 @@ BY_NAME: Final = (
 )
 
 
+FACTS: Final = ("where", "check")
+"""Remedies that find something out: to do it is no change of the site."""
 SLUGS: Final = {"queue": "wait", "one_way": "one-way", "entrance": "clear"}
 """How a remedy is called in the id of its question, where its key would say nothing."""
 
@@ -93,8 +95,8 @@ def remedies(
         return (_asked("check", name, when), *own, *(_asked(key, name, when) for key in ("spread", "fewer")))
     found = ["queue"] if is_queue or named == "queue" else []
     found += [f"move-{f.fixture_id}" for f in movable]
-    if shape is not None and is_aisle_end(shape, near):
-        found.append("one_way")
+    if shape is not None and is_aisle_end(shape, near) and found[:1] != ["queue"]:
+        found.append("one_way")  # a queue beside shelves stays a queue
     found += [named, "spread", "fewer"]
     names = {f"move-{f.fixture_id}": f.name for f in movable}
     return (*own, *(_asked(key, name, when, names.get(key, "")) for key in dict.fromkeys(found)))
@@ -246,7 +248,8 @@ def candidates(report: WeekReport) -> Iterator[Candidate]:
         for place in free:
             if k < len(place.remedies):
                 r = place.remedies[k]
-                yield Candidate(place=place.place, remedy=r.key, text=r.text, again=r.again, area_id=place.area_id)
+                yield Candidate(place=place.place, remedy=r.key, text=r.text, again=r.again, area_id=place.area_id,
+                                is_change=r.key not in FACTS)  # fmt: skip
     when = around_hour(report)
     text, again = say("question.other_times", when=when), say("again.other_times", when=when)
     yield Candidate(place=FLOOR, remedy="times", text=text, again=again)
@@ -268,7 +271,7 @@ def _about_cameras(report: WeekReport) -> Iterator[Candidate]:
         yield Candidate(place=FLOOR, remedy="record", text=text, again=again, is_change=False, forget=EVENT)
 
 
-def places_to_ask(report: WeekReport) -> tuple[Place, ...]:
+def places_to_ask(report: WeekReport) -> tuple[PlaceToAsk, ...]:
     """Return the places that may be asked about; without an agenda, the busiest by its name."""
     if report.agenda is not None:
         return report.agenda.places
@@ -276,12 +279,12 @@ def places_to_ask(report: WeekReport) -> tuple[Place, ...]:
     if spot is None:
         return ()
     if spot.area_id is None:
-        return (Place(place=REST, name=spot.name, remedies=rest_of_floor(around_hour(report))),)
+        return (PlaceToAsk(place=REST, name=spot.name, remedies=rest_of_floor(around_hour(report))),)
     card = next((c for c in (report.spots.cards if report.spots else ()) if c.area_id == spot.area_id), None)
     made = remedies(spot.name, None, area=None, fixtures=(), when=above_all_hour(report))
     if card is not None and card.question:
         made = (Remedy(key=made[0].key, text=card.question, again=made[0].again, short=card.ask), *made[1:])
-    return (Place(place=spot.area_id, area_id=spot.area_id, name=spot.name, remedies=made),)
+    return (PlaceToAsk(place=spot.area_id, area_id=spot.area_id, name=spot.name, remedies=made),)
 
 
 def around_hour(report: WeekReport) -> str:
