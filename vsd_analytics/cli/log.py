@@ -1,12 +1,18 @@
-"""`vsd log`: the site's change log."""
+"""`vsd log`: the site's change log, and the answers to the report's questions."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import click
 
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
+from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.site.model import AnswerKind, LogEntry
 
 
 @click.group()
@@ -16,6 +22,7 @@ def log() -> None:
     \b
     Example:
       vsd log add "moved the exhibit" --at 2026-11-11T12:00 --area entrance
+      vsd log answer Q46-entrance-clear tried --by Anna
       vsd log list
     """
 
@@ -36,37 +43,162 @@ def log_add(project: Project, text: str, at: str | None, area: str | None, as_js
     from vsd_analytics.config.change_log import add_entry, entry_dict
 
     added = add_entry(project.site, text=text, at=at if at is not None else project.now, area=area)
-    entry = added.entry
     for line in added.removed:
         click.echo(plain(f"removed an incomplete line: {line}"), err=True)
     if as_json:
-        emit_json({**entry_dict(entry), "is_new": added.is_new})
+        emit_json({**entry_dict(added.entry), "is_new": added.is_new})
         return
-    click.echo(f"{entry.at.isoformat(timespec='minutes')}  {entry.area_id or 'whole site'}  {entry.text}")
+    click.echo(_line(added.entry))
     if not added.is_new:
         project.say("the log has this entry already (same time, area and text): nothing was added")
 
 
-@log.command("list")
+@log.command("answer")
+@click.argument("question", metavar="ID")
+@click.argument("kind", metavar="ANSWER", type=click.Choice(["tried", "not-possible", "later"]))
+@click.option("--text", metavar="TEXT", help="What was done, or why not (default: the words of the question).")
+@click.option("--by", metavar="NAME", help="Who answers.")
+@click.option("--at", metavar="INSTANT", help="When it was tried or decided, in the site's zone (default: now).")
 @json_option
 @pass_project
-def log_list(project: Project, as_json: bool) -> None:
-    """List the entries by time, with their numbers for vsd compare --change.
+def log_answer(
+    project: Project, question: str, kind: AnswerKind, text: str | None, by: str | None, at: str | None, as_json: bool
+) -> None:
+    """Answer a question of the weekly report: tried, not-possible or later.
+
+    What was tried is a change of its area: the next reports compare before and after it. What is not possible is never
+    asked again. A question for later is asked again after four weeks. A second answer supersedes the first.
+
+    \b
+    Example:
+      vsd log answer Q46-entrance-clear tried --at 2026-11-18T07:00 --by Anna
+      vsd log answer Q46-entrance-clear not-possible --text "the fire door needs the room"
+    """
+    from vsd_analytics.config.change_log import add_answer
+
+    when = at if at is not None else project.now
+    answer = add_answer(project.site, question, kind, at=when, text=text, by=by)
+    if as_json:
+        emit_json({"at": answer.at.isoformat(), "question": answer.question, "answer": answer.kind,
+                   "text": answer.text, "area": answer.area_id, "by": answer.by})  # fmt: skip
+        return
+    click.echo(f"{answer.at.isoformat(timespec='minutes')}  {plain(answer.question)}  {answer.kind}")
+
+
+@log.command("edit")
+@click.argument("number", type=click.IntRange(min=1), metavar="N")
+@click.option("--text", metavar="TEXT", help="What was changed.")
+@click.option("--at", metavar="INSTANT", help="When, in the site's zone unless it has an offset.")
+@click.option("--area", metavar="ID", help="Area it concerns.")
+@click.option("--whole-site", is_flag=True, help="It concerns the whole site.")
+@json_option
+@pass_project
+def log_edit(
+    project: Project, number: int, text: str | None, at: str | None, area: str | None, whole_site: bool, as_json: bool
+) -> None:
+    """Correct entry N of the list. The entry as it was stays in the history: vsd log list --all.
+
+    \b
+    Example:
+      vsd log edit 3 --at 2026-11-11T18:00
+      vsd log edit 3 --area entrance --text "moved the exhibit"
+    """
+    from vsd_analytics.config.change_log import AS_IT_IS, edit_entry, entry_dict
+
+    if area is not None and whole_site:
+        raise UsageError("--area and --whole-site exclude each other", fix="leave one of them out")
+    place = None if whole_site else AS_IT_IS if area is None else area
+    made = edit_entry(project.site, number, text=text, at=at, area=place)
+    if made.after is None:
+        raise AssertionError("a corrected entry is there")
+    if as_json:
+        emit_json({**entry_dict(made.after), "replaces": entry_dict(made.before)})
+        return
+    click.echo(_line(made.after))
+
+
+@log.command("remove")
+@click.argument("number", type=click.IntRange(min=1), metavar="N")
+@json_option
+@pass_project
+def log_remove(project: Project, number: int, as_json: bool) -> None:
+    """Take back entry N of the list. It stays in the history: vsd log list --all.
+
+    \b
+    Example:
+      vsd log remove 3
+    """
+    from vsd_analytics.config.change_log import entry_dict, remove_entry
+
+    made = remove_entry(project.site, number, at=project.now)
+    if as_json:
+        emit_json({"removes": entry_dict(made.before)})
+        return
+    click.echo(f"removed  {_line(made.before)}")
+
+
+@log.command("list")
+@click.option("--all", "is_all", is_flag=True, help="The history: what was corrected, taken back and answered.")
+@json_option
+@pass_project
+def log_list(project: Project, is_all: bool, as_json: bool) -> None:
+    """List the entries by time, with their numbers for vsd compare --change and vsd log edit.
 
     \b
     Example:
       vsd log list
+      vsd log list --all
       vsd log list --json
     """
     from vsd_analytics.config.change_log import entry_dict, read_log
 
     warn_of_broken_log_lines(project)
+    if is_all:
+        _history(project, as_json=as_json)
+        return
     entries = read_log(project.site)
     if as_json:
         emit_json({"log": [entry_dict(entry) for entry in entries]})
         return
     for number, entry in enumerate(entries, start=1):
-        text, area = " ".join(plain(entry.text).split()), plain(entry.area_id or "whole site")
-        click.echo(f"{number:>3}  {entry.at.isoformat(timespec='minutes')}  {area}  {text}")
+        click.echo(f"{number:>3}  {_line(entry)}")
     if not entries:
         project.say('no entries yet; add one: vsd log add "what was moved" --at 2026-11-11T12:00')
+
+
+def _history(project: Project, *, as_json: bool) -> None:
+    """Print every line of the file, in the order in which it was added."""
+    from vsd_analytics.config.change_log import entry_dict
+    from vsd_analytics.config.log_records import read_records
+
+    rows = []
+    for record in read_records(project.site):
+        said = record.entry if record.entry is not None else record.answer
+        kind = "removed" if said is None else "corrected" if record.supersedes else "added"
+        row: dict[str, object] = {"line": record.line, "kind": kind}
+        if record.answer is not None and record.supersedes is None:
+            row |= {"kind": record.answer.kind, "question": record.answer.question, "by": record.answer.by}
+        if said is not None:
+            row |= {"at": said.at.isoformat(), "text": said.text, "area": said.area_id}
+        if record.supersedes is not None:
+            row["before"] = entry_dict(record.supersedes)
+        rows.append((row, record))
+    if as_json:
+        emit_json({"history": [row for row, _ in rows]})
+        return
+    for row, record in rows:
+        said = record.entry or record.answer or record.supersedes
+        if said is None:
+            continue
+        place, question = plain(said.area_id or "whole site"), plain(str(row.get("question") or ""))
+        text = " ".join(part for part in (question, plain(said.text)) if part)
+        at = said.at.isoformat(timespec="minutes")
+        click.echo(f"{record.line:>3}  {row['kind']:<12}  {at}  {place}  {' '.join(text.split())}")
+        if record.supersedes is not None and record.entry is not None:
+            click.echo(f"     {'before':<12}  {_line(record.supersedes)}")
+
+
+def _line(entry: LogEntry) -> str:
+    text, area = " ".join(plain(entry.text).split()), plain(entry.area_id or "whole site")
+    by = f"  ({plain(entry.by)})" if entry.by else ""
+    return f"{entry.at.isoformat(timespec='minutes')}  {area}  {text}{by}"

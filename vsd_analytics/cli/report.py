@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -18,6 +18,10 @@ from vsd_analytics.errors import ReportError, UsageError, VsdError
 if TYPE_CHECKING:
     from vsd_analytics.report.model.week import WeekReport
     from vsd_analytics.report.pages.pdf import Paper
+
+
+PAGES: Final = frozenset({"html", "pdf", "json"})
+"""Formats that show the week's question to somebody."""
 
 
 @click.command()
@@ -117,6 +121,8 @@ def report(
             paths.append(report_mail.mail_week(project, files, options=options, sender=sender, to=to, out=where))
         except VsdError as error:
             failed.append(error)
+    if is_mailed or PAGES & set(kinds):
+        _remember(project, reports)
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
     warning = report_mail.late(project, every[0], week=week) if is_sent else None
@@ -130,6 +136,17 @@ def report(
     if is_opened and paths:
         click.launch(str(paths[0]))
     return code
+
+
+def _remember(project: Project, reports: list[WeekReport]) -> None:
+    """Store the questions of the pages for later weeks; a read-only project only warns."""
+    from vsd_analytics.config.asked_questions import remember
+    from vsd_analytics.report.words.questions import choose
+
+    try:
+        remember(project.site, [choose(report) for report in reports])
+    except VsdError as error:
+        click.echo(render_error(error, word="warning"), err=True)
 
 
 def _exit_code(reports: list[WeekReport], *, strict: bool) -> int:
@@ -163,4 +180,6 @@ def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[W
 def write_report(project: Project, *, week: str, kind: str, out: str, floor_id: str | None) -> list[Path]:
     """Write the report of a week and return the files."""
     reports = make_reports(project, week=week, floor_id=floor_id)
-    return [path for r in reports for path in write(Path(out), _files(project, r).of(kind))]
+    paths = [path for r in reports for path in write(Path(out), _files(project, r).of(kind))]
+    _remember(project, reports)
+    return paths

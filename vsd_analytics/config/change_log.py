@@ -1,29 +1,37 @@
-"""The site's change log: what was moved, when and where, one JSON object a line in `log.jsonl`.
+"""The site's change log: what was moved, when and where, and how the report's questions were answered.
 
-Entries with the same instant, text and area count as one entry, even if the file repeats them.
+`log.jsonl` only grows (`log_records`): a correction is a new line. Entries with the same instant, text and area count
+as one entry, even if the file repeats them.
 """
 
 from __future__ import annotations
 
-import contextlib
-import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from vsd_analytics.config.asked_questions import asked_question
+from vsd_analytics.config.log_records import (
+    FILE,
+    NAME_MAX_CHARS,
+    TEXT_MAX_CHARS,
+    LogRecord,
+    add_line,
+    entry_dict,
+    is_name,
+    read_records,
+    torn_lines,
+)
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.config.values import parse_instant
-from vsd_analytics.errors import CONTROL, InputError, UsageError, VsdError, Where
-from vsd_analytics.site.model import LogEntry, Site
+from vsd_analytics.errors import CONTROL, UsageError
+from vsd_analytics.site.model import AnswerKind, LogEntry, QuestionAnswer, Site
 
-FILE = "log.jsonl"
-LOCK = Path("status") / "log.lock"
-TEXT_MAX_CHARS = 500
+__all__ = ["FILE", "add_answer", "add_entry", "edit_entry", "entry_dict", "read_answers", "read_log", "remove_entry",
+           "torn_lines"]  # fmt: skip
 
-_BEGIN = b'{"at": "'
-"""What every line begins with that this program writes."""
+AS_IT_IS: Final = "*"
+"""For `edit_entry`: the area of the entry stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,29 +49,44 @@ class Added:
     removed: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Superseded:
+    """What became of an entry that was corrected or taken back.
+
+    Attributes:
+        before: The entry as it was.
+        after: As it is now; None = taken back.
+    """
+
+    before: LogEntry
+    after: LogEntry | None = None
+
+
 def read_log(site: Site) -> tuple[LogEntry, ...]:
-    """Return the entries of the change log by time, those of one instant in the order in which they were added.
+    """Return the changes of the log by time, as corrected; those of one instant in the order in which they were added.
 
     Lines that broke off are no entries; `torn_lines` names them.
 
     Raises:
         InputError: A line is not an entry (E110).
     """
-    lines = [(n, line) for n, line in _lines(site) if not _is_torn(line)]
-    entries = [_entry(line, number=n, site=site) for n, line in lines]
-    return tuple(dict.fromkeys(sorted(entries, key=lambda entry: entry.at)))
+    return _entries(read_records(site))
 
 
-def torn_lines(site: Site) -> tuple[VsdError, ...]:
-    """Return a warning (W110) for each line that broke off: version 0.1 left one behind when the disk was full."""
-    return tuple(_torn(n, line) for n, line in _lines(site) if _is_torn(line))
+def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
+    """Return the answers to the report's questions by time; a change that was taken back answers nothing.
+
+    Raises:
+        InputError: A line is not an entry (E110).
+    """
+    records = read_records(site)
+    current = set(_entries(records))
+    found = [r.answer for r in records if r.answer is not None and (r.entry is None or r.entry in current)]
+    return tuple(dict.fromkeys(sorted(found, key=lambda answer: answer.at)))
 
 
 def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = None) -> Added:
     """Add one entry, durably: it is on disk when this returns. An entry that is there already is not added again.
-
-    The file is replaced as a whole, under a lock, so that it holds all of the entry or nothing, and two who add at once
-    lose neither. Lines that broke off are left out of it.
 
     Args:
         site: The site.
@@ -75,32 +98,141 @@ def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = N
         UsageError: No text, no time, or an area the site does not have (E101).
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
-    from vsd_analytics.store.durable import exclusive, publish, sweep_temporaries
-
     entry = LogEntry(_instant(at, site), _one_line(text), _known_area(area, site))
-    path = (site.root / FILE).resolve()  # what a link points to
-    with exclusive(site.root / LOCK):
-        sweep_temporaries(path.parent, of=path.name)
-        before = path.read_bytes() if path.exists() else None
-        is_private = before is not None and not path.stat().st_mode & 0o077
-        lines = [(n, line) for n, line in _lines(site) if not _is_torn(line)]
-        removed = tuple(line.decode(errors="replace") for _, line in _lines(site) if _is_torn(line))
-        is_new = not any(_is_entry(line, entry, number=n, site=site) for n, line in lines)
-        new = [json.dumps(entry_dict(entry), ensure_ascii=False).encode()] if is_new else []
-        after = b"".join(line + b"\n" for line in [*(line for _, line in lines), *new])
-        try:
-            publish(path, after, is_private=is_private)
-        except OSError:
-            with contextlib.suppress(OSError):  # the sync of the folder failed, but the new file is in place already
-                if before is not None and path.read_bytes() == after:
-                    publish(path, before, is_synced=False, is_private=is_private)
-            raise
+    is_new = True
+
+    def line(records: tuple[LogRecord, ...]) -> dict[str, Any] | None:
+        nonlocal is_new
+        is_new = entry not in _entries(records)
+        return entry_dict(entry) if is_new else None
+
+    removed = add_line(site, line)
     return Added(entry, is_new, removed)
 
 
-def entry_dict(entry: LogEntry) -> dict[str, str | None]:
-    """Return an entry as one line of the file, without its newline."""
-    return {"at": entry.at.isoformat(), "text": entry.text, "area": entry.area_id}
+def add_answer(
+    site: Site,
+    question_id: str,
+    kind: AnswerKind,
+    *,
+    at: str | datetime,
+    text: str | None = None,
+    by: str | None = None,
+) -> QuestionAnswer:
+    """Add the answer to a question of the report, durably.
+
+    "tried" is a change of the question's area at that time, so the reports compare before and after it. "not-possible"
+    is never asked again; "later" is asked again after four weeks. A later answer supersedes an earlier one.
+
+    Args:
+        site: The site.
+        question_id: Id of the question, as on the page.
+        kind: What became of it.
+        at: When; for "tried", when the change was made.
+        text: What was done, or why not; None = the words of the question.
+        by: Who answers.
+
+    Raises:
+        UsageError: E101, no such question was asked, no time, or too long a text.
+        DiskError: E304 to E306, the disk refused; the log is as before.
+    """
+    asked = asked_question(site, question_id)
+    if by is not None and not is_name(by):
+        raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
+    said = _one_line(asked.text if text is None else text)
+    answer = QuestionAnswer(_instant(at, site), asked.question_id, kind, said, asked.area_id, by)
+    line: dict[str, Any] = {"at": answer.at.isoformat(), "text": said, "area": asked.area_id}
+    line |= {"question": asked.question_id, "answer": kind} | ({} if by is None else {"by": by})
+    if kind == "tried" and not asked.is_change:
+        line["change"] = False
+    add_line(site, lambda records: None if any(r.answer == answer for r in records) else line)
+    return answer
+
+
+def edit_entry(
+    site: Site, number: int, *, text: str | None = None, at: str | datetime | None = None, area: str | None = AS_IT_IS
+) -> Superseded:
+    """Correct an entry: a new line supersedes it, the old one stays in the file.
+
+    Args:
+        site: The site.
+        number: The entry's place in the log, from 1.
+        text: What it says now; None = as before.
+        at: When; None = as before.
+        area: Id of the area, None for the whole site; `AS_IT_IS` = as before.
+
+    Raises:
+        UsageError: E101, no such entry, or nothing to correct.
+        InputError: A line is not an entry (E110).
+        DiskError: E304 to E306, the disk refused; the log is as before.
+    """
+    entry = _numbered(site, number)
+    new = replace(
+        entry,
+        text=entry.text if text is None else _one_line(text),
+        at=entry.at if at is None else _instant(at, site),
+        area_id=entry.area_id if area == AS_IT_IS else _known_area(area, site),
+    )
+    if new == entry:
+        raise UsageError("the entry says this already", fix=f'vsd log edit {number} --text "…" --at … --area ID')
+
+    def line(records: tuple[LogRecord, ...]) -> dict[str, Any]:
+        _still_there(records, entry)
+        if new in _entries(records):
+            raise UsageError("the log has another entry with this time, area and text", fix=f"vsd log remove {number}")
+        more = {} if new.question is None else {"question": new.question, "answer": "tried"}
+        more |= {} if new.by is None else {"by": new.by}
+        return {**entry_dict(new), **more, "replaces": entry_dict(entry)}
+
+    add_line(site, line)
+    return Superseded(entry, new)
+
+
+def remove_entry(site: Site, number: int, *, at: str | datetime) -> Superseded:
+    """Take an entry back: a new line says so, the entry stays in the file.
+
+    Args:
+        site: The site.
+        number: The entry's place in the log, from 1.
+        at: When it is taken back.
+
+    Raises:
+        UsageError: E101, no such entry.
+        InputError: A line is not an entry (E110).
+        DiskError: E304 to E306, the disk refused; the log is as before.
+    """
+    entry, when = _numbered(site, number), _instant(at, site)
+
+    def line(records: tuple[LogRecord, ...]) -> dict[str, Any]:
+        _still_there(records, entry)
+        return {"at": when.isoformat(), "removes": entry_dict(entry)}
+
+    add_line(site, line)
+    return Superseded(entry)
+
+
+def _entries(records: tuple[LogRecord, ...]) -> tuple[LogEntry, ...]:
+    """Return the entries in force, by time."""
+    current: dict[LogEntry, None] = {}
+    for record in records:
+        if record.supersedes is not None:
+            current.pop(record.supersedes, None)
+        if record.entry is not None:
+            current.setdefault(record.entry)
+    return tuple(sorted(current, key=lambda entry: entry.at))
+
+
+def _numbered(site: Site, number: int) -> LogEntry:
+    entries = read_log(site)
+    if 1 <= number <= len(entries):
+        return entries[number - 1]
+    why = f"it has {len(entries)}" if entries else "it is empty"
+    raise UsageError(f"the change log has no entry {number}", why=why, fix="vsd log list")
+
+
+def _still_there(records: tuple[LogRecord, ...], entry: LogEntry) -> None:
+    if entry not in _entries(records):
+        raise UsageError("somebody else corrected or removed this entry just now", fix="vsd log list")
 
 
 def _instant(at: str | datetime, site: Site) -> datetime:
@@ -130,72 +262,4 @@ def _known_area(area: str | None, site: Site) -> str | None:
         f"the site has no area {area!r}",
         why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
         fix=f"--area {close}" if close else "leave --area out, or describe the area in vsd.toml",
-    )
-
-
-def _lines(site: Site) -> Iterator[tuple[int, bytes]]:
-    path = site.root / FILE
-    if path.exists():
-        for number, line in enumerate(path.read_bytes().split(b"\n"), start=1):
-            if line.strip():
-                yield number, line
-
-
-def _is_torn(line: bytes) -> bool:
-    """Tell whether a line is the beginning of one that this program writes, and no more."""
-    return not line.rstrip().endswith(b"}") and (line.startswith(_BEGIN) or _BEGIN.startswith(line))
-
-
-def _is_entry(line: bytes, entry: LogEntry, *, number: int, site: Site) -> bool:
-    try:
-        return _entry(line, number=number, site=site) == entry
-    except InputError:
-        return False
-
-
-def _entry(line_bytes: bytes, *, number: int, site: Site) -> LogEntry:
-    path = site.root / FILE
-    try:
-        line = line_bytes.decode()
-    except UnicodeDecodeError as error:
-        shown = line_bytes.decode(errors="replace")
-        raise _refused(path, text=shown, number=number, why=f"it is not UTF-8 text ({error.reason})") from None
-    try:
-        value: Any = json.loads(line)
-    except (ValueError, RecursionError):
-        raise _refused(path, text=line, number=number, why="it is not a JSON object") from None
-    if not isinstance(value, dict):
-        raise _refused(path, text=line, number=number, why="it is not a JSON object")
-    text, area = value.get("text"), value.get("area")
-    if not isinstance(text, str) or not text.strip():
-        raise _refused(path, text=line, number=number, why='"text" is missing')
-    if len(text) > TEXT_MAX_CHARS or CONTROL.search(text):
-        why = f'"text" is longer than {TEXT_MAX_CHARS} characters or has control characters'
-        raise _refused(path, text=line, number=number, why=why)
-    if area is not None and not isinstance(area, str):
-        raise _refused(path, text=line, number=number, why='"area" is neither an area id nor null')
-    try:
-        at = parse_instant(value.get("at"), timezone=site.timezone)
-    except ValueError as error:
-        raise _refused(path, text=line, number=number, why=f'"at": {error}') from None
-    return LogEntry(at.astimezone(site.zone), text, area)
-
-
-def _refused(path: Path, *, text: str, number: int, why: str) -> InputError:
-    return InputError(
-        f"line {number} of {path.name} is not a log entry",
-        code="E110",
-        where=Where(path.name, number, text[:200]),
-        why=why,
-        fix='correct or delete the line; an entry is {"at":"2026-11-11T12:00:00+01:00","text":"…","area":null}',
-    )
-
-
-def _torn(number: int, line: bytes) -> VsdError:
-    return VsdError(
-        f"line {number} of {FILE} breaks off and is not read",
-        code="W110",
-        where=Where(FILE, number, line.decode(errors="replace")[:200]),
-        why="the disk was full or the computer stopped while the line was written; it was never acknowledged",
-        fix='vsd log add "…" --at …   adds the entry again and removes the line',
     )

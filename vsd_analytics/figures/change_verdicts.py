@@ -34,12 +34,16 @@ class FloorEffect:
         places: Ids of the areas whose parts `net.contributions` gives, in order; None = the rest of the floor.
         share: Share of the floor's change that the changed area holds; None where they moved apart.
         moved_elsewhere: How much of the area's fall the rest of the floor took up, 0 to 1 or more; None without a fall.
+        area_min: Person-minutes in violation in the area in a week of the weeks before, on average.
+        floor_min: The same of the floor.
     """
 
     net: NetEffect
     places: tuple[str | None, ...]
     share: float | None
     moved_elsewhere: float | None
+    area_min: float | None = None
+    floor_min: float | None = None
 
 
 def floor_effect(data: FloorHours, area: Area, windows: Windows) -> FloorEffect | None:
@@ -51,11 +55,14 @@ def floor_effect(data: FloorHours, area: Area, windows: Windows) -> FloorEffect 
     (n_b, x_b), (n_a, x_a) = (_floor_weeks(data, places, span) for span in (windows.trend, windows.after))
     net = net_effect(n_b, x_b, n_a, x_a, confidence=data.site.settings.confidence)
     k = places.index(area.area_id)
+    usual_min = 60 * n_b[:, x_b > 0].mean(axis=1) if (x_b > 0).any() else None
     return FloorEffect(
         net,
         tuple(places),
         share=net.share_of(k) if net.state == "ok" else None,
         moved_elsewhere=net.moved_elsewhere(k) if net.state == "ok" else None,
+        area_min=None if usual_min is None else float(usual_min[k]),
+        floor_min=None if usual_min is None else float(usual_min.sum()),
     )
 
 

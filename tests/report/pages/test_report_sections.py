@@ -212,14 +212,21 @@ SHELVES = tuple(Fixture(f"s{k}", f"Shelf {k}", "ground", rectangle(x, 1, x + 0.8
 def test_what_is_asked_follows_shape_fixtures_and_name(
     name: str, shape: Any, fixtures: tuple[Fixture, ...], said: str
 ) -> None:
-    asked = questions.ask(name, Polygon(shape), area=None, fixtures=fixtures)
+    asked = questions.remedies(name, Polygon(shape), area=None, fixtures=fixtures)[0].text
     assert said in asked
     assert asked.endswith("?")
 
 
 def test_a_site_may_ask_its_own_question() -> None:
     area = Area("hall", "Hall", "ground", rectangle(0, 0, 3, 2), ask="Could the bench go?")
-    assert questions.ask("Hall", Polygon(area.polygon), area=area, fixtures=(STAND,)) == "Could the bench go?"
+    made = questions.remedies("Hall", Polygon(area.polygon), area=area, fixtures=(STAND,))
+    assert made[0].text == "Could the bench go?"
+
+
+def test_a_place_in_doubt_is_checked_before_anything_costly_is_proposed() -> None:
+    made = questions.remedies("Aisle 4", Polygon(rectangle(0, 0, 3, 2)), area=None, fixtures=(STAND,), is_unsure=True)
+    assert [r.key for r in made] == ["check", "spread", "fewer"]
+    assert made[0].text.startswith("Are people really this close together at Aisle 4?")
 
 
 def test_a_card_says_how_sure_with_dots_a_word_and_the_reason() -> None:

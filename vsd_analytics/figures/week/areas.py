@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.figures.area_verdicts import Changes, area_changes
-from vsd_analytics.figures.panels import Array, Place
+from vsd_analytics.figures.panels import WEEK, Array, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
@@ -85,10 +85,24 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 difference=difference(data, place) if often.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
+                is_material=is_material(data, key) and key not in now,
             )
         )
     rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
     return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
+
+
+def is_material(data: WeekData, area_id: str | None) -> bool:
+    """Tell whether an area held a material share of the floor's time too close, this week or the week before.
+
+    Where that time is unknown, its share of violations decides.
+    """
+    own, whole = data.violation_in(area_id), data.violation_h
+    if not np.isfinite(whole).all():
+        own, whole = data.counted_in(area_id)[0], data.whole.n
+    weeks = (data.week(), data.week(data.monday - WEEK))
+    sums = [(float(own[:, w].sum()), float(whole[:, w].sum())) for w in weeks]
+    return any(n > 0 and n >= data.site.settings.material_share * of for n, of in sums)
 
 
 def _with_verdicts(measured: estimates.Measured, judged: Changes) -> estimates.Measured:

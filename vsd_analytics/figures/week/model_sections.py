@@ -9,7 +9,7 @@ from typing import Literal
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
-from vsd_analytics.result import Design, Reason, State
+from vsd_analytics.result import Design, Reason, State, Verdict
 
 SpotKind = Literal["tested", "busiest"]
 UsualPosition = Literal["below", "within", "above"]
@@ -242,6 +242,45 @@ class Redesign:
     assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the redesign's.", default=())
     state: State = _f("Whether a change can be given.", default="ok")
     reason: Reason | None = _f("In words, why not.", default=None)
+
+
+Outcome = Literal["works", "moved", "doubtful", "rose", "cannot_tell", "too_early", "alone", "site_wide"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LedgerLine:
+    """One logged change, and what became of the time too close."""
+
+    number: int = _f("Its place in the log, from 1.")
+    at: datetime = _f("Instant in the site's zone.")
+    text: str = _f("Free text.")
+    area_id: str | None = _f("Area it concerns; None for the whole site.", default=None)
+    area_name: str | None = _f("Its name; free text.", default=None)
+    outcome: Outcome = _f(
+        "What may be said: works only beside areas that were left alone, by the running verdict; moved: the "
+        "rest of the floor took up most of it; doubtful: a fall that something else may have made; "
+        "alone: no area was left alone to compare with."
+    )
+    usual_min: float | None = _f(
+        "Person-minutes too close in the area in a week before the change.",
+        "person-minutes a week",
+        "M27",
+        default=None,
+    )
+    avoided_min: float | None = _f(
+        "Fewer of them a week since the change, beside the comparison areas; below 0 where there are more.",
+        "person-minutes a week", "M27", default=None,
+    )  # fmt: skip
+    avoided_lo: float | None = _f("Lower end of its range.", "person-minutes a week", "M27", default=None)
+    avoided_hi: float | None = _f("Upper end of its range.", "person-minutes a week", "M27", default=None)
+    floor_verdict: Verdict | None = _f("What became of the whole floor, by itself.", metric="M27", default=None)
+    floor_avoided_min: float | None = _f("The same of the whole floor.", "person-minutes a week", "M27", default=None)
+    floor_avoided_lo: float | None = _f("Lower end of its range.", "person-minutes a week", "M27", default=None)
+    floor_avoided_hi: float | None = _f("Upper end of its range.", "person-minutes a week", "M27", default=None)
+    n_watched: int | None = _f("Weeks since the change that were read.", "weeks", "M27", default=None)
+    watched_until: date | None = _f("Last day it is watched; None: it is decided, or cannot be.", default=None)
+    compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
+    reason: Reason | None = _f("Why nothing can be told yet.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,7 @@ def redesigns(
         shown_days: Days back from the week's end from which changes are given.
     """
     return tuple(
-        _redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
+        redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
     )
 
 
@@ -74,7 +74,8 @@ def _moved_people(data: WeekData, found: BeforeAfterFigure) -> bool:
     return is_new and is_shown and found.people is not None and found.people.verdict == "clear_fall"
 
 
-def _redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
+def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
+    """Return what a logged change did, without what would tell a small count."""
     names = {a.area_id: a.name for a in data.areas}
     effect = page_estimates.change(found.effect) if found.effect is not None else None
     if effect is None and found.alone is not None:

@@ -86,6 +86,7 @@ class Rules:
     )
     smoothing_m: float = _f("Standard deviation of the map's smoothing.", "m", default=0.5)
     retention_days: int = _f("Days raw records are meant to be kept.", "days", default=30)
+    material_share: float = _f("A place with less of the floor's time too close makes no news.", "share", default=0.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,6 +185,11 @@ class AreaRow:
     )
     cameras: tuple[str, ...] = _f(
         "Ids of the cameras that count at least 1 % of the area, the largest part first.", default=()
+    )
+    is_material: bool = _f(
+        "It holds `material_share` of the floor's time too close, in this week or the one compared with: only then it "
+        "makes a headline, a thing to know or the week's question.",
+        default=True,
     )
 
 

@@ -142,6 +142,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             hour_steps=settings.hour_steps,
             smoothing_m=settings.smoothing_m,
             retention_days=settings.retention_days,
+            material_share=settings.material_share,
         ),
         state=state,
         coverage=coverage,

@@ -10,6 +10,8 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.footsteps_and_views import footsteps, views
 from vsd_analytics.report.draw.spot_pictures import spot_pictures
+from vsd_analytics.report.model.agenda import agenda
+from vsd_analytics.report.model.ledger import ledger
 from vsd_analytics.report.model.spot_words import with_words
 from vsd_analytics.report.model.week import WeekReport
 
@@ -25,6 +27,8 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
         outlook=outlook.outlook(found.outlook),
         selfcheck=self_check.section(found.self_check),
     )
+    made = replace(made, agenda=agenda(made, data, None))
+    made = replace(made, ledger=ledger(data, found))
     if report.state in ("no_data", "too_incomplete") or report.level.often.state == "not_measurable":
         return made
     made = replace(
@@ -46,10 +50,11 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
         coverage=report.coverage,
     )
     chosen = with_words(numbers, data, found.hotspots)
+    made = replace(made, spots=chosen)
     return replace(
         made,
+        agenda=agenda(made, data, found.hotspots),
         readings=readings.readings(data, found.groups, level=report.level, areas=report.areas),
-        spots=chosen,
         maps=spots.numbered(report.maps, chosen),
     )
 

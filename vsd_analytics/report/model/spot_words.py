@@ -11,8 +11,10 @@ from shapely.geometry.base import BaseGeometry
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, UsualHours
 from vsd_analytics.figures.week.spots import place_shape
+from vsd_analytics.report.model.agenda import changed_on, past_questions
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import questions as rules
 from vsd_analytics.report.words import terms
@@ -32,7 +34,8 @@ def with_words(made: Spots, data: WeekData, found: FloorHotspots) -> Spots:
         found: The hotspots they were made from, in the same order where they are tested ones.
     """
     if made.kind == "tested":
-        cards = tuple(_tested(data, card, s.place) for card, s in zip(made.cards, found.spots, strict=False))
+        places = {s.number: s.place for s in found.spots}  # a card may be left out between two hotspots
+        cards = tuple(_tested(data, card, places[card.number]) for card in made.cards)
     else:
         cards = tuple(_busiest(data, card) for card in made.cards)
     watching = (replace(one, name=place_name(s.place)) for one, s in zip(made.watching, found.watching, strict=True))
@@ -70,19 +73,26 @@ def _asked(
     evidence: Evidence | None,
     usual: UsualHours | None,
 ) -> tuple[str, str]:
-    """Return what to ask on the card, and the same with its hours."""
+    """Return what to ask on the card, and the same with its hours; what was asked often enough is not asked again."""
     if evidence is not None and evidence.is_camera_down:
         return say("ask.camera", camera=terms.camera_name(evidence.camera_name or "")), ""
-    fixtures = [f for f in data.site.fixtures if f.floor_id == data.floor.floor_id]
-    asked = [rules.ask(name, shape, area=area, fixtures=fixtures, when=when) for when in ("", _above_all(usual))]
-    return asked[0], asked[1]
-
-
-def _above_all(usual: UsualHours | None) -> str:
-    if usual is None:
-        return ""
-    first, last = fmt.hour_label(usual.first_hour), fmt.hour_label(usual.last_hour + 1)
-    when = say("question.when_usual", first=first, last=last)
-    if usual.weekday is not None:
-        when = say("question.when_usual_day", day=fmt.DAYS[usual.weekday], first=first, last=last)
-    return say("question.above_all", when=when)
+    day = changed_on(data).get(area.area_id) if area is not None else None
+    if day is not None:
+        return say("ask.watched", date=fmt.date_short(day)), ""
+    made = rules.remedies(
+        name,
+        shape,
+        area=area,
+        fixtures=floor_fixtures(data),
+        when=rules.above_all(usual) if usual is not None else "",
+        is_unsure=evidence is not None and evidence.sureness == "low",
+    )
+    if area is None:
+        return made[0].short, made[0].text
+    past = past_questions(data)
+    for r in made:
+        same = any((p.place, p.remedy) == (area.area_id, r.key) for p in past)
+        asked = rules.Candidate(place=area.area_id, remedy=r.key, text=r.text, again=r.again, area_id=area.area_id)
+        if rules.wording(asked, past, monday=data.monday) is not None:
+            return (r.again, r.again) if same else (r.short, r.text)
+    return "", ""

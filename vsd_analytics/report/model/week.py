@@ -27,6 +27,7 @@ from vsd_analytics.figures.week.model_map import (
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.model_sections import (
     Causes,
+    LedgerLine,
     Outlook,
     Readings,
     Redesign,
@@ -51,6 +52,7 @@ from vsd_analytics.figures.week.results import (
     When,
 )
 from vsd_analytics.figures.week.stored_records import StoredRecords
+from vsd_analytics.report.model.week_agenda import Agenda
 
 # fmt: on
 
@@ -85,6 +87,7 @@ class Story:
     lead: tuple[Span, ...] = _f("Two to four sentences.")
     things: tuple[Thing, ...] = _f("At most three.")
     question: str = _f("Exactly one, about the room.")
+    question_id: str = _f("Its id, for vsd log answer.", default="")
     notes: tuple[str, ...] = _f("What an abnormal week says in its box.", default=())
 
 
@@ -119,10 +122,14 @@ class WeekReport:
     spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
     readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
     redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
+    ledger: tuple[LedgerLine, ...] = _f(
+        "Every logged change from the first week looked at, and what it avoided.", metric="M27", default=()
+    )
     causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
     trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
     outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     selfcheck: SelfCheck | None = _f("How often the verdicts on the floor are false alarms.", default=None)
     figures: Mapping[str, Figure] = _f("Keyed M0 to M34; absent keys are not in this version.")
+    agenda: Agenda | None = _f("What may be asked, and what earlier weeks asked.", default=None)
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)

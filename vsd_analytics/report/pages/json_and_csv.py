@@ -16,7 +16,7 @@ from vsd_analytics.figures.week import model_estimate, model_map, model_recordin
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow, HourCell
-from vsd_analytics.report.model import week
+from vsd_analytics.report.model import week, week_agenda
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.headline import finish
 from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text, with_verdicts_of_today
@@ -93,7 +93,9 @@ def from_json(data: bytes) -> WeekReport:
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of the JSON text; each property has its help, unit and catalogue id."""
     schema = msgspec.json.schema(WeekReport, schema_hook=reason_schema)
-    kinds = ChainMap(*(vars(m) for m in (week, results, model_estimate, model_map, model_recording, model_sections)))
+    kinds = ChainMap(
+        *(vars(m) for m in (week, week_agenda, results, model_estimate, model_map, model_recording, model_sections))
+    )
     for name, definition in schema["$defs"].items():
         kind = kinds[name]
         for field in dataclasses.fields(kind):

@@ -169,6 +169,8 @@ class Words:
         made_up: Says that the data are made up; empty when they are not.
         tiles: The two headline numbers.
         question: Heading of the question.
+        asked: Heading of what earlier weeks asked.
+        answer: How to answer the question; empty where it has no id.
         unit: Of the map.
         cid: Of the picture; None = there is no map.
         alt: Its text alternative.
@@ -188,6 +190,8 @@ class Words:
     made_up: str
     tiles: tuple[Tile, ...]
     question: str
+    asked: str
+    answer: str
     unit: str
     cid: str | None
     alt: str
@@ -215,6 +219,8 @@ def _words(page: Page, *, link: str | None, attachments: Sequence[Attachment], h
         made_up=say("page.made_up") if report.provenance.is_made_up else "",
         tiles=tuple(t for t in page.tiles if t.is_large)[:2],
         question=say("question.title"),
+        asked=say("asked.title"),
+        answer=say("asked.how_mail", id=page.story.question_id) if page.story.question_id else "",
         unit=say("mail.unit_unseen" if has_picture and page.maps[0].shown.unseen else "mail.unit"),
         cid=PICTURE_CID if has_picture else None,
         alt=say("mail.map_spots" if spots else "mail.map", title=page.titles["where"], spots=named),

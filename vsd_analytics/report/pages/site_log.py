@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.change_results import ledger_words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,12 +19,14 @@ class LogRow:
         at: When.
         text: What.
         about: Its area, and whether it was found rather than logged; empty for neither.
+        result: What it avoided, or that nobody can tell yet; empty where nothing is compared.
     """
 
     label: str
     at: str
     text: str
     about: str
+    result: str
 
 
 def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
@@ -41,8 +44,15 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
         for line in report.log
         if (line.at, line.text) not in known
     ]
+    results = {(line.at, line.text): ledger_words(line) for line in report.ledger}
     return tuple(
-        LogRow(label=label, at=fmt.instant_short(at), text=fmt.ended(text), about=_about(area, is_detected))
+        LogRow(
+            result=results.get((at, text), ""),
+            label=label,
+            at=fmt.instant_short(at),
+            text=fmt.ended(text),
+            about=_about(area, is_detected),
+        )
         for at, label, text, area, is_detected in sorted(rows, key=lambda row: (row[0], row[1] == "", row[1]))
     )
 

@@ -21,6 +21,7 @@ from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages import sections, tables
+from vsd_analytics.report.pages.asked import AskedLine, asked_lines
 from vsd_analytics.report.pages.contributions import Contributions, contributions
 from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
@@ -131,6 +132,7 @@ class Page:
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
         more_figures: Rows of the table of further figures.
+        asked: What earlier weeks asked, and what came of it.
         privacy: What is stored about people, until when, and what was deleted.
     """
 
@@ -181,6 +183,7 @@ class Page:
     log_section: str
     messages: str
     more_figures: tuple[FigureRow, ...]
+    asked: tuple[AskedLine, ...]
     privacy: str
 
 
@@ -259,6 +262,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         log_section=log_section,
         messages=_messages(report),
         more_figures=more_figures(report),
+        asked=asked_lines(report),
         privacy=privacy(report),
     )
 

@@ -19,8 +19,9 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has, say
 from vsd_analytics.report.words.no_data import nothing
+from vsd_analytics.report.words.questions import choose
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.report.words.things_to_know import question, things
+from vsd_analytics.report.words.things_to_know import things
 
 MAX_WORDS: Final = 15
 OWN_SHARE: Final = 0.8
@@ -47,12 +48,14 @@ def story_of(report: WeekReport) -> Story:
     """
     rule, headline = _headline(report)
     lead, notes = _lead(report)
+    question = choose(report)
     return Story(
         headline=headline,
         rule=rule,
         lead=tuple(lead),
         things=things(report),
-        question=question(report),
+        question=question.text,
+        question_id=question.question_id,
         notes=tuple(notes),
     )
 
@@ -139,7 +142,8 @@ def _where(report: WeekReport) -> list[str]:
     if often.verdict not in ("clear_fall", "clear_rise") or often.previous is None or not often.change:
         return []
     whole = often.previous * often.change
-    parts = [(a.difference / whole, a.name) for a in report.areas if a.area_id is not None and a.difference is not None]
+    material = [a for a in report.areas if a.area_id is not None and a.is_material]
+    parts = [(a.difference / whole, a.name) for a in material if a.difference is not None]
     share, name = max(parts, default=(0.0, ""))
     part = terms.part(share)
     return [] if part is None else [say("headline.part_at", part=part, area=name)]
@@ -164,7 +168,9 @@ def change_to_name(report: WeekReport) -> LogLine | None:
     verdict = report.level.often.verdict
     if report.state != "normal" or verdict not in ("clear_fall", "clear_rise"):
         return None
-    moved_areas = {a.area_id for a in report.areas if a.often.verdict == verdict and a.area_id is not None}
+    moved_areas = {
+        a.area_id for a in report.areas if a.often.verdict == verdict and a.area_id is not None and a.is_material
+    }
     entries = [
         line
         for line in report.log
@@ -266,6 +272,7 @@ def _normal_lead(report: WeekReport) -> list[Span]:
         spans.append(Span(text=say("lead.camera_silent", plural=len(cameras), cameras=named)))
     clear = [a for a in report.areas if a.often.verdict in CLEAR]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
+    same_way = [a for a in same_way if a.is_material]
     same_way.sort(key=lambda a: -abs(a.often.change or 0.0))
     if same_way and len(clear) <= 3:
         areas = terms.joined(_with_change(a) for a in same_way)

@@ -15,11 +15,15 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.questions import ask
 from vsd_analytics.report.words.reasons import reason_text
 
 MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
+
+NEWS_WEEKS: Final = 2
+"""So many weeks the result of a change is told in full; then a shorter line does."""
+KNOWN_WEEKS: Final = 3
+"""What was so in so many of the weeks before is no news."""
 
 
 def weakest_camera(report: WeekReport) -> CameraRecord | None:
@@ -65,12 +69,12 @@ def is_shown_to_work(change: Redesign, *, wherever: bool = False) -> bool:
     )
 
 
-def _change_that_works(change: Redesign) -> Thing:
+def _change_that_works(change: Redesign, *, is_new: bool) -> Thing:
     running = change.running
     if running is None:
         raise AssertionError("a change that works has a running verdict")
     text = say(
-        "things.works_text",
+        "things.works_text" if is_new else "things.works_short",
         plural=change.n_watched or 0,
         at=fmt.date_short(change.at.date()),
         weeks=change.n_watched or 0,
@@ -82,18 +86,46 @@ def _change_that_works(change: Redesign) -> Thing:
     return Thing(kind="worked", title=title, text=text, target="changed")
 
 
+def _change_that_moved(change: Redesign, *, is_new: bool) -> Thing:
+    share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
+    text = say("things.moved_text" if is_new else "things.moved_short", share=share, area=change.area_name)
+    return Thing(kind="worked", title=say("things.moved", area=change.area_name), text=text, target="changed")
+
+
+def _is_news(change: Redesign, report: WeekReport) -> bool:
+    """Tell whether the result of a change is new to a reader of every week's page."""
+    return report.agenda is None or (change.n_watched or 0) <= NEWS_WEEKS
+
+
+def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
+    """Return the results of changes that may be said to work, or to have moved elsewhere, the latest first."""
+    found = (c for c in reversed(report.redesigns) if _is_news(c, report) == is_new and _is_material(c, report))
+    return [
+        _change_that_works(c, is_new=is_new) if is_shown_to_work(c) else _change_that_moved(c, is_new=is_new)
+        for c in found
+        if is_shown_to_work(c, wherever=True)
+    ]
+
+
+def _is_material(change: Redesign, report: WeekReport) -> bool:
+    """Tell whether a change moved a material share of the floor's time too close, or its area still holds one."""
+    row = next((a for a in report.areas if a.name == change.area_name), None)
+    return abs(change.contribution or 0.0) >= report.rules.material_share or (row is not None and row.is_material)
+
+
 def _worked(report: WeekReport) -> Thing:
     since = terms.week_before(report)
-    for change in reversed(report.redesigns):
-        if is_shown_to_work(change):
-            return _change_that_works(change)
-        if is_shown_to_work(change, wherever=True):
-            share = min(1.0, change.moved_elsewhere or 0.0)
-            text = say("things.moved_text", share=fmt.percent(share), area=change.area_name)
-            title = say("things.moved", area=change.area_name)
-            return Thing(kind="worked", title=title, text=text, target="changed")
+    new = _results(report, is_new=True)
+    if new:
+        return new[0]
+    material = {a.area_id for a in report.areas if a.is_material}
     for line in report.log:
-        if line.since is not None and line.since.verdict == "clear_fall" and line.area_name:
+        if (
+            line.since is not None
+            and line.since.verdict == "clear_fall"
+            and line.area_name
+            and line.area_id in material
+        ):
             text = say(
                 "things.worked_text",
                 at=terms.moment(line.at),
@@ -105,12 +137,16 @@ def _worked(report: WeekReport) -> Thing:
             return Thing(kind="worked", title=title, text=text, target="changed")
     if not report.areas:
         return _worked_at_all(report, since)
-    falls = [a for a in report.areas if a.often.verdict == "clear_fall"]
+    falls = [a for a in report.areas if a.often.verdict == "clear_fall" and a.is_material]
     if falls:
         best = min(falls, key=lambda a: a.often.change or 0.0)
         title = say("things.fell", area=best.name)
         return Thing(kind="worked", title=title, text=_against(best.often, since), target="changed")
-    text = say("things.none_fell_text", since=since)
+    old = _results(report, is_new=False)
+    if old:
+        return old[0]
+    is_quiet = report.agenda is not None and not report.log and not report.redesigns
+    text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
     return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
 
 
@@ -124,12 +160,18 @@ def _worked_at_all(report: WeekReport, since: str) -> Thing:
 
 
 def _watch(report: WeekReport) -> Thing:
-    rises = [a for a in report.areas if a.often.verdict == "clear_rise"]
+    rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.is_material]
     if rises and report.state == "normal":
         top = max(rises, key=lambda a: a.often.change or 0.0)
         text = _against(top.often, terms.week_before(report))
         return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
     spot = report.busiest_spot
+    if spot is not None and (weeks := _weeks_busiest(report)) >= KNOWN_WEEKS and report.state == "normal":
+        hour = _unusual_hour(report)
+        if hour is not None:
+            return hour
+        text = say("things.busiest_again", share=fmt.percent(spot.share), weeks=weeks, of=_weeks_known(report))
+        return Thing(kind="watch", title=say("things.busiest_still", area=spot.name), text=text, target="where")
     if spot is not None:
         row = next((a for a in report.areas if a.area_id == spot.area_id), None)
         key = "things.busiest_share" if spot.floor_share is None else "things.busiest_floor"
@@ -142,6 +184,27 @@ def _watch(report: WeekReport) -> Thing:
         title = say("things.busiest_hour", at=terms.moment(busiest.start))
         return Thing(kind="watch", title=title, text=say("things.busiest_hour_text"), target="when")
     return Thing(kind="watch", title=say("things.unranked"), text=say("things.unranked_text"), target="when")
+
+
+def _weeks_known(report: WeekReport) -> int:
+    return 0 if report.agenda is None else len(report.agenda.busiest_before)
+
+
+def _weeks_busiest(report: WeekReport) -> int:
+    """Return in how many of the eight weeks before the busiest area was the same."""
+    spot = report.busiest_spot
+    return 0 if spot is None or report.agenda is None else report.agenda.busiest_before.count(spot.area_id or "")
+
+
+def _unusual_hour(report: WeekReport) -> Thing | None:
+    """Return the hour farthest above its usual count; None without one, or where it is too small to print."""
+    rows = report.unusual.rows if report.unusual is not None else ()
+    row = next((r for r in rows if r.violations is not None and r.violations > r.hi), None)
+    if row is None:
+        return None
+    hour = f"{fmt.weekday(row.day)} {fmt.hour_label(row.hour)}"
+    text = say("things.unusual_text", n=fmt.count(row.violations), usual=fmt.number(row.usual))
+    return Thing(kind="watch", title=say("things.unusual", hour=hour), text=text, target="when")
 
 
 def _against(often: Estimate, since: str) -> str:
@@ -187,7 +250,8 @@ def _distrust(report: WeekReport) -> Thing:
     if report.level.risky.state == "not_measurable":
         text = terms.sentence(reason_text(report.level.risky.reason) or say("lead.no_positions"))
         return _doubt(say("things.no_risk"), text, "about")
-    return _doubt(say("things.chance"), say("things.chance_text"), "about")
+    is_known = report.agenda is not None and report.trend is not None and len(report.trend.weeks) > KNOWN_WEEKS
+    return _doubt(say("things.chance"), say("things.chance_short" if is_known else "things.chance_text"), "about")
 
 
 def _weak(camera: CameraRecord, report: WeekReport) -> Thing:
@@ -205,38 +269,3 @@ def _doubt(title: str, text: str, target: str) -> Thing:
 
 def _named(cameras: Sequence[CameraRecord]) -> str:
     return terms.joined(terms.camera_name(c.name) for c in cameras)
-
-
-def question(report: WeekReport) -> str:
-    """Return the one question for the next meeting: about the room, never about people."""
-    if report.state == "no_data":
-        return nothing(report).question
-    if report.level.often.state == "not_measurable":
-        return say("question.no_means")
-    if report.level.often.value is None and report.state != "too_incomplete":
-        return say("question.few")
-    if report.state == "empty":
-        return say("question.empty", distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit))
-    camera = weakest_camera(report)
-    spot = report.busiest_spot
-    row = next((a for a in report.areas if spot is not None and a.area_id == spot.area_id), None)
-    owns_spot = row is not None and camera is not None and row.cameras == (camera.camera_id,)
-    if report.state == "too_incomplete" and (camera is None or (camera.share or 0.0) > report.coverage.share - 0.1):
-        return say("question.cameras")
-    if camera is not None and (report.state == "too_incomplete" or owns_spot):
-        return say("question.camera", camera=terms.camera_name(camera.name))
-    rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.area_id is not None]
-    if rises and report.state == "normal":
-        return say("question.rose", area=max(rises, key=lambda a: a.often.change or 0.0).name)
-    busiest = report.busiest_hour
-    when = say("question.busy")
-    if busiest is not None:
-        when = say("question.when", day=fmt.weekday(busiest.start.date()), clock=fmt.clock(busiest.start))
-    if spot is None:
-        return say("question.other_times", when=when)
-    if spot.area_id is None:
-        return say("question.rest", when=when)
-    card = next((c for c in (report.spots.cards if report.spots else ()) if c.area_id == spot.area_id), None)
-    if card is not None and card.question:
-        return card.question
-    return ask(spot.name, None, area=None, fixtures=(), when=say("question.above_all", when=when))

@@ -1,0 +1,98 @@
+"""The ledger of changes and the results of what was tried: only a controlled comparison says that a change worked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import date, datetime
+from typing import Any
+
+import pytest
+from report import model_classes as m
+from report import sample_weeks as weeks
+
+from vsd_analytics.figures.week.model_sections import LedgerLine
+from vsd_analytics.report.model.ledger import outcome
+from vsd_analytics.report.pages.site_log import log_rows
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.change_results import came_of, ledger_words
+
+AT = datetime(2026, 10, 12, 6, 30, tzinfo=weeks.ROME)
+
+
+def change(verdict: str, lo: float, hi: float, **more: Any) -> m.Redesign:
+    middle = (lo + hi) / 2
+    effect = m.Estimate(value=None, change=middle, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
+    net = m.Estimate(value=None, change=0.0, change_lo=-0.1, change_hi=0.1, verdict="about_same")
+    said: dict[str, Any] = {"running": effect, "net": net, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
+    said |= {"design": "beside", "is_credible": True}
+    return m.Redesign(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
+
+
+def line(**more: Any) -> LedgerLine:
+    said: dict[str, Any] = {"number": 3, "at": AT, "text": "Moved", "area_id": "door", "area_name": "Door"}
+    return LedgerLine(**(said | more))
+
+
+@pytest.mark.parametrize(
+    ("made", "said", "begins"),
+    [
+        (
+            change("clear_fall", -0.9, -0.8),
+            "works",
+            "So far it works: people there spend between 90% less and",
+        ),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9), "moved", "There is less time too close there, but"),
+        (change("clear_fall", -0.9, -0.8, is_credible=False), "doubtful", "There is less time too close there ("),
+        (change("clear_rise", 0.2, 0.9), "rose", "Since then there is more time too close"),
+        (change("cannot_tell", -0.3, 0.5), "cannot_tell", "Cannot tell yet: anything between 30% less and 50% more"),
+        (change("clear_fall", -0.9, -0.8, design="alone"), "alone", "Cannot tell: no other area was left alone"),
+        (change("clear_fall", -0.9, -0.8, running=None), "too_early", "Cannot tell yet."),
+    ],
+)
+def test_what_came_of_a_change_never_claims_more_than_its_running_verdict(
+    made: m.Redesign, said: str, begins: str
+) -> None:
+    assert outcome(made) == said
+    assert came_of(made).startswith(begins)
+
+
+def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None:
+    words = ledger_words(
+        line(
+            outcome="works", usual_min=1868.3, avoided_min=1701.0, avoided_lo=1638.0, avoided_hi=1746.0,
+            compared_with=("Pharmacy",), floor_verdict="cannot_tell", floor_avoided_min=-317.0,
+            floor_avoided_lo=-1030.0, floor_avoided_hi=366.0,
+        )
+    )  # fmt: skip
+    assert words == (
+        "Avoids about 1,700 a week of the usual 1,900 there (likely between 1,600 and 1,700), compared with Pharmacy. "
+        "Whole floor: anything from 1,000 more to 370 fewer."
+    )
+
+
+def test_a_change_that_cannot_be_told_says_what_is_possible_and_how_long_it_is_watched() -> None:
+    words = ledger_words(
+        line(
+            outcome="cannot_tell", usual_min=669.0, avoided_min=35.0, avoided_lo=-360.0, avoided_hi=279.0,
+            watched_until=date(2027, 5, 4),
+        )
+    )  # fmt: skip
+    assert words == (
+        "Cannot tell yet: anything from 360 more to 280 fewer, of 670 a week, is possible there. "
+        "Watched until Tue 4 May."
+    )
+
+
+def test_a_change_of_the_whole_site_claims_nothing() -> None:
+    assert ledger_words(line(outcome="site_wide", area_id=None)) == ""
+
+
+def test_the_list_of_changes_carries_what_each_avoided() -> None:
+    report = weeks.normal()
+    logged = next(one for one in report.log if one.area_id is not None)
+    own = line(at=logged.at, text=logged.text, outcome="too_early")
+    (row,) = [r for r in log_rows(replace(report, ledger=(own,)), with_weeks=False) if r.result]
+    assert row.result == "Cannot tell yet."
+    page = render_html(replace(report, ledger=(own,)))
+    assert "what they avoided" in page
+    assert "what they avoided" not in render_html(report)

@@ -1,0 +1,97 @@
+"""What came of a logged change, in one sentence: it worked, it moved elsewhere, it rose, or nobody can tell yet.
+
+Only a running verdict beside areas that were left alone may say that a change worked (`is_shown_to_work`).
+"""
+
+from __future__ import annotations
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.things_to_know import is_shown_to_work
+
+
+def came_of(change: Redesign | None) -> str:
+    """Return what became of the time too close in the area of a change; None = nothing is known of it."""
+    if change is None:
+        return say("came_of.nothing")
+    running = change.running
+    if change.state == "ok" and change.design == "alone":
+        return say("came_of.alone")
+    if change.state != "ok" or running is None or running.change is None:
+        reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
+        return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
+    likely = between(running)
+    if is_shown_to_work(change):
+        return say("came_of.works", likely=likely, areas=terms.joined(change.compared_with))
+    if is_shown_to_work(change, wherever=True):
+        return say("came_of.moved", share=fmt.percent(min(1.0, change.moved_elsewhere or 0.0)))
+    if running.verdict == "clear_fall":
+        return say("came_of.doubtful", likely=likely)
+    return say("came_of.rose" if running.verdict == "clear_rise" else "came_of.open", likely=likely)
+
+
+def ledger_words(line: LedgerLine) -> str:
+    """Return what a line of the ledger says after the change itself; empty for a change of the whole site."""
+    if line.outcome == "site_wide":
+        return ""
+    parts = [_in_area(line), _on_floor(line)]
+    if line.watched_until is not None:
+        parts.append(say("ledger.until", date=fmt.date_short(line.watched_until)))
+    return " ".join(part for part in parts if part)
+
+
+def _in_area(line: LedgerLine) -> str:
+    if line.outcome == "alone":
+        return say("came_of.alone")
+    if line.avoided_min is None or line.avoided_lo is None or line.avoided_hi is None:
+        reason = reason_text(line.reason).rstrip(".")
+        return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
+    low, high = _minutes(line.avoided_lo), _minutes(line.avoided_hi)
+    n = fmt.count(_rounded(abs(line.avoided_min)))
+    least, most = (fmt.count(_rounded(abs(end))) for end in (line.avoided_lo, line.avoided_hi))
+    return say(
+        f"ledger.{line.outcome}",
+        least=least,
+        most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
+        areas=terms.joined(line.compared_with),
+    )  # fmt: skip
+
+
+def _on_floor(line: LedgerLine) -> str:
+    if line.floor_avoided_lo is None or line.floor_avoided_hi is None:
+        return ""
+    low, high = _minutes(line.floor_avoided_lo), _minutes(line.floor_avoided_hi)
+    return say(f"ledger.floor_{line.floor_verdict or 'cannot_tell'}", low=low, high=high)
+
+
+def _minutes(avoided: float) -> str:
+    """Return an end of a range: 120 fewer, 80 more, no fewer."""
+    n = _rounded(abs(avoided))
+    if not n:
+        return say("ledger.none")
+    return say("ledger.fewer" if avoided > 0 else "ledger.more", n=fmt.count(n))
+
+
+def _rounded(minutes: float) -> float:
+    """Return minutes with two digits: a range of hundreds is not known to the minute."""
+    return float(f"{minutes:.2g}")
+
+
+def between(estimate: Estimate) -> str:
+    """Return the range of a change of time in words: between 30% less and 50% more."""
+    lo, hi = estimate.change_lo, estimate.change_hi
+    if lo is None or hi is None:
+        return amount(estimate.change)
+    return say("came_of.between", low=amount(lo), high=amount(hi))
+
+
+def amount(change: float | None) -> str:
+    """Return a change of time in words: 14% less, 8% more, as much as before."""
+    points = 0 if change is None else round(change * 100)
+    if points == 0:
+        return say("came_of.same")
+    return say("causes.less" if points < 0 else "causes.more", percent=f"{abs(points):,}%")
