@@ -20,7 +20,7 @@ from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import packed_numbers
-from vsd_analytics.planner.logged_changes import LoggedChange
+from vsd_analytics.planner.logged_changes import TimelineChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import script, sentences
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
@@ -308,7 +308,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     }
 
 
-def _change_of_log_meta(change: LoggedChange) -> dict[str, Any]:
+def _change_of_log_meta(change: TimelineChange) -> dict[str, Any]:
     return {
         "number": change.number,
         "area": None if change.area is None else f"area:{change.area.area_id}",

@@ -23,7 +23,7 @@ from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
 
 OF_THE_WEEK = (
-    *("week", "hero", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
+    *("week", "hero", "ask", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
     *("change_maps", "small_maps", "log"),
 )
 TEMPLATES = [shipped("reports") / "templates" / f"{name}.html.j2" for name in OF_THE_WEEK]

@@ -173,11 +173,6 @@ def _person_hours(report: WeekReport) -> str:
 
 
 def _hour(report: WeekReport) -> Tile | None:
-    unusual = None if report.unusual is None else report.unusual.first
-    if unusual is not None:
-        at = f"{fmt.day_short(unusual.day)} {fmt.hour_label(unusual.hour)}"
-        note = say("tiles.in_that_hour_usual", n=fmt.count(unusual.violations), usual=fmt.number(unusual.usual))
-        return Tile(title=say("tiles.unusual"), value=at, note=sentences([note]))
     busiest = report.busiest_hour
     if busiest is None:
         return None
