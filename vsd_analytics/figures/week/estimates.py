@@ -64,9 +64,19 @@ def people(data: WeekData, *, is_compared: bool) -> Estimate:
     return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))
 
 
-def close_share(data: WeekData, where: Floor | Area | None) -> Estimate:
-    """Return the share of person-time too close (M6) of the floor, an area, or (None) the rest of it; no change."""
-    return _estimate(close_time.close_share(data.this, close_time.close_time(data.this, where)))
+def close_share(data: WeekData, where: Floor | Area | None, change: ChangeEstimate | None = None) -> Estimate:
+    """Return the share of person-time too close (M6) of the floor, an area, or (None) the rest of it.
+
+    Args:
+        data: The week.
+        where: The place.
+        change: Its change; None = nothing is compared.
+    """
+    place = close_time.close_time(data.this, where)
+    level = close_time.close_share(data.this, place)
+    if change is None or level.state == "not_measurable":
+        return _estimate(level)
+    return _estimate(level, change, _hours(data, place, None))
 
 
 def without_figures(estimate: Estimate, reason: Reason) -> Estimate:
