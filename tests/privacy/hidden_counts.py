@@ -201,6 +201,19 @@ def _rate(known: Known, world: World, week: int, place: str | bool | None, e: Ma
             known.rounded(now, (1 + e["change"]) * e["previous"], f"{source}.change", digits=5)
 
 
+def _time_close_before(known: Known, world: World, week: int, share: float | None, source: str) -> None:
+    """Add the share of time too close on the rest of the floor in the week before, over the hours compared.
+
+    One person stands there alone, in view of the first camera, for as long as that camera recorded.
+    """
+    if share is None or not share < 1:
+        return
+    days = {camera: world.both(week, camera) for camera in range(2)}
+    keys = [k for c in days for k in keys_of(week - 1, place=None, camera=c) if k[2] in days[c]]
+    alone_h = len(days[0]) * (HOURS[1] - HOURS[0])
+    known.rounded(dict.fromkeys(keys, 2 * CLOSE_H), alone_h * share / (1 - share), source, digits=5)
+
+
 def _label(known: Known, keys: list[Key], n: float | None, row: Mapping[str, Any], source: str) -> None:
     """Add a count, or what its label says of it."""
     if n is not None:
@@ -228,6 +241,8 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
         _rate(known, world, week, place, row["often"], f"{name}.often")
         _per_person_hour(known, keys, row["risky"], row["exposure_h"], f"{name}.risky")
         _time_close(known, keys, row["close_share"], row["exposure_h"], f"{name}.close_share")
+        if row["close_share"] is not None and place is None:
+            _time_close_before(known, world, week, row["close_share"].get("previous"), f"{name}.close_share.previous")
     for cell in told["when"]["cells"]:
         day = (date.fromisoformat(cell["day"]) - monday(week)).days
         if day < N_DAYS:

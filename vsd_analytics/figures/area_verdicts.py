@@ -1,20 +1,43 @@
-"""The changes of the areas of a floor, judged together: how often and how risky of every area are one family a week."""
+"""The changes of the areas of a floor, judged together: how often and time too close are one family a week.
+
+Encounters per person-hour (M7) and time too close per open hour are no claims of their own; each is judged as a family
+of its own, so that a list of areas that prints them has few false verdicts as well.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from vsd_analytics.figures import rates
-from vsd_analytics.figures.panels import TwoPeriods
+from vsd_analytics.figures import close_time, rates
+from vsd_analytics.figures.panels import Place, TwoPeriods
+from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.family import judge_family
 
-Changes = tuple[ChangeEstimate, ChangeEstimate]
-"""How often and how risky."""
+
+@dataclass(frozen=True, slots=True)
+class AreaChanges:
+    """The changes of one place.
+
+    Attributes:
+        often: How often, M0.
+        close: The share of person-time too close, M6.
+        risky: Encounters per person-hour, M7.
+        burden: Person-minutes too close per open hour.
+    """
+
+    often: ChangeEstimate
+    close: ChangeEstimate
+    risky: ChangeEstimate
+    burden: ChangeEstimate
 
 
-def area_changes(pair: TwoPeriods) -> Mapping[str | None, Changes]:
+FAMILIES = (("often", "close"), ("risky",), ("burden",))
+"""Which changes of all areas are judged together; the first are the claims about a week."""
+
+
+def area_changes(pair: TwoPeriods) -> Mapping[str | None, AreaChanges]:
     """Return the changes of every area and (None) the rest of the floor, with the verdicts of their family.
 
     Ratios and intervals remain each area's own. An area's verdict is the same whichever areas are asked for.
@@ -22,18 +45,30 @@ def area_changes(pair: TwoPeriods) -> Mapping[str | None, Changes]:
     Args:
         pair: Two periods of a floor whose violations can be placed.
     """
-    keys = [*(a.area_id for a in pair.data.areas), None]
-    floor, *areas = (
-        (rates.change_often(pair, place), rates.change_risky(pair, place))
-        for place in (pair.now.whole, *map(pair.now.area, keys))
-    )
+    areas: list[Area | None] = [*pair.data.areas, None]
+    floor = _changes(pair, pair.now.whole, pair.data.floor)
+    keys = [None if area is None else area.area_id for area in areas]
+    found = [_changes(pair, pair.now.area(key), area) for key, area in zip(keys, areas, strict=True)]
     settings = pair.data.site.settings
-    often, risky = judge_family(
-        [(floor[k], [area[k] for area in areas]) for k in (0, 1)],
-        confidence=settings.confidence,
-        about_same_share=settings.about_same_share,
+    for names in FAMILIES:
+        judged = judge_family(
+            [(getattr(floor, name), [getattr(area, name) for area in found]) for name in names],
+            confidence=settings.confidence,
+            about_same_share=settings.about_same_share,
+        )
+        for name, verdicts in zip(names, judged, strict=True):
+            found = [
+                replace(area, **{name: replace(getattr(area, name), verdict=own.verdict)})
+                for area, own in zip(found, verdicts, strict=True)
+            ]
+    return dict(zip(keys, found, strict=True))
+
+
+def _changes(pair: TwoPeriods, place: Place, where: Floor | Area | None) -> AreaChanges:
+    close = close_time.close_time(pair.now, where)
+    return AreaChanges(
+        often=rates.change_often(pair, place),
+        close=close_time.change_close_share(pair, close),
+        risky=rates.change_risky(pair, place),
+        burden=close_time.change_burden(pair, close),
     )
-    return {
-        key: (replace(area[0], verdict=first.verdict), replace(area[1], verdict=second.verdict))
-        for key, area, first, second in zip(keys, areas, often, risky, strict=True)
-    }

@@ -14,7 +14,7 @@ from typing import Literal
 
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import close_time, rates
-from vsd_analytics.figures.area_verdicts import Changes, area_changes
+from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
 from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
@@ -219,17 +219,19 @@ def _other_means(pair: TwoPeriods) -> tuple[State, Reason | None]:
 
 
 def _place(
-    pair: TwoPeriods, where: Floor | Area | None, *, family: Mapping[str | None, Changes] = MappingProxyType({})
+    pair: TwoPeriods, where: Floor | Area | None, *, family: Mapping[str | None, AreaChanges] = MappingProxyType({})
 ) -> PlaceChange:
     """Return the change of the whole floor, an area, or (None) the rest of the floor."""
     area_id = where.area_id if isinstance(where, Area) else None
     periods = (pair.before, pair.now)
     before, now = (p.whole if isinstance(where, Floor) else p.area(area_id) for p in periods)
+    close = close_time.close_time(pair.now, where)
     if isinstance(where, Floor) or area_id not in family:
         often, risky = rates.change_often(pair, now), rates.change_risky(pair, now)
+        close_share, burden = close_time.change_close_share(pair, close), close_time.change_burden(pair, close)
     else:
-        often, risky = family[area_id]
-    close = close_time.close_time(pair.now, where)
+        changes = family[area_id]
+        often, risky, close_share, burden = changes.often, changes.risky, changes.close, changes.burden
     return PlaceChange(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
         area_id=area_id,
@@ -240,10 +242,10 @@ def _place(
         risky_b=rates.level_risky(pair.now, now),
         close_share_a=close_time.close_share(pair.before, close_time.close_time(pair.before, where)),
         close_share_b=close_time.close_share(pair.now, close),
-        close_share=close_time.change_close_share(pair, close),
+        close_share=close_share,
         burden_a=close_time.burden(pair.before, close_time.close_time(pair.before, where)),
         burden_b=close_time.burden(pair.now, close),
-        burden=close_time.change_burden(pair, close),
+        burden=burden,
         split=split_change(often=often, people=rates.change_people(pair, now), risky=risky),
     )
 

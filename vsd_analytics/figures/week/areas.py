@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from vsd_analytics.figures.area_verdicts import Changes, area_changes
+from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.panels import WEEK, Array, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
@@ -49,9 +49,8 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     keys = [*drawn, None]
     places = {key: data.area(key) for key in keys}
     found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
-    if is_compared:
-        judged = area_changes(data.pair)
-        found = {key: _with_verdicts(measured, judged[key]) for key, measured in found.items()}
+    judged = area_changes(data.pair) if is_compared else {}
+    found = {key: _with_verdicts(m, judged[key]) if key in judged else m for key, m in found.items()}
     below = data.site.settings.mask_below
     now = data.hidden.places
     before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
@@ -60,14 +59,15 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     for key in keys:
         measured, place = found[key], places[key]
         often, risky = measured.often, measured.risky
-        close = estimates.close_share(data, drawn.get(key))
+        change = judged[key].close if key in judged else None
+        close = estimates.close_share(data, drawn.get(key), change)
         if (why := now.why(key, below=below)) is not None:
             often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
-            often, risky = (estimates.without_change(e, why) for e in (often, risky))
+            often, risky, close = (estimates.without_change(e, why) for e in (often, risky, close))
         elif is_compared and data.is_revealed_by_comparing:
-            often, risky = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky))
+            often, risky, close = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky, close))
         weights = camera_weights(data, place)
         is_known = bool(data.panel(place, data.week_days).x_h.any())
         rows.append(
@@ -105,11 +105,11 @@ def is_material(data: WeekData, area_id: str | None) -> bool:
     return any(n > 0 and n >= data.site.settings.material_share * of for n, of in sums)
 
 
-def _with_verdicts(measured: estimates.Measured, judged: Changes) -> estimates.Measured:
+def _with_verdicts(measured: estimates.Measured, judged: AreaChanges) -> estimates.Measured:
     """Return both numbers of an area with the verdicts of its family, where they have one at all."""
     often, risky = (
         estimate if estimate.verdict in (None, "too_little_data") else replace(estimate, verdict=change.verdict)
-        for estimate, change in zip((measured.often, measured.risky), judged, strict=True)
+        for estimate, change in ((measured.often, judged.often), (measured.risky, judged.risky))
     )
     return replace(measured, often=often, risky=risky)
 

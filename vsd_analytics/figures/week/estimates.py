@@ -64,19 +64,27 @@ def people(data: WeekData, *, is_compared: bool) -> Estimate:
     return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))
 
 
-def close_share(data: WeekData, where: Floor | Area | None, *, is_compared: bool = False) -> Estimate:
+def close_share(data: WeekData, where: Floor | Area | None, change: ChangeEstimate | None = None) -> Estimate:
     """Return the share of person-time too close (M6) of the floor, an area, or (None) the rest of it.
 
     Args:
         data: The week.
         where: The place.
-        is_compared: Compare with the week before.
+        change: Its change; None = nothing is compared.
     """
     place = close_time.close_time(data.this, where)
     level = close_time.close_share(data.this, place)
-    if level.state == "not_measurable" or not is_compared:
+    if change is None or level.state == "not_measurable":
         return _estimate(level)
-    return _estimate(level, close_time.change_close_share(data.pair, place), _hours(data, place, None))
+    return _estimate(level, change, _hours(data, place, None))
+
+
+def floor_close_share(data: WeekData, *, is_compared: bool) -> Estimate:
+    """Return the share of person-time too close (M6) of the floor, compared with the week before where asked."""
+    change = None
+    if is_compared:
+        change = close_time.change_close_share(data.pair, close_time.close_time(data.this, data.floor))
+    return close_share(data, data.floor, change)
 
 
 def without_figures(estimate: Estimate, reason: Reason) -> Estimate:

@@ -164,7 +164,7 @@ class AreaRow:
     often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
     risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
     close_share: Estimate | None = _f(
-        "Share of the person-time spent in the area that is closer than the distance to somebody.",
+        "Share of the person-time spent in the area that is closer than the distance to somebody, and its change.",
         "share",
         "M6",
         default=None,

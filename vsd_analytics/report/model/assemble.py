@@ -188,7 +188,7 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     often, risky = measured.often, measured.risky
-    close = estimates.close_share(data, data.floor, is_compared=is_compared)
+    close = estimates.floor_close_share(data, is_compared=is_compared)
     is_printed = True
     if (why := data.hidden.why_floor) is not None:
         often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))

@@ -248,9 +248,9 @@ def outlook(report: WeekReport) -> Listed | None:
 
 
 def unusual(report: WeekReport) -> Listed | None:
-    """Return the hours far from usual; None where none could be judged this week."""
+    """Return the hours far from usual; None where none could be judged, or the only one is in the lead already."""
     found = report.unusual
-    if found is None:
+    if found is None or (found.n_unusual == 1 and found.first is not None):
         return None
     sub = say("when.unusual_sub")
     if found.state != "ok":
@@ -307,7 +307,6 @@ def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
         title=say(f"trend.{measure}", title=trend_title(report, measure)),
         sub=say(
             f"trend.sub_{measure}",
-            confidence=fmt.percent(report.rules.confidence),
             distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit),
         ),
         wide=chart(found, measure, width=WIDE, label=label),
