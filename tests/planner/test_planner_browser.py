@@ -288,7 +288,7 @@ def test_the_sentence_speaks_of_the_selection(opened: Open) -> None:
     page = opened()
     assert page.get_attribute("#out", "aria-live") == "polite"
     assert re.fullmatch(
-        r"Week 46: \d+ per open hour \(likely between \d+ and \d+\), \d+ per person-hour\. "
+        r"Week 46: \d+ per open hour \(likely between \d+ and \d+\), \d+% of time too close\. "
         r"13 hours recorded in this selection\.",
         said(page),
     )
