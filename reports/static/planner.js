@@ -89,11 +89,18 @@ function fill(id, [big, small], exact) {
 }
 
 /* ---- drawing ---- */
+/* The page comes with the map of the whole week: until something else is chosen, it is not drawn again. */
+let isFresh = true;
+function isShipped(p) {
+  const same = isFresh && state.show === 'week' && state.map === 'violations' && isWhole() && M.hasShipped && (!seen || recordedBy(p, p.drawn).every(h => h > 0));
+  isFresh = false;
+  return same;
+}
 function draw() {
   const began = performance.now(), map = M.maps[state.map], { now, was, used, usedWas } = pairNow();
   document.body.dataset.show = state.show; document.body.dataset.map = state.map;
   document.body.classList.toggle('div', state.show === 'difference' || map.kind === 'excess');
-  if (now && svg) {
+  if (now && svg && !isShipped(now)) {
     const here = field(now, used), there = was && state.show !== 'week' ? field(was, usedWas) : null, isDifference = state.show === 'difference' && there;
     const shown = isDifference ? here.map((v, i) => v - there[i]) : here, seenHere = seenBy(now, used), seenThere = there ? seenBy(was, usedWas) : null;
     if (isDifference && here.known) shown.known = here.known.map((v, i) => v && there.known[i]);

@@ -10,8 +10,9 @@ const word = (key, values = {}, plural = 2) => { const entry = M.words[key]; ret
 function decoded(text) { const a = new Uint8Array(text.length); for (let i = 0; i < a.length; i++) a[i] = text.charCodeAt(i); return a; }
 async function unpack(text) {
   const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : decoded(atob(text));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  const gzip = new DecompressionStream('gzip'), into = gzip.writable.getWriter();
+  into.write(bytes).catch(() => {}); into.close().catch(() => {});
+  return new Uint8Array(await new Response(gzip.readable).arrayBuffer());
 }
 
 function reader(b) {
@@ -42,7 +43,7 @@ function readPanel(r) {
   for (const k of ['day', 'weekday', 'hour', 'fold']) p[k] = r.many(S);
   const rec = r.many(C * S);
   p.recorded = rec.map(v => Math.floor(v / 2) / 3.6e6); p.counted = rec.map(v => v % 2);
-  p.n = r.many(P * C * S); p.time = r.many(P * C * S).map(v => v / 3.6e6); p.close = r.many(P * C * S).map(v => v / 1e3);
+  p.n = r.many(P * C * S); const unit = r.one(); p.time = scaled(r.many(P * C * S), unit / 3.6e6); p.close = scaled(r.many(P * C * S), unit / 1e3);
   return p;
 }
 
@@ -117,23 +118,27 @@ function pairHours() {
 
 /* Sums by camera and day of a place over some camera-hours: {n, x} for how often, {n, x} of one row for how risky. */
 function panelOf(p, used, place) {
-  const on = chosen(p), C = M.cameras, S = p.S, days = [...new Set(Array.from(p.day).filter((_, i) => on[i]))];
-  const column = new Map(days.map((d, i) => [d, i])), blank = () => new Array(days.length).fill(0);
-  const n = [], x = [], time = blank(), close = blank(), weekday = days.map(d => p.weekday[p.day.indexOf(d)]);
+  const on = chosen(p), C = M.cameras, S = p.S, days = [], weekday = [], column = new Int32Array(S).fill(-1);
+  for (let i = 0; i < S; i++) if (on[i]) {
+    if (days[days.length - 1] !== p.day[i]) { days.push(p.day[i]); weekday.push(p.weekday[i]); }
+    column[i] = days.length - 1;
+  }
+  const blank = () => new Array(days.length).fill(0), n = [], x = [], time = blank(), close = blank();
   for (let c = 0; c < C; c++) {
-    n.push(blank()); x.push(blank());
+    const nc = blank(), xc = blank(); n.push(nc); x.push(xc);
     if (!place.cameras[c]) continue;
-    for (let i = 0; i < S; i++) if (on[i] && used[c * S + i]) {
-      const d = column.get(p.day[i]), k = (place.index * C + c) * S + i;
-      x[c][d] += p.recorded[c * S + i];
-      if (place.index >= 0) { n[c][d] += p.n[k]; time[d] += p.time[k]; close[d] += p.close[k]; }
+    const base = (place.index * C + c) * S, told = place.index >= 0;
+    for (let i = 0; i < S; i++) if (column[i] >= 0 && used[c * S + i]) {
+      const d = column[i];
+      xc[d] += p.recorded[c * S + i];
+      if (told) { nc[d] += p.n[base + i]; time[d] += p.time[base + i]; close[d] += p.close[base + i]; }
     }
   }
   if (place.index < 0) {
     const inside = place.squares, A = M.grid.cellsAcross, wide = M.grid.nx * A, square = k => Math.floor(Math.floor(k / wide) / A) * M.grid.nx + Math.floor(k % wide / A);
     const v = p.cells.violations.rows, t = p.cells.time.rows;
-    for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside[square(v.cell[i])]) n[v.camera[i]][column.get(p.day[v.slot[i]])] += v.v[i];
-    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) { const d = column.get(p.day[t.slot[i]]); time[d] += t.v[i]; close[d] += t.w[i] * 3600; }
+    for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside[square(v.cell[i])]) n[v.camera[i]][column[v.slot[i]]] += v.v[i];
+    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) { const d = column[t.slot[i]]; time[d] += t.v[i]; close[d] += t.w[i] * 3600; }
   }
   const total = time.map((_, d) => sum(n.map(row => row[d])));
   return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [time] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };

@@ -98,8 +98,8 @@ def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> HourPa
     full = np.full((CAMERAS, slots.size), 3_600_000)
     return HourPanel(
         day=day, weekday=day % 7, hour=8 + slots % HOURS, fold=np.zeros_like(slots), recorded_ms=full,
-        is_counted=np.ones_like(full, dtype=np.bool_), n=given, exposure_ms=given * 9_137,
-        close_ms=given * 3_041,
+        is_counted=np.ones_like(full, dtype=np.bool_), n=given, exposure_ms=given * 9_100,
+        close_ms=given * 3_000,
     )  # fmt: skip
 
 

@@ -136,7 +136,9 @@ def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
         n = next(stream)
         told: dict[str, Any] = {"day": many(n), "weekday": many(n), "hour": many(n), "fold": many(n)}
         told["recorded"] = many(n_cameras * n)
-        told["n"], told["time"], told["close"] = (many(n_places * n_cameras * n) for _ in range(3))
+        told["n"] = many(n_places * n_cameras * n)
+        unit = next(stream)
+        told["time"], told["close"] = ([unit * v for v in many(n_places * n_cameras * n)] for _ in range(2))
         if week.cells is not None:
             for name, kinds in (("violations", 1), ("time_cells", 2)):
                 next(stream)  # how many bytes follow, as before each part

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
+from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
 from vsd_analytics.result import Reason
@@ -287,7 +288,7 @@ def test_the_sentence_speaks_of_the_selection(opened: Open) -> None:
     page = opened()
     assert page.get_attribute("#out", "aria-live") == "polite"
     assert re.fullmatch(
-        r"Week 46: \d+ per open hour \(likely between \d+ and \d+\), \d+ per person-hour\. "
+        r"Week 46: \d+ per open hour \(likely between \d+ and \d+\), \d+% of time too close\. "
         r"13 hours recorded in this selection\.",
         said(page),
     )
@@ -427,3 +428,98 @@ def test_data_that_cannot_be_read_say_so(browser: Any, pages: dict[str, Path], t
     assert page.is_visible("#figures")
     assert not page.is_visible("#draw")
     page.close()
+
+
+def test_an_area_is_chosen_on_the_map_by_pointer_and_by_key(opened: Open) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    page.locator("path[data-area='area:door']").click()
+    assert page.input_value("#place") == "area:door"
+    assert page.text_content("#side-name") == "Door Shop" or "Door" in page.text_content("#side-name")
+    for kind in ("often", "close", "risky"):
+        shown = page.text_content(f"#side-{kind}")
+        assert shown == page.locator(f"#now-{kind} b").text_content()
+        assert re.search(r"\d", shown)
+    assert page.locator(".ar.on").count() == 1
+    page.focus("#map")
+    page.keyboard.press("A")
+    assert page.input_value("#place") != "area:door"
+    page.keyboard.press("Shift+A")
+    assert page.input_value("#place") == "area:door"
+
+
+def test_dragging_selects_no_text(opened: Open) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    box = page.locator("#map").bounding_box()
+    page.click("#zi")
+    page.mouse.move(box["x"] + 20, box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] - 20, box["y"] + box["height"] - 20, steps=6)
+    page.mouse.up()
+    assert page.evaluate("getSelection().toString()") == ""
+    assert page.evaluate("getComputedStyle(document.querySelector('#plan text')).userSelect") == "none"
+
+
+def test_fixtures_have_their_names_where_there_is_room(opened: Open) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    shelf = page.locator("text.fn")
+    assert shelf.text_content() == "Shelf"
+    assert page.evaluate("getComputedStyle(document.querySelector('text.fn')).visibility") == "visible"
+    phone = opened(viewport={"width": 320, "height": 700})
+    boxes = phone.evaluate(
+        "[...document.querySelectorAll('text.fn:not(.out-of-way)')].map(e => e.getBBox().width <= +e.dataset.along)"
+    )
+    assert all(boxes)
+
+
+def test_no_day_chosen_is_said_in_words(opened: Open) -> None:
+    page = opened(address="#days=0000000")
+    assert said(page) == "No day is chosen. Choose at least one day."
+    assert page.locator("#now-often small").text_content() == "no day is chosen"
+    assert "no open hour was recorded" not in page.inner_text("main")
+
+
+@pytest.fixture
+def viewed(browser: Any, masked: PlannerData, tmp_path: Path) -> Iterator[Any]:
+    """The page of a floor whose first camera sees its left half and whose second, down on a Wednesday, the right."""
+    path = tmp_path / "viewed.html"
+    assert masked.shown is not None
+    grid = cell_counts.grid_of(masked.shown.extent)
+    assert grid is not None
+    seen = np.zeros((2, grid.n_y * 4, grid.n_x * 4), dtype=np.bool_)
+    seen[0, :, : grid.n_x * 2], seen[1, :, grid.n_x * 2 :] = True, True
+    path.write_text(render_planner(replace(masked, seen=seen)), encoding="utf-8")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    page.wait_for_function("document.body.dataset.first")
+    yield page
+    page.close()
+
+
+def test_floor_that_no_camera_recorded_in_the_chosen_time_is_hatched(viewed: Any, masked: PlannerData) -> None:
+    def hatched() -> float:
+        return float(viewed.evaluate("(b => b.width * b.height)(document.querySelector('#wb .nv').getBBox())"))
+
+    assert masked.shown is not None
+    x0, y0, x1, y1 = masked.shown.extent
+    whole = (x1 - x0) * (y1 - y0) * 100**2
+    assert hatched() == 0
+    assert viewed.is_visible(".k-off")
+    viewed.click("[data-pick='1111100']")
+    for day in (0, 1, 3, 4):
+        viewed.click(f"[data-day='{day}']")
+    assert 0.4 * whole < hatched() < 0.6 * whole
+    viewed.click("[data-day='2']")
+    assert hatched() > 0.9 * whole
+
+
+def test_too_little_to_tell_is_dotted_and_what_may_be_chance_is_muted(opened: Open) -> None:
+    page = opened(address="#map=risk&days=1100000")
+    assert page.evaluate("document.querySelector('#wb .dt').getBBox().width") > 0
+    assert page.is_visible(".k-few")
+    assert not page.is_visible(".k-sure")
+    page = opened(address="#map=excess")
+    assert page.is_visible(".k-sure")
+    assert page.evaluate("getComputedStyle(document.querySelector('#gb .m2')).fillOpacity") == "0.3"
+    assert page.evaluate("getComputedStyle(document.querySelector('#gs .m2')).fillOpacity") == "1"
+    assert page.get_attribute("#gs", "clip-path") == "url(#sure)"
+    assert page.locator("#sure path").count() == page.locator(".hs").count()

@@ -42,6 +42,14 @@ def test_any_week_may_be_compared_with_it(vsd, tmp_path: Path) -> None:
     assert "Week 43" in (tmp_path / "2026-W46-planner.html").read_text(encoding="utf-8")
 
 
+def test_a_page_without_a_logged_change_holds_two_weeks_and_at_most_twelve(vsd, tmp_path: Path) -> None:
+    _, out, _ = vsd("--week", "2026-W46", "--out", str(tmp_path), "--json")
+    (told,) = json.loads(out)["planners"]
+    assert (told["weeks"], told["changes"]) == (2, [])
+    assert told["places"][0]["close_share"]["value"] > 0
+    assert vsd("--weeks", "13")[0] == 2
+
+
 def test_a_week_without_records_has_a_page_that_says_so(vsd, tmp_path: Path) -> None:
     code, out, _ = vsd("--week", "2026-W48", "--before", "2026-W47", "--out", str(tmp_path), "--json")
     assert code == 0

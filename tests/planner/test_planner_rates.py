@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ RECTANGLE = (1, 1, 6, 6)
 READ = """hash => {
   history.replaceState(null, '', '#' + hash); dispatchEvent(new HashChangeEvent('hashchange'));
   const told = {};
-  for (const id of ['now-often', 'now-risky', 'change-often', 'change-risky'])
+  for (const id of ['now-often', 'now-close', 'now-risky', 'change-often', 'change-close', 'change-risky'])
     told[id] = {...document.getElementById(id).dataset};
   return told;
 }"""
@@ -100,6 +101,35 @@ def test_the_whole_week_has_the_report_s_rates_for_the_floor_and_each_area(
         assert often.change_hi is not None
         assert_same(told["change-often"], 1 + often.change, 1 + often.change_lo, 1 + often.change_hi)
         assert number(told["change-often"]["a"]) == pytest.approx(often.previous, rel=SIX_DIGITS)
+
+
+@pytest.mark.parametrize("name", ["exact", "masked"])
+def test_the_share_of_time_too_close_is_the_report_s_for_the_floor_and_each_area(
+    page_of: Any, report: WeekReport, exact: PlannerData, name: str
+) -> None:
+    shares = {"floor": report.level.close_share} | {
+        "rest" if a.area_id is None else f"area:{a.area_id}": a.close_share for a in report.areas
+    }
+    for place in exact.places:
+        told, share = page_of(name).evaluate(READ, f"place={quote(place.place_id)}"), shares[place.place_id]
+        assert share is not None
+        assert_same(told["now-close"], share.value, share.lo, share.hi)
+        change = place.close_share
+        assert change.change is not None
+        assert number(told["change-close"]["rate"]) == pytest.approx(1 + change.change, rel=SIX_DIGITS)
+        assert number(told["change-close"]["a"]) == pytest.approx(change.previous, rel=SIX_DIGITS)
+
+
+def test_the_share_of_time_too_close_of_chosen_days_is_their_time_too_close_by_their_time(
+    page_of: Any, shop: Site
+) -> None:
+    oracle = Oracle(planted.with_settings(shop, **planted.WHOLE))
+    data, days = oracle.data, frozenset({0, 1, 3})
+    slots = oracle.chosen(oracle.this.days, days, range(9, 11))
+    used = data.hours.is_counted[:, slots]
+    close_h, time_h = ((v[:, slots] * used).sum() for v in (data.violation_h, data.everyone.exposure_h))
+    told = page_of("exact").evaluate(READ, "days=1101000")
+    assert number(told["now-close"]["rate"]) == pytest.approx(close_h / time_h, rel=SIX_DIGITS)
 
 
 def selections() -> list[tuple[str, frozenset[int], range]]:

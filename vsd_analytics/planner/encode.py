@@ -48,8 +48,11 @@ def _side_bytes(side: ChangeSide, grid: cell_counts.CellGrid | None) -> list[byt
 
 
 def _panel_bytes(panel: HourPanel) -> list[bytes]:
+    """Return hours, counts and times; times in the largest unit that all are a multiple of, such as 0.2 s."""
     numbers = (panel.day, panel.weekday, panel.hour, panel.fold, 2 * panel.recorded_ms + panel.is_counted)
-    return [varints([panel.day.size]), *(varints(v) for v in (*numbers, panel.n, panel.exposure_ms, panel.close_ms))]
+    unit_ms = max(1, int(np.gcd.reduce(np.concatenate((panel.exposure_ms, panel.close_ms), axis=None))))
+    times = (varints(v // unit_ms) for v in (panel.exposure_ms, panel.close_ms))
+    return [varints([panel.day.size]), *(varints(v) for v in (*numbers, panel.n)), varints([unit_ms]), *times]
 
 
 def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[bytes]:

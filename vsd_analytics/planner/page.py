@@ -241,6 +241,7 @@ def _meta(
         "notCompared": text_or_none(data.why_not_compared),
         "noViolations": text_or_none(data.why_no_violations),
         "noExposure": text_or_none(data.why_no_exposure),
+        "hasShipped": drawing is not None,
         "hasSeen": data.seen is not None and grid is not None,
         "changes": [_change_of_log_meta(c) for c in data.changes],
         "places": [_place_meta(data, k, row) for k, row in enumerate(data.places)],

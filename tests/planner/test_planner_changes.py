@@ -1,0 +1,259 @@
+"""Logged changes on the page: one click, the verdict of the analysis, matched weeks that tell no small count."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from planner import dense_floor as dense
+from planner import planted_shop as planted
+
+from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.planner.change_words import change_words
+from vsd_analytics.planner.logged_changes import ChangeSide, LoggedChange, Lying
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.site.model import Site
+from vsd_analytics.warehouse.warehouse import open_warehouse
+
+MOVED = planted.MONDAY
+NOTED = planted.MONDAY - timedelta(days=7)
+DOOR, EVERYWHERE, LATE = 0, 1, 2
+
+
+@pytest.fixture(scope="module")
+def logged(shop: Site, tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """The planted shop, whose log says that the door was changed before the week in which it has far fewer."""
+    root = tmp_path_factory.mktemp("logged") / "shop"
+    shutil.copytree(shop.root, root)
+    entries = (
+        (MOVED, "Display moved from the door <b>", "door"),
+        (NOTED, "Floor stickers", None),
+        (MOVED + timedelta(days=6), "Cameras cleaned", None),
+    )
+    lines = [json.dumps({"at": f"{day}T06:00:00+01:00", "text": text, "area": area}) for day, text, area in entries]
+    (root / "log.jsonl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return planted.with_settings(replace(shop, root=root), washout_days=0, min_exposure_h=2.0)
+
+
+@pytest.fixture(scope="module")
+def known(logged: Site) -> PlannerData:
+    return planner_pages(logged, planted.MONDAY)[0]
+
+
+def by_text(known: PlannerData, start: str) -> LoggedChange:
+    [found] = [c for c in known.changes if c.text.startswith(start)]
+    return found
+
+
+def test_a_logged_change_makes_the_page_hold_twelve_weeks_of_the_log(known: PlannerData, logged: Site) -> None:
+    assert known.weeks == 12
+    assert [c.text.split()[0] for c in known.changes] == ["Floor", "Display", "Cameras"]
+    [fewer] = planner_pages(logged, planted.MONDAY - timedelta(days=7))
+    assert [c.text.split()[0] for c in fewer.changes] == ["Floor"], "the log of later weeks is not in it"
+
+
+def test_the_verdict_on_a_change_is_that_of_the_weekly_report(known: PlannerData, logged: Site) -> None:
+    [told] = week_report(logged, planted.MONDAY).redesigns
+    assert told.state == "ok"
+    assert by_text(known, "Display").result == told
+
+
+def test_before_and_after_are_the_hours_that_both_recorded(logged: Site) -> None:
+    site = planted.with_settings(logged, mask_below=0)
+    change = by_text(planner_pages(site, planted.MONDAY)[0], "Display")
+    assert change.before is not None
+    assert change.after is not None
+    with open_warehouse(site, planted.FIRST, planted.MONDAY + timedelta(days=6)) as warehouse:
+        data = FloorHours(warehouse, floor=site.floors[0])
+        pair = TwoPeriods(Period(data, *change.before.days), Period(data, *change.after.days))
+        for k, side in enumerate((change.before, change.after)):
+            used = pair.used((0, 1)[k])
+            assert side.n[0].sum() == (data.everyone.n * used).sum() > 0
+            assert side.recorded_ms.sum() == pytest.approx((data.hours.recorded_s * used).sum() * 1000)
+            assert side.close_ms[0].sum() == pytest.approx((data.violation_h * used).sum() * 3.6e6, rel=1e-6)
+            assert side.violations is not None
+            assert side.violations.values[0].sum() == side.n[0].sum()
+    assert change.before.recorded_ms.tolist() == change.after.recorded_ms.tolist()
+
+
+def test_neither_side_of_a_change_nor_what_two_changes_share_tells_a_small_count(known: PlannerData) -> None:
+    """Sums are of weeks with small counts merged, so the difference of nested weeks is 0 or large enough as well."""
+    sides = [s for c in known.changes for s in (c.before, c.after) if s is not None]
+    assert len(sides) == 4
+    for side in sides:
+        assert side.violations is not None
+        for counts in (side.n, side.violations.values[0]):
+            assert (counts >= 5).any()
+            assert not ((counts > 0) & (counts < 5)).any()
+    wide, short = by_text(known, "Floor").after, by_text(known, "Display").after
+    assert wide is not None
+    assert short is not None
+    assert wide.days[0] <= short.days[0] <= short.days[1] <= wide.days[1]
+    assert wide.violations is not None
+    assert short.violations is not None
+    of = {key: n for *key_, n in zip(*cells(wide.violations), strict=True) for key in [tuple(key_)]}
+    shared = {key: n for *key_, n in zip(*cells(short.violations), strict=True) for key in [tuple(key_)]}
+    apart = [of.get(key, 0) - shared.get(key, 0) for key in of.keys() | shared.keys()]
+    assert [n for n in apart if 0 < abs(n) < 5] == []
+
+
+def cells(lying: Lying) -> tuple[list[int], ...]:
+    return lying.camera.tolist(), lying.cell.tolist(), lying.values[0].tolist()
+
+
+def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData) -> None:
+    said = change_words(by_text(known, "Floor"))
+    assert said.verdict.startswith("Cannot tell: it concerns the whole site")
+    assert said.rows == ()
+    assert said.has_map
+    late = change_words(by_text(known, "Cameras"))
+    assert not late.has_map
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({}, "It worked: time too close at Door Shop fell by 40%"),
+        ({"moved_elsewhere": 0.9}, "but it moved to other parts of the floor"),
+        ({"is_credible": False}, "cannot tell whether the change did it"),
+        ({"net": ("clear_rise", 0.2, 0.1, 0.3)}, "cannot tell whether the change did it"),
+        ({"running": ("clear_rise", 0.4, 0.2, 0.7)}, "clearly rose, by 40%"),
+        ({"running": ("about_same", 0.0, -0.1, 0.1)}, "About the same"),
+        (
+            {"running": ("cannot_tell", -0.1, -0.3, 0.5)},
+            "anything from 30% less to 50% more time too close is possible",
+        ),
+        ({"running": None, "design": "alone"}, "no other area was left alone"),
+    ],
+)
+def test_only_a_controlled_comparison_says_that_a_change_worked(
+    known: PlannerData, changed: dict[str, Any], expected: str
+) -> None:
+    def estimate(verdict: Any, change: float, lo: float, hi: float) -> Estimate:
+        return Estimate(value=None, change=change, change_lo=lo, change_hi=hi, verdict=verdict)
+
+    change = by_text(known, "Display")
+    assert isinstance(change.result, Redesign)
+    sure = {
+        "design": "beside", "is_credible": True, "doubts": (), "moved_elsewhere": 0.1,
+        "running": ("clear_fall", -0.4, -0.5, -0.3), "net": ("about_same", 0.0, -0.1, 0.1),
+    } | changed  # fmt: skip
+    made = {k: estimate(*v) if isinstance(v, tuple) and v else v for k, v in sure.items()}
+    said = change_words(replace(change, result=replace(change.result, **made))).verdict
+    assert expected in said
+    assert ("worked" in said) == (not changed)
+
+
+def test_twelve_weeks_with_a_change_in_each_stay_within_800_kb(masked: PlannerData, known: PlannerData) -> None:
+    page = dense.planner(masked, n_violations=300_000)
+    change = by_text(known, "Display")
+    changes = tuple(
+        replace(change, number=k + 1, before=dense_side(page, k), after=dense_side(page, k + 20)) for k in range(12)
+    )
+    text = render_planner(replace(page, weeks=12, changes=changes))
+    assert text.count('data-change="') == 12
+    assert len(text.encode()) <= 800_000
+
+
+def dense_side(page: PlannerData, seed: int) -> ChangeSide:
+    """Return four weeks of a busy floor, no two alike."""
+    rng = np.random.default_rng(seed)
+    cells = page.week.cells
+    assert cells is not None
+
+    def lying(rows: Any) -> Lying:
+        key, first = np.unique(rows.camera * 10**6 + rows.cell, return_index=True)
+        sums = np.add.reduceat(rows.values, first, axis=1)
+        values = np.rint(sums * rng.uniform(3, 5, sums.shape)).astype(np.int64)
+        return Lying(camera=key // 10**6, cell=key % 10**6, values=values)
+
+    totals = {k: getattr(page.week.panel, k).sum(axis=2) * 4 for k in ("n", "exposure_ms", "close_ms")}
+    recorded_ms = page.week.panel.recorded_ms.sum(axis=1) * 4
+    days = (planted.FIRST, planted.MONDAY)
+    return ChangeSide(
+        days=days, recorded_ms=recorded_ms, violations=lying(cells.violations), time=lying(cells.time), **totals
+    )
+
+
+# ---- in the browser ----
+@pytest.fixture
+def opened(browser: Any, known: PlannerData, tmp_path: Path) -> Iterator[Any]:
+    path, made = tmp_path / "logged.html", []
+    path.write_text(render_planner(known), encoding="utf-8")
+
+    def page(address: str = "", **options: Any) -> Any:
+        context = browser.new_context(reduced_motion="reduce", **options)
+        tab = context.new_page()
+        tab.errors = []
+        tab.on("console", lambda m: tab.errors.append(m.text))
+        tab.on("pageerror", lambda e: tab.errors.append(str(e)))
+        tab.goto(path.as_uri() + address)
+        tab.wait_for_function("document.body.dataset.first")
+        made.append(context)
+        return tab
+
+    yield page
+    for context in made:
+        context.close()
+
+
+@pytest.mark.browser
+def test_one_click_answers_whether_a_change_helped(opened: Any, known: PlannerData) -> None:
+    page, change = opened(viewport={"width": 1280, "height": 900}), by_text(known, "Display")
+    assert not page.is_visible(".card")
+    page.click(f"[data-change='{change.number}']")
+    card = page.locator(".card:visible")
+    assert card.count() == 1
+    assert card.locator(".verdict").inner_text() == change_words(change).verdict
+    assert "Whole floor, time too close" in card.inner_text()
+    assert change.result is not None
+    assert change.result.net is not None
+    assert page.evaluate("[document.body.dataset.show, document.body.dataset.map]") == ["difference", "burden"]
+    assert page.input_value("#place") == "area:door"
+    assert re.search(r"[ML]", page.get_attribute("#gb .f1", "d") + page.get_attribute("#gb .f2", "d"))
+    assert change.before is not None
+    door = next(k for k, p in enumerate(known.places) if p.place_id == "area:door")
+    rate = sum(n / ms * 3.6e6 for n, ms in zip(change.before.n[door], change.before.recorded_ms, strict=True) if n)
+    assert float(page.get_attribute("#change-often", "data-a")) == pytest.approx(rate)
+    assert page.is_disabled("[data-day='0']")
+    kept = page.url
+    page.click(f"[data-change='{change.number}']")
+    assert "change" not in page.url
+    assert not page.is_visible(".card")
+    again = opened(address="#" + kept.partition("#")[2])
+    assert again.locator(".verdict:visible").inner_text() == change_words(change).verdict
+    assert page.errors == again.errors == []
+
+
+@pytest.mark.browser
+def test_keys_and_fingers_choose_a_change_too(opened: Any) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    page.focus("[data-change='2']")
+    page.keyboard.press("Enter")
+    assert page.get_attribute("[data-change='2']", "aria-pressed") == "true"
+    assert "Cannot tell" in page.locator(".verdict:visible").inner_text()
+    phone = opened(viewport={"width": 320, "height": 700}, has_touch=True, is_mobile=True)
+    phone.tap("[data-change='1']")
+    assert phone.locator(".card:visible").count() == 1
+    assert phone.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_chosen_change_is_quiet_for_axe(opened: Any, axe: str, scheme: str) -> None:
+    page = opened(address="#change=1&show=difference&map=burden", color_scheme=scheme, bypass_csp=True)
+    page.evaluate(axe)
+    found = page.evaluate("() => axe.run(document)")
+    assert [(v["id"], n["target"]) for v in found["violations"] for n in v["nodes"]] == []
