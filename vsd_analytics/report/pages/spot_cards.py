@@ -144,7 +144,8 @@ def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, .
     here = card.here
     if here is not None and report.previous is not None:
         value, before = (fmt.number(float(f"{v or 0.0:.2g}")) for v in (here.value, here.previous))
-        notes.append(say("spots.here", rate=value, before=before, week=report.previous.number))
+        around = fmt.distance(report.rules.distance_m / 2, report.rules.distance_unit)
+        notes.append(say("spots.here", distance=around, rate=value, before=before, week=report.previous.number))
     if often is not None and often.value is not None:
         change, _ = _change(often, report, within=True)
         key = "spots.area_rate_change" if change else "spots.area_rate"
