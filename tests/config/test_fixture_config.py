@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,33 @@ def test_kind_and_movable_are_read_in_order(tmp_path: Path) -> None:
 
 def test_a_site_without_fixtures_has_none(tmp_path: Path) -> None:
     assert load(tmp_path, "").fixtures == ()
+
+
+def test_a_fixture_that_was_moved_stands_in_one_place_until_it_was_moved(tmp_path: Path) -> None:
+    moved = SHELF + "to = 2026-11-09T06:30:00\n" + SHELF.replace("[2, 1]", "[2, 4]") + 'from = "2026-11-09T06:30"\n'
+    old, new = load(tmp_path, moved).fixtures
+    at = datetime(2026, 11, 9, 5, 30, tzinfo=UTC)
+    assert (old.valid_to, new.valid_from) == (at, at)
+    before = at - timedelta(seconds=1)
+    assert [(f.stands(before), f.stands(at)) for f in (old, new)] == [(True, False), (False, True)]
+    assert not new.stands(before, until=at + timedelta(days=1))
+    assert old.stands(before, until=at)
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "fix"),
+    [
+        (SHELF + 'to = "2026-11-10"\n' + SHELF + 'from = "2026-11-09"\n', "in two places at once", "at the new one"),
+        (SHELF + SHELF + 'from = "2026-11-09"\n', "in two places at once", "at the new one"),
+        (SHELF + 'from = "2026-11-09"\nto = "2026-11-09"\n', "ends before it begins", "a later to"),
+        (f'[[area]]\nid = "a"\nname = "A"\n{SQUARE}from = "2026-11-09"\n', "areas hold for all weeks", "another id"),
+    ],
+)
+def test_dates_that_contradict_each_other_are_refused(tmp_path: Path, text: str, said: str, fix: str) -> None:
+    problem = the_problem(tmp_path, text)
+    assert problem.code == "E125"
+    assert said in problem.what
+    assert fix in str(problem.fix)
 
 
 @pytest.mark.parametrize(

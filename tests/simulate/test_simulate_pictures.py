@@ -40,7 +40,7 @@ def test_the_display_is_where_the_homography_says() -> None:
 
 
 def test_fixtures_of_the_site_are_those_of_the_pictures() -> None:
-    described = fixtures(SHOP_AFTER)
+    described = fixtures()
     assert len({f.fixture_id for f in described}) == len(described) == len(SHOP_AFTER.fixtures)
     assert [f.height_m for f in described] == [f.height_m for f in SHOP_AFTER.fixtures]
     assert {f.name for f in described if f.is_movable} == {"Fruit", "Trolleys", "Display"}

@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
 
-from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader, nearest
+from vsd_analytics.config.reader import DATE, REFUSED, Form, Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import read_toml
 from vsd_analytics.config.values import parse_instant, parse_picture_px, zone
 from vsd_analytics.errors import CalibrationError
@@ -94,27 +94,85 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Area,
         floor_id = _floor(table, floors)
         polygon = _polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
+        _refuse_dates(table)
         table.close()
         if area_id is not None:
             areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask)
     return tuple(areas.values())
 
 
-def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Fixture, ...]:
-    """Return the fixtures in the order of the file: what nobody walks through, and the maps show."""
-    fixtures: dict[str, Fixture] = {}
+def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Fixture, ...]:
+    """Return the fixtures in the order of the file: what nobody walks through, and the maps show.
+
+    One that was moved is listed once for each place, with the same id and dates that do not overlap.
+
+    Args:
+        root: Reader of the whole file.
+        floors: Floors they may stand on.
+        timezone: Zone of dates without an offset.
+    """
+    fixtures: list[Fixture] = []
     for table in root.each("fixture"):
-        fixture_id = _unique(table, table.id("id", example='"shelf-1"'), fixtures, kind="fixture")
+        fixture_id = table.id("id", example='"shelf-1"')
         name = table.text("name", example='"Shelf 1"', required=True)
         floor_id = _floor(table, floors)
         polygon = _polygon(table, "polygon", required=True)
         kind = _fixture_kind(table)
         is_movable = table.flag("movable") or False
         height_m = table.number("height_m", minimum=0.01, maximum=100, unit="metres", example="1.6")
+        since, until = _dates(table, timezone=timezone)
         table.close()
-        if fixture_id is not None:
-            fixtures[fixture_id] = Fixture(fixture_id, name or "", floor_id, polygon or (), kind, is_movable, height_m)
-    return tuple(fixtures.values())
+        same = [f for f in fixtures if f.fixture_id == fixture_id and _overlap(f, since, until)]
+        if same and (since, until, same[0].valid_from, same[0].valid_to) == (None,) * 4:
+            _unique(table, fixture_id, [f.fixture_id for f in same], kind="fixture")
+        elif same:
+            table.fault(
+                "id",
+                f"{table.label} is in two places at once: the dates of two fixtures {fixture_id!r} overlap",
+                code="E125",
+                why="a fixture that was moved has one place until it was moved, and another from then on",
+                fix='to = "2026-11-09T06:30" at the old place, from = "2026-11-09T06:30" at the new one',
+            )
+        elif fixture_id is not None:
+            fixtures.append(
+                Fixture(fixture_id, name or "", floor_id, polygon or (), kind, is_movable, height_m, since, until)
+            )
+    return tuple(fixtures)
+
+
+def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datetime | None]:
+    """Return the UTC instants `from` which and `to` which something stands there; a date is its midnight."""
+
+    def instant(value: Any) -> datetime:
+        return parse_instant(value, timezone=timezone)
+
+    since, until = (
+        table.parsed(key, example="2026-11-09T06:30:00+01:00", parse=instant, form=DATE) for key in ("from", "to")
+    )
+    if since is not None and until is not None and until <= since:
+        table.fault("to", f"{table.label} ends before it begins", code="E125", fix="give a later to, or leave it out")
+        return None, None
+    return since, until
+
+
+def _overlap(one: Fixture, since: datetime | None, until: datetime | None) -> bool:
+    """Tell whether a fixture stands at some time between two instants; None = without an end."""
+    is_before = one.valid_to is not None and since is not None and one.valid_to <= since
+    is_after = one.valid_from is not None and until is not None and one.valid_from >= until
+    return not (is_before or is_after)
+
+
+def _refuse_dates(table: TableReader) -> None:
+    """Note dates of an area: its violations are counted by one polygon in all weeks."""
+    for key in ("from", "to"):
+        if table.raw(key, REFUSED) is not None:
+            table.fault(
+                key,
+                f"{table.label} has a date, but areas hold for all weeks",
+                code="E125",
+                why="weeks before and after could not be compared if one area were two places",
+                fix="give the new place an area of its own, with another id",
+            )
 
 
 def _fixture_kind(table: TableReader) -> FixtureKind:

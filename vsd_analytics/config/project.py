@@ -132,7 +132,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     floors = read_floors(root)
     cameras = read_cameras(root, floors=floors, timezone=timezone)
     areas = read_areas(root, floors=floors)
-    fixtures = read_fixtures(root, floors=floors)
+    fixtures = read_fixtures(root, floors=floors, timezone=timezone)
     broker = read_broker(root)
     engine = read_engine(root)
     mail = read_mail(root)

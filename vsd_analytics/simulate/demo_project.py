@@ -119,6 +119,7 @@ def write_demo_project(
         folder,
         hz=1 / DETAILED_S if set(intervals) == {DETAILED_S} else None,
         closed=past.closed if past is not None else (),
+        moved_at=planted.moved_at,
     )
     _write_log(folder / "log.jsonl", planted, past)
 
@@ -296,7 +297,7 @@ def _write_log(path: Path, planted: _Planted, past: ShopHistory | None) -> None:
     path.write_text("".join(json.dumps(e) + "\n" for e in entries), encoding="utf-8")
 
 
-def _write_site(folder: Path, *, hz: float | None, closed: Sequence[date]) -> None:
+def _write_site(folder: Path, *, hz: float | None, closed: Sequence[date], moved_at: datetime) -> None:
     """Write `vsd.toml` and the files it names."""
     for name in ("plans", "calibration", "pictures"):
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -305,10 +306,10 @@ def _write_site(folder: Path, *, hz: float | None, closed: Sequence[date]) -> No
         rows = "\n".join(" ".join(f"{value:.10g}" for value in row) for row in camera.homography)
         (folder / "calibration" / f"{camera.camera_id}.txt").write_text(f"{rows}\n", encoding="utf-8")
         (folder / "pictures" / f"{camera.camera_id}.png").write_bytes(picture(camera, SHOP_AFTER))
-    (folder / "vsd.toml").write_text(_toml(hz, closed), encoding="utf-8")
+    (folder / "vsd.toml").write_text(_toml(hz, closed, moved_at), encoding="utf-8")
 
 
-def _toml(hz: float | None, closed: Sequence[date]) -> str:
+def _toml(hz: float | None, closed: Sequence[date], moved_at: datetime) -> str:
     blocks = [
         "# A made-up shop. Floor coordinates are metres from its lower left corner, x to the right, y up.",
         f'[site]\nid = "{SITE_ID}"\nname = "{SITE_NAME}"\ntimezone = "{TIMEZONE}"\n'
@@ -330,13 +331,15 @@ def _toml(hz: float | None, closed: Sequence[date]) -> str:
             f'[[area]]\nid = "{area.area_id}"\nname = "{area.name}"\nfloor = "{area.floor_id}"\n'
             f"polygon = {_corners(area.polygon)}"
         )
-    for fixture in fixtures(SHOP_AFTER):
+    for fixture in fixtures(moved_at):
         blocks.append(
             f'[[fixture]]\nid = "{fixture.fixture_id}"\nname = "{fixture.name}"\nfloor = "{fixture.floor_id}"\n'
             f"polygon = {_corners(fixture.polygon)}\n"
             + (f'kind = "{fixture.kind}"\n' if fixture.kind != "shelf" else "")
             + ("movable = true\n" if fixture.is_movable else "")
             + f"height_m = {fixture.height_m:g}\n"
+            + (f"from = {fixture.valid_from.isoformat()}\n" if fixture.valid_from else "")
+            + (f"to = {fixture.valid_to.isoformat()}\n" if fixture.valid_to else "")
         )
     return "\n\n".join(block.strip() for block in blocks) + "\n"
 

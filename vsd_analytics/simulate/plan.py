@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import datetime
+
 from vsd_analytics.config.reader import suggest_id
-from vsd_analytics.simulate.shop import DEPTH_M, DOOR, WIDTH_M, Shop, polygon
+from vsd_analytics.simulate.shop import (
+    DEPTH_M,
+    DOOR,
+    SHOP_AFTER,
+    SHOP_BEFORE,
+    WIDTH_M,
+    ShopFixture,
+    polygon,
+)
 from vsd_analytics.site.model import Fixture, FixtureKind
 
 M_PER_PX = 0.025
@@ -18,16 +29,25 @@ _KINDS: dict[str, FixtureKind] = {
 }
 
 
-def fixtures(shop: Shop) -> tuple[Fixture, ...]:
+def fixtures(moved_at: datetime | None = None) -> tuple[Fixture, ...]:
     """Return the fixtures of the shop as `vsd.toml` describes them.
 
     Args:
-        shop: The shop as it is now.
+        moved_at: When the display was moved, which then is listed at both places; None = only where it is now.
     """
-    return tuple(
-        Fixture(suggest_id(f.label), f.label, "ground", polygon(f.rect), _KINDS[f.kind], f.is_movable, f.height_m)
-        for f in shop.fixtures
+    now = tuple(_fixture(f) for f in SHOP_AFTER.fixtures)
+    if moved_at is None:
+        return now
+    before = [_fixture(f) for f in SHOP_BEFORE.fixtures if f not in SHOP_AFTER.fixtures]
+    moved = {f.fixture_id for f in before}
+    return (
+        *(replace(f, valid_from=moved_at) if f.fixture_id in moved else f for f in now),
+        *(replace(f, valid_to=moved_at) for f in before),
     )
+
+
+def _fixture(f: ShopFixture) -> Fixture:
+    return Fixture(suggest_id(f.label), f.label, "ground", polygon(f.rect), _KINDS[f.kind], f.is_movable, f.height_m)
 
 
 def plan_svg() -> str:

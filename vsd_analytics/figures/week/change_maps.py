@@ -11,8 +11,8 @@ import shapely
 from vsd_analytics.figures.panels import Array, Flags
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.density import Density, FloorGrid, without_patches
-from vsd_analytics.figures.week.floor_maps import floor_extent
+from vsd_analytics.figures.week.density import Density, FloorGrid, fixtures_before, floor_fixtures, without_patches
+from vsd_analytics.figures.week.floor_maps import floor_extent, map_fixtures
 from vsd_analytics.figures.week.model_map import ChangedPlace, ChangeMaps
 from vsd_analytics.figures.week.results import AreaRow
 
@@ -52,6 +52,7 @@ def change_maps(data: WeekData, *, areas: Sequence[AreaRow]) -> ChangeMaps | Non
         steps=STEPS,
         hours_compared=float((data.hours.recorded_s * used[1]).sum()) / 3600,
         places=_places(data, grid, fewer, more, areas),
+        fixtures_before=None if fixtures_before(data) == floor_fixtures(data) else map_fixtures(fixtures_before(data)),
     )
 
 

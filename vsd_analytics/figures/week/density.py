@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import timedelta
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.panels import Array, Flags, Period, positions
+from vsd_analytics.figures.panels import WEEK, Array, Flags, Period, positions
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
@@ -48,7 +49,7 @@ class FloorGrid:
     @cached_property
     def walkable(self) -> Walkable | None:
         """Return the floor people can walk on; None where no fixture is described."""
-        rings = [f.polygon for f in floor_fixtures(self._data)]
+        rings = [f.polygon for f in fixed_fixtures(self._data)]
         return Walkable(rings, cell_m=self.cell_m, origin_m=self.origin, shape=self.shape) if rings else None
 
     def rows_of(self, cy: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -169,5 +170,22 @@ def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags
 
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:
-    """Return the fixtures of the floor that vsd.toml lists."""
+    """Return the fixtures that stand on the floor at the end of the week."""
+    last = data.midnight(data.monday + WEEK) - timedelta(milliseconds=1)
+    return tuple(f for f in _listed(data) if f.stands(last))
+
+
+def fixtures_before(data: WeekData) -> tuple[Fixture, ...]:
+    """Return those that stood there at the end of the week before."""
+    last = data.midnight(data.monday) - timedelta(milliseconds=1)
+    return tuple(f for f in _listed(data) if f.stands(last))
+
+
+def fixed_fixtures(data: WeekData) -> tuple[Fixture, ...]:
+    """Return those that stood in one place all through this week and the one before: nobody walked there in either."""
+    first, end = data.midnight(data.monday - WEEK), data.midnight(data.monday + WEEK)
+    return tuple(f for f in _listed(data) if f.stands(first, until=end))
+
+
+def _listed(data: WeekData) -> tuple[Fixture, ...]:
     return tuple(f for f in data.site.fixtures if f.floor_id == data.floor.floor_id)

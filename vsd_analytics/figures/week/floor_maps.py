@@ -28,6 +28,7 @@ from vsd_analytics.geometry import camera_views
 from vsd_analytics.geometry.embedded_pictures import has_paper, picture_image, plan_image
 from vsd_analytics.geometry.scale_bar import nice_length_m
 from vsd_analytics.settings import FLOOR_CELL_M
+from vsd_analytics.site.model import Fixture
 
 MARGIN_M = 1.0
 SIDE_MIN_M = 8.0
@@ -73,7 +74,7 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
             image=image,
             bands=polygons,
             unseen=tuple(as_rings(p) for p in unseen or ()),
-            fixtures=map_fixtures(data),
+            fixtures=map_fixtures(floor_fixtures(data)),
             areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in data.areas),
             spots=_spots(data, grid, density, areas) if is_ranked else (),
             scale_bar_m=nice_length_m(extent[2] - extent[0], unit=data.site.settings.distance_unit),
@@ -115,11 +116,11 @@ def plan_of(data: WeekData) -> MapImage | None:
     return MapImage(data_uri=uri, extent=bounds, is_opaque=has_paper(data.floor.plan))
 
 
-def map_fixtures(data: WeekData) -> tuple[MapFixture, ...]:
-    """Return the fixtures of the floor, for drawing."""
+def map_fixtures(found: Sequence[Fixture]) -> tuple[MapFixture, ...]:
+    """Return fixtures for drawing."""
     return tuple(
         MapFixture(fixture_id=f.fixture_id, name=f.name, kind=f.kind, is_movable=f.is_movable, ring=f.polygon)
-        for f in floor_fixtures(data)
+        for f in found
     )
 
 
@@ -132,12 +133,24 @@ def _spots(data: WeekData, grid: FloorGrid, density: Array, areas: Sequence[Area
         if area.area_id is None or not area.often.value or len(spots) == SPOTS_MAX:
             continue
         inside: NDArray[np.bool_] = shapely.contains_xy(polygons[area.area_id], x[None, :], y[:, None])
-        own = np.where(inside, density, -1.0)
+        own = _heaviest_patch(np.where(inside, density, 0.0), data.site.settings.heat_steps[0])
         row, column = np.unravel_index(int(own.argmax()), own.shape)
         if own[row, column] >= data.site.settings.heat_steps[0]:
             at = (float(x[column]), float(y[row]))
             spots.append(MapSpot(number=len(spots) + 1, name=area.name, at=at, peak=float(own[row, column])))
     return tuple(spots)
+
+
+def _heaviest_patch(density: Array, least: float) -> Array:
+    """Return the patch of neighbouring cells of at least `least` that holds most, and 0 elsewhere.
+
+    A number belongs at an area's own crowd, not where the edge of another reaches across the area's border.
+    """
+    from scipy.ndimage import label
+
+    patches, n_patches = label(density >= least)
+    sums = [float(density[patches == k].sum()) for k in range(1, n_patches + 1)]
+    return np.where(patches == 1 + int(np.argmax(sums)), density, 0.0) if sums else np.zeros_like(density)
 
 
 def _picture_map(data: WeekData, polygons: tuple[MapBand, ...]) -> FloorMap | None:

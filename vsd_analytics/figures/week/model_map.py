@@ -92,6 +92,9 @@ class ChangeMaps:
     steps: tuple[float, float] = _f("Lower ends of the two bands of the difference.", "violations per m2 per open hour")
     hours_compared: float = _f("Camera-hours recorded in both weeks.", "h")
     places: tuple[ChangedPlace, ...] = _f("Areas with coloured floor, the greatest change first.", default=())
+    fixtures_before: tuple[MapFixture, ...] | None = _f(
+        "What stood on the floor at the end of the week before; None: what stands there now.", default=None
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,6 +57,10 @@ class SpotCard:
     excess_min_per_week: float | None = _f(
         "Tested spots: time too close above what crowding explains.", "person-minutes a week", "M20", default=None
     )
+    here: Estimate | None = _f(
+        "Tested spots: violations at the spot itself per open hour, this week and the week before.",
+        "per open hour", "M0", default=None,
+    )  # fmt: skip
     is_new: bool | None = _f("Tested spots: it did not stand out a week earlier; None: not known.", default=None)
     since: date | None = _f("Tested spots: last day of the first window from which on it stood out.", default=None)
     is_since_first: bool = _f("True: that window is the first looked at, so it may be older.", default=False)
@@ -86,6 +90,7 @@ class Spots:
     first: date | None = _f("First day of the test's window.", default=None)
     last: date | None = _f("Last day of it.", default=None)
     cards: tuple[SpotCard, ...] = _f("At most three.", metric="M20", default=())
+    n_more: int = _f("Tested spots without a card: all are in the planner.", metric="M20", default=0)
     watching: tuple[WatchedSpot, ...] = _f(
         "Hotspots in or near which something was changed, with too few days since for a test.",
         metric="M20",

@@ -19,7 +19,8 @@ from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot
-from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.suppression import GIVES_AWAY, is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap, MapSpot
@@ -91,18 +92,43 @@ def spots(
         cards = [_tested(data, s, areas, coverage, found) for s in chosen]
         cards = [_without_figures(c) if s.spot_id in revealing else c for c, s in zip(cards, chosen, strict=True)]
     else:
-        cards = [_busiest(data, n, a, at, coverage) for n, (a, at) in enumerate(_areas(areas, maps), 1)]
+        cards = [_busiest(data, n, a, at, coverage) for n, a, at in _areas(areas, maps)]
     return Spots(
         kind="tested" if is_tested else "busiest",
         reason=why,
-        first=found.first if is_tested else None,
+        first=max(found.first, _first_recorded(data)) if is_tested else None,
         last=found.last if is_tested else None,
         cards=tuple(cards),
+        n_more=len(found.spots) - len(cards) if is_tested else len(found.spots) if found.state == "ok" else 0,
         watching=tuple(
             WatchedSpot(name=s.place.area_name or "", area_id=s.place.area_id, changed_on=s.changed_on)
             for s in found.watching
         ),
     )
+
+
+def _first_recorded(data: WeekData) -> date:
+    """Return the first loaded day on which any camera recorded: a window may begin before the data do."""
+    days = data.hours.day[data.hours.recorded_s.any(axis=0)]
+    return date.fromordinal(int(days.min())) if len(days) else data.monday
+
+
+def _at_the_spot(data: WeekData, spot: FloorSpot, evidence: Evidence | None) -> Estimate | None:
+    """Return violations at a hotspot per open hour its camera recorded, this week and the week before.
+
+    None where a count is too small to print, or a week was not recorded enough to have a rate.
+    """
+    if evidence is None or evidence.camera_id not in data.ids:
+        return None
+    k, least = data.ids.index(evidence.camera_id), data.site.settings.min_coverage
+    rates = []
+    for n, monday in zip(spot.by_week, (data.monday, data.monday - WEEK), strict=False):
+        inside = data.week(monday)
+        recorded_h, open_h = data.hours.recorded_s[k, inside].sum() / 3600, data.hours.open_s[inside].sum() / 3600
+        if not open_h or recorded_h < least * open_h or is_small(n, below=int(data.site.settings.mask_below)):
+            return None
+        rates.append(float(n / recorded_h))
+    return Estimate(value=rates[0], previous=rates[-1]) if rates[1:] else None
 
 
 def _material(data: WeekData, found: FloorHotspots) -> list[FloorSpot]:
@@ -141,8 +167,9 @@ def _tested(
         ratio=Estimate(value=spot.ratio, lo=spot.lo, hi=spot.hi),
         excess_min_per_week=spot.excess_min_per_week,
         is_new=None if spot.state is None else spot.state == "new",
-        since=spot.since if spot.state is not None else None,
+        since=max(spot.since, _first_recorded(data)) if spot.state is not None else None,
         is_since_first=spot.is_since_first,
+        here=_at_the_spot(data, spot, evidence),
         usual=usual,
         evidence=evidence,
         ask="",
@@ -152,7 +179,7 @@ def _tested(
 
 def _without_figures(card: SpotCard) -> SpotCard:
     ratio = Estimate(value=None, state="not_enough_data", reason=GIVES_AWAY)
-    return replace(card, ratio=ratio, excess_min_per_week=None)
+    return replace(card, ratio=ratio, excess_min_per_week=None, here=None)
 
 
 def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] | None, coverage: Coverage) -> SpotCard:
@@ -170,17 +197,17 @@ def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] 
     )
 
 
-def _areas(areas: Sequence[AreaRow], maps: Sequence[FloorMap]) -> list[tuple[AreaRow, tuple[float, float] | None]]:
-    """Return the areas that the map numbers, with their place on it; without a map, the three busiest."""
+def _areas(areas: Sequence[AreaRow], maps: Sequence[FloorMap]) -> list[tuple[int, AreaRow, tuple[float, float] | None]]:
+    """Return the areas that the map numbers, with their number and place on it; without a map, the three busiest."""
     drawn = [a for a in areas if a.area_id is not None and a.often.value]
     if not any(m.kind != "picture" for m in maps):
-        return [(a, None) for a in drawn[:SPOTS_MAX]]
-    found: list[tuple[AreaRow, tuple[float, float] | None]] = []
+        return [(n, a, None) for n, a in enumerate(drawn[:SPOTS_MAX], 1)]
+    found: list[tuple[int, AreaRow, tuple[float, float] | None]] = []
     for mark in (s for m in maps for s in m.spots):
         row = next((a for a in drawn if a.name == mark.name), None)
         if row is not None:
             drawn.remove(row)
-            found.append((row, mark.at))
+            found.append((mark.number, row, mark.at))
     return found
 
 

@@ -193,6 +193,13 @@ def fixtures(
     return drawn + ([label for f in shown if (label := _name(f, frame, size)) is not None] if is_named else [])
 
 
+def places_left(gone: Sequence[MapFixture], frame: Frame) -> list[Markup]:
+    """Draw where fixtures stood before they were moved: a dashed outline, nothing inside."""
+    dash: dict[str, str | float | None] = {"class_": "gn", "fill": "none", "stroke": INK, "stroke_width": 1.6}
+    dash["stroke_dasharray"] = "2 3"
+    return [el("path", **dash, d=straight_path([frame.ring(f.ring)])) for f in gone]
+
+
 def _fixture(fixture: MapFixture, frame: Frame) -> Markup:
     import shapely
 

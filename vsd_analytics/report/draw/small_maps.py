@@ -13,7 +13,15 @@ from typing import Final
 import shapely
 from markupsafe import Markup
 
-from vsd_analytics.figures.week.model_map import ChangeMaps, FloorMap, Footsteps, MapBand, MapViews, SpotPicture
+from vsd_analytics.figures.week.model_map import (
+    ChangeMaps,
+    FloorMap,
+    Footsteps,
+    MapBand,
+    MapFixture,
+    MapViews,
+    SpotPicture,
+)
 from vsd_analytics.figures.week.results import Rules
 from vsd_analytics.geometry.scale_bar import nice_length_m
 from vsd_analytics.report.draw import floor_frame as draw
@@ -33,7 +41,14 @@ SIGN_MIN: Final = 4.5
 
 
 def mini_heat(
-    floor: FloorMap, bands: Sequence[MapBand], *, name: str, steps: Sequence[float], label: str, is_alone: bool = False
+    floor: FloorMap,
+    bands: Sequence[MapBand],
+    *,
+    name: str,
+    steps: Sequence[float],
+    label: str,
+    is_alone: bool = False,
+    gone: Sequence[MapFixture] = (),
 ) -> Markup:
     """Draw bands on the floor of a map.
 
@@ -44,9 +59,16 @@ def mini_heat(
         steps: Lower ends of all bands.
         label: Text alternative.
         is_alone: Carry the plan.
+        gone: Fixtures that stand there no longer; outlined.
     """
     frame = _frame(floor)
-    return _mini(floor, frame, draw.heat(bands, frame, steps=steps, edges=draw.edges_of(floor)), name, label, is_alone)
+    drawn = [*draw.heat(bands, frame, steps=steps, edges=draw.edges_of(floor)), *draw.places_left(gone, frame)]
+    return _mini(floor, frame, drawn, name, label, is_alone)
+
+
+def moved_away(floor: FloorMap, shown: ChangeMaps) -> tuple[MapFixture, ...]:
+    """Return the fixtures of the week before that stand there no longer."""
+    return tuple(f for f in shown.fixtures_before or () if f not in floor.fixtures)
 
 
 def mini_change(floor: FloorMap, shown: ChangeMaps, *, name: str, label: str, is_alone: bool = False) -> Markup:
@@ -61,6 +83,7 @@ def mini_change(floor: FloorMap, shown: ChangeMaps, *, name: str, label: str, is
             drawn.append(el("path", class_=style, fill=CHANGE_LIGHT[kind][step], fill_rule="evenodd", d=path))
     for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
         drawn += _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more")
+    drawn += draw.places_left(moved_away(floor, shown), frame)
     return _mini(floor, frame, drawn, name, label, is_alone)
 
 

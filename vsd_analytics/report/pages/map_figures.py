@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from markupsafe import Markup
 
@@ -10,6 +10,7 @@ from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.draw import small_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.figure_titles import changed_places
 
@@ -95,27 +96,34 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
     if shown is None or previous is None:
         return None
     title, steps = changed_places(shown), report.rules.heat_steps
-    weeks = (previous, shown.before, "cb"), (report.week, shown.now, "cn")
+    floor_before = floor if shown.fixtures_before is None else replace(floor, fixtures=shown.fixtures_before)
+    gone = small_maps.moved_away(floor, shown)
+    weeks = (
+        (previous, shown.before, "cb", floor_before, ()),
+        (report.week, shown.now, "cn", floor, gone),
+    )
     panels = [
         MapPanel(
             title=say("maps.change_before", number=week.number),
             drawing=small_maps.mini_heat(
-                floor,
+                place,
                 bands,
+                gone=left,
                 name=name,
                 steps=steps,
                 label=say("maps.change_label_week", floor=floor.title, number=week.number),
                 is_alone=is_alone,
             ),
         )
-        for week, bands, name in weeks
+        for week, bands, name, place, left in weeks
     ]
     label = say("maps.change_label", before=previous.number, now=report.week.number, title=title)
     drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone)
     low, high = (f"{s:g}" for s in shown.steps)
     return MapFigure(
         title=title,
-        unit=say("maps.change_sub", hours=fmt.count(shown.hours_compared)),
+        unit=say("maps.change_sub", hours=fmt.count(shown.hours_compared))
+        + (say("maps.change_moved", names=terms.joined(dict.fromkeys(f.name for f in gone))) if gone else ""),
         panels=(*panels, MapPanel(title=say("maps.change_difference"), drawing=drawing)),
         keys=(
             Key(style="f2", sign="−", text=say("maps.change_strong_fewer", high=high)),

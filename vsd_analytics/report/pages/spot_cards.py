@@ -64,6 +64,7 @@ class Cards:
         sub: How they were chosen.
         cards: At most three.
         watching: Places that are watched after a change, one sentence each.
+        more: That the planner shows more spots; empty where it does not.
         has_pictures: True when a card has one of a camera.
     """
 
@@ -71,6 +72,7 @@ class Cards:
     sub: str
     cards: tuple[Card, ...]
     watching: tuple[str, ...]
+    more: str
     has_pictures: bool
 
 
@@ -95,6 +97,7 @@ def cards(report: WeekReport) -> Cards | None:
         sub=sub,
         cards=made,
         watching=tuple(dict.fromkeys(watched(s.name, s.changed_on) for s in found.watching)),
+        more=say("spots.more", plural=found.n_more, n=found.n_more) if found.n_more else "",
         has_pictures=any(p.camera_name is not None for p in report.spot_pictures),
     )
 
@@ -138,6 +141,11 @@ def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, .
         unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
     if card.excess_min_per_week is not None:
         notes.append(say("spots.excess", n=fmt.count(card.excess_min_per_week)))
+    here = card.here
+    if here is not None and report.previous is not None:
+        value, before = (fmt.number(float(f"{v or 0.0:.2g}")) for v in (here.value, here.previous))
+        around = fmt.distance(report.rules.distance_m / 2, report.rules.distance_unit)
+        notes.append(say("spots.here", distance=around, rate=value, before=before, week=report.previous.number))
     if often is not None and often.value is not None:
         change, _ = _change(often, report, within=True)
         key = "spots.area_rate_change" if change else "spots.area_rate"

@@ -1,0 +1,107 @@
+"""Questions with a memory, places without weight, and dated fixtures, in reports of small worlds."""
+
+from __future__ import annotations
+
+import json
+from datetime import timedelta
+
+import pytest
+from click.testing import CliRunner
+from report import ingested_worlds as w
+
+from vsd_analytics.cli import cli
+from vsd_analytics.config import load_site
+from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.site.model import Site
+
+SHORT = '{ mon-sun = "09:00-10:00" }'
+COUNTS = {w.QUEUE: 20, w.DOOR: 12, w.AISLE: 5}
+WEEKS = ("2026-W44", "2026-W45", "2026-W46")
+MOVED = f"{w.MONDAY}T06:30"
+STAND = '[[fixture]]\nid = "stand"\nname = "Stand"\nmovable = true\n'
+OLD = f'{STAND}polygon = [[9, 1], [10, 1], [10, 2], [9, 2]]\nto = "{MOVED}"\n'
+NEW = f'{STAND}polygon = [[13, 6], [14, 6], [14, 7], [13, 7]]\nfrom = "{MOVED}"\n'
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """Three weeks of one camera, all alike, with a stand that was moved before the last one began."""
+    streams = [w.messages(w.steady(COUNTS), monday=w.MONDAY - timedelta(weeks=k), hours=(9, 10)) for k in (2, 1, 0)]
+    config = w.toml(opening=SHORT, more=OLD + NEW)
+    return w.world(tmp_path_factory.mktemp("agenda") / "shop", config, *streams)
+
+
+def vsd(site: Site, *words: str) -> str:
+    result = CliRunner().invoke(cli, ["-C", str(site.root), "--now", "2026-11-20T12:00Z", *words])
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def page(site: Site, week: str) -> str:
+    vsd(site, "report", "--week", week, "--format", "html,json")
+    return (site.root / "reports" / f"{week}.html").read_text(encoding="utf-8")
+
+
+def test_weeks_in_their_order_never_ask_alike_and_a_week_made_again_is_the_same_page(site: Site) -> None:
+    pages = {week: page(site, week) for week in WEEKS}
+    asked = read_asked(site)
+    assert len({one.text for one in asked}) == 3
+    assert asked[1].text.startswith("Still open from week 44:")
+    assert (asked[0].place, asked[0].remedy) == (asked[1].place, asked[1].remedy) != (asked[2].place, asked[2].remedy)
+    before = (site.root / "questions.jsonl").read_bytes()
+    assert {week: page(site, week) for week in reversed(WEEKS)} == pages
+    assert (site.root / "questions.jsonl").read_bytes() == before
+    for one, week in zip(asked, WEEKS, strict=True):
+        twin = json.loads((site.root / "reports" / f"{week}.json").read_bytes())
+        assert (twin["story"]["question"], twin["story"]["question_id"]) == (one.text, one.question_id)
+        assert one.question_id in pages[week]
+
+
+def test_an_answer_is_on_the_next_page_and_not_on_earlier_ones(site: Site) -> None:
+    pages = {week: page(site, week) for week in WEEKS}
+    first = read_asked(site)[0]
+    vsd(
+        site,
+        "log",
+        "answer",
+        first.question_id,
+        "not-possible",
+        "--text",
+        "No room",
+        "--at",
+        "2026-11-10",
+        "--by",
+        "Anna",
+    )
+    assert page(site, "2026-W45") == pages["2026-W45"]
+    assert "Not possible by Anna. No room." in page(site, "2026-W46")
+    (site.root / "log.jsonl").unlink()
+
+
+def test_a_rise_at_a_place_without_weight_is_no_material_place(site: Site) -> None:
+    report = w.report(site)
+    assert {a.area_id: a.is_material for a in report.areas} == {"queue": True, "door": True, None: True}
+    toml = (site.root / "vsd.toml").read_text(encoding="utf-8")
+    try:
+        (site.root / "vsd.toml").write_text(toml + "\n[report]\nmaterial_share = 0.4\n", encoding="utf-8")
+        report = w.report(load_site(site.root))
+    finally:
+        (site.root / "vsd.toml").write_text(toml, encoding="utf-8")
+    assert {a.area_id: a.is_material for a in report.areas} == {"queue": True, "door": False, None: False}
+    assert report.agenda is not None
+    assert [p.place for p in report.agenda.places] == ["queue"]
+
+
+def test_old_weeks_draw_the_old_layout_and_the_week_of_the_move_draws_both(site: Site) -> None:
+    before, now = w.report(site, w.BEFORE), w.report(site)
+    rings = [[f.ring for f in r.maps[0].fixtures] for r in (before, now)]
+    assert rings[0] == [((9.0, 1.0), (10.0, 1.0), (10.0, 2.0), (9.0, 2.0))]
+    assert rings[1] == [((13.0, 6.0), (14.0, 6.0), (14.0, 7.0), (13.0, 7.0))]
+    assert before.change_maps is not None
+    assert before.change_maps.fixtures_before is None
+    assert now.change_maps is not None
+    assert [f.ring for f in now.change_maps.fixtures_before or ()] == rings[0]
+    drawn = page(site, "2026-W46")
+    assert drawn.count('class="gn"') == 2  # beside this week's layout and in the difference
+    assert "where Stand stood before" in drawn
+    assert 'class="gn"' not in page(site, "2026-W45")
