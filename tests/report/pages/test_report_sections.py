@@ -252,7 +252,7 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     ]
     assert busiest.title == "The three busiest spots"
     assert "fewer than 300 violations" in busiest.sub
-    assert "More time too close than crowding and chance explain" in render_html(sections.with_tested_spots())
+    assert "ranked by how much time could be saved" in render_html(sections.with_tested_spots())
 
 
 def test_a_place_that_is_watched_after_a_change_is_named_below_the_cards() -> None:
@@ -416,7 +416,7 @@ def test_the_three_highest_hours_are_forecast_and_scored_beside_the_naive_foreca
     listed = page_sections.outlook(replace(weeks.normal(), outlook=made))
     assert listed is not None
     assert listed.title == "Tuesday 11:00 is likely to be the busiest hour of week 47"
-    assert "was off by 20% on average. Repeating the week before would have been off by 30%" in " ".join(listed.notes)
+    assert "was off by 20%; repeating the week before, by 30%" in " ".join(listed.notes)
 
 
 def test_an_hour_the_timetable_holds_back_is_held_back_among_the_unusual_ones() -> None:

@@ -286,9 +286,9 @@ def _trimmed(spans: Sequence[Span]) -> list[Span]:
 
 
 def _unusual_hour(report: WeekReport) -> list[Span]:
-    """Name the least likely hour of the week; nothing where every hour was as usual."""
+    """Name the least likely hour of the week; nothing where every hour was as usual, or a thing to know names it."""
     row = None if report.unusual is None else report.unusual.first
-    if row is None:
+    if row is None or any(t.target == "when" for t in things(report)):
         return []
     hour = f"{fmt.weekday(row.day)} {fmt.hour_label(row.hour)}"
     return [Span(text=say("lead.unusual", hour=hour, n=fmt.count(row.violations), usual=fmt.number(row.usual)))]
