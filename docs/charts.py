@@ -99,7 +99,9 @@ def false_verdicts(rows: Sequence[Sequence[str]]) -> Figure:
 
 def a_year(rows: Sequence[Sequence[str]]) -> Figure:
     """Draw how many false verdicts a year a reader meets."""
-    found = [row(rows, f"false verdicts a year, 9 places x 2 figures (M0, M6): {name}") for name in ("office", "museum")]
+    found = [
+        row(rows, f"false verdicts a year, 9 places x 2 figures (M0, M6): {name}") for name in ("office", "museum")
+    ]
     return pairs_of_bars(
         ["office", "museum"],
         [number(r[3]) for r in found],

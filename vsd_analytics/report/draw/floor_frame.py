@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 FONT: Final = 15
 FONT_FIXTURE: Final = 15
+FONT_PHONE: Final = 34
+"""Size of names on a phone, where the page's style sets them larger: those without the room are left out there."""
 WALL_WIDTH_M: Final = 0.5
 """A wall this thin is drawn solid; a wider one is a closed room."""
 ON_EDGE_M: Final = 0.002
@@ -229,24 +231,43 @@ def text_width(text: str, size: float) -> float:
 
 def _name(fixture: MapFixture, frame: Frame, size: int) -> Markup | None:
     """Write a name inside a fixture, along x or else along y; None when it fits neither way."""
+    turn = _turn(fixture, frame, size)
+    if turn is None:
+        return None
+    style = "fn"
+    if size == FONT_FIXTURE:  # a map of the page, whose names a phone sets larger
+        style = "pt fn" if _turn(fixture, frame, FONT_PHONE) == turn else "pt x fn"
+    x, y = _middle(fixture, frame)
+    return el(
+        "text",
+        fixture.name,
+        class_=style,
+        fill=MUTED,
+        font_size=size,
+        text_anchor="middle",
+        dominant_baseline="central",
+        x=round(x),
+        y=round(y),
+        transform=turn or None,
+    )
+
+
+def _middle(fixture: MapFixture, frame: Frame) -> Point:
     import shapely
 
     shape = shapely.Polygon(frame.ring(fixture.ring))
     middle = shape.centroid if shape.centroid.within(shape) else shape.representative_point()
-    x, y = middle.x, middle.y
+    return middle.x, middle.y
+
+
+def _turn(fixture: MapFixture, frame: Frame, size: int) -> str | None:
+    """Return how a name must be turned to fit into a fixture: "" along x, a rotation along y, None for neither way."""
+    import shapely
+
+    shape = shapely.Polygon(frame.ring(fixture.ring))
+    x, y = _middle(fixture, frame)
     long, high = text_width(fixture.name, size) / 2 + 1, size / 2 + 1
-    for wide, tall, turn in ((long, high, None), (high, long, f"rotate(-90 {round(x)} {round(y)})")):
+    for wide, tall, turn in ((long, high, ""), (high, long, f"rotate(-90 {round(x)} {round(y)})")):
         if shape.contains(shapely.box(x - wide, y - tall, x + wide, y + tall)):
-            return el(
-                "text",
-                fixture.name,
-                class_="pt x fn" if size == FONT_FIXTURE else "fn",
-                fill=MUTED,
-                font_size=size,
-                text_anchor="middle",
-                dominant_baseline="central",
-                x=round(x),
-                y=round(y),
-                transform=turn,
-            )
+            return turn
     return None

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from vsd_analytics.figures.week.model_map import FloorMap, MapArea, Point
 from vsd_analytics.figures.week.results import Rules
 from vsd_analytics.report.draw import floor_frame as draw
-from vsd_analytics.report.draw.floor_frame import FONT, Frame
+from vsd_analytics.report.draw.floor_frame import FONT, FONT_PHONE, Frame
 from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, el, straight_path
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
@@ -19,7 +19,6 @@ from vsd_analytics.report.words.catalogue import say
 MAP_WIDTH: Final = 960
 MAP_MAX_HEIGHT: Final = 900
 PAD: Final = 12
-FONT_PHONE: Final = 34
 _FOOT: Final = 52
 MAX_FOOT_RADIUS: Final = 45
 MARK_RADIUS: Final = 17

@@ -60,7 +60,7 @@ def contributions(report: WeekReport) -> Contributions | None:
     level = before
     for name, difference in parts:
         bar = step_bar(level, level + difference, top=top, is_total=False)
-        rows.append(ContributionRow(name=name, bar=bar, value=_signed(difference)))
+        rows.append(ContributionRow(name=name, bar=bar, value=fmt.signed_number(difference)))
         level += difference
     rows.append(_total(say("contributions.week_now", week=report.week.number), after, top))
     return Contributions(title=_title(report), sub=say("contributions.sub"), rows=tuple(rows))
@@ -77,8 +77,3 @@ def _title(report: WeekReport) -> str:
     if report.level.often.verdict not in ("clear_fall", "clear_rise"):
         return say("contributions.title_unclear")
     return say("contributions.title")
-
-
-def _signed(difference: float) -> str:
-    text = fmt.number(abs(difference))
-    return text if text == fmt.number(0.0) else f"{fmt.MINUS if difference < 0 else '+'}{text}"

@@ -163,13 +163,9 @@ def _close(report: WeekReport) -> Tile:
 
 
 def _person_hours(report: WeekReport) -> str:
-    """Return how much time of people was seen, and whether more of them came; empty where it is not known."""
-    exposure, people = report.level.exposure_h, report.level.people
-    if exposure is None:
-        return ""
-    said = terms.with_people(people.change, people.verdict)
-    key = "tiles.person_hours_people" if said and report.state == "normal" else "tiles.person_hours"
-    return say(key, hours=fmt.count(exposure), people=said)
+    """Return how much time of people was seen; empty where it is not known."""
+    exposure = report.level.exposure_h
+    return "" if exposure is None else say("tiles.person_hours", hours=fmt.count(exposure))
 
 
 def _hour(report: WeekReport) -> Tile | None:

@@ -134,8 +134,8 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
         summary=say("maps.change_table"),
         region=say("maps.change_table_region"),
         caption=say("maps.change_caption", before=previous.number, now=report.week.number),
-        head=(say("maps.area"), say("maps.fewer"), say("maps.more")),
-        rows=tuple((p.name, *(fmt.number(v) if v > 0 else "–" for v in (p.fewer, p.more))) for p in shown.places),
+        head=(say("maps.area"), say("maps.change_adds")),
+        rows=tuple((a.name, fmt.signed_number(a.difference)) for a in report.areas if a.difference is not None),
     )
 
 

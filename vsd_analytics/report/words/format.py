@@ -77,6 +77,12 @@ def signed(change: float | None) -> str:
     return f"{'+' if points > 0 else MINUS if points < 0 else ''}{abs(points):,}%"
 
 
+def signed_number(value: float | None) -> str:
+    """Write a difference with its sign: −27, +0.6, 0."""
+    text = number(None if value is None else abs(value))
+    return text if not value or text == number(0.0) else f"{'+' if value > 0 else MINUS}{text}"
+
+
 def fewer_more(change: float | None) -> str:
     """Write a relative change in words: 14% fewer, 8% more, about the same."""
     if change is None or not math.isfinite(change * 100):

@@ -88,18 +88,6 @@ def camera_name(name: str) -> str:
     return name if name.casefold().startswith(("cam", "sensor")) else say("words.camera", name=name)
 
 
-def with_people(change: float | None, verdict: Verdict | None) -> str:
-    """Say how many more people there were: with 15% more people; empty when it is not known.
-
-    Small changes that are not clear are "about as many people".
-    """
-    if change is None:
-        return ""
-    if abs(change) < 0.005 or (abs(change) < 0.05 and verdict not in ("clear_fall", "clear_rise")):
-        return say("words.with_as_many")
-    return say("words.with_people", change=fmt.fewer_more(change))
-
-
 def joined(names: Iterable[str]) -> str:
     """Join names as people do: a, b and c."""
     items = list(names)

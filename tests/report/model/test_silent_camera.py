@@ -1,0 +1,63 @@
+"""A camera that records nothing for a week: its floor is not known, and no number reads as a fall."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+import shapely
+from report import ingested_worlds as w
+
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.headline import finish
+
+VIEWS = {
+    "1": [[0, 0], [10, 0], [10, 10], [0, 10]],
+    "2": [[10, 0], [20, 0], [20, 10], [10, 10]],
+    "3": [[0, 10], [10, 10], [10, 20], [0, 20]],
+}
+OWN, THIRD = {(13.0, 3.0): 10}, {(3.0, 13.0): 5}
+
+
+@pytest.fixture(scope="module")
+def silent(tmp_path_factory: pytest.TempPathFactory) -> WeekReport:
+    """Three cameras beside each other; the second recorded the week before and nothing since."""
+    config = w.toml(
+        cameras=("cam-1", "cam-2", "cam-3"), areas={"queue": w.AREAS["queue"], "far": ("Far", (11, 1, 19, 5))}
+    )
+    for name, ring in VIEWS.items():
+        config = config.replace(f'name = "Camera {name}"\n', f'name = "Camera {name}"\nview = {ring}\n')
+
+    site = w.world(
+        tmp_path_factory.mktemp("silent"),
+        config,
+        w.messages(w.steady({w.QUEUE: 20}), monday=w.BEFORE, is_alone=False),
+        w.messages(w.steady({w.QUEUE: 20}), is_alone=False),
+        w.messages(w.steady(THIRD), monday=w.BEFORE, camera="cam-3", is_alone=False),
+        w.messages(w.steady(THIRD), camera="cam-3", is_alone=False),
+        w.messages(w.steady(OWN), monday=w.BEFORE, camera="cam-2", is_alone=False),
+    )
+    return finish(w.report(site))
+
+
+def test_the_headline_and_the_lead_name_what_is_missing(silent: WeekReport) -> None:
+    assert [c.is_silent for c in silent.coverage.cameras] == [False, True, False]
+    assert silent.story is not None
+    assert silent.story.headline.endswith("without camera 2")
+    assert "Camera 2 recorded nothing" in "".join(s.text for s in silent.story.lead)
+
+
+def test_its_floor_is_hatched_not_white(silent: WeekReport) -> None:
+    hatched = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in silent.maps[0].unseen])
+    assert hatched.contains(shapely.Point(13, 3))
+    assert not hatched.contains(shapely.Point(3, 3))
+    assert "or Camera 2 recorded nothing" in re.sub(r"<[^>]+>", " ", render_html(silent))
+
+
+def test_the_weeks_count_the_same_cameras(silent: WeekReport) -> None:
+    assert silent.trend is not None
+    before, now = (week.often.value for week in silent.trend.weeks if week.often is not None)
+    assert before == now == pytest.approx(25.0)
+    assert silent.trend.left_out == ("Camera 2",)
+    assert silent.level.often.previous == pytest.approx(25.0)
