@@ -92,7 +92,7 @@ function fill(id, [big, small], exact) {
 /* The page comes with the map of the whole week: until something else is chosen, it is not drawn again. */
 let isFresh = true;
 function isShipped(p) {
-  const same = isFresh && state.show === 'week' && state.map === 'violations' && isWhole() && M.hasShipped && (!seen || recordedBy(p, p.drawn).every(h => h > 0));
+  const same = isFresh && state.show === 'week' && state.map === 'violations' && isWhole() && recordedBy(p, p.drawn).every(h => h > 0);
   isFresh = false;
   return same;
 }

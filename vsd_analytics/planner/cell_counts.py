@@ -113,7 +113,7 @@ class LyingCounts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Asked:
+class CellsAsked:
     """What of a week is asked for.
 
     Attributes:
@@ -136,7 +136,7 @@ class Asked:
     hidden: Sequence[Area | None] | None = ()
 
 
-def week_cells(data: WeekData, period: Period, asked: Asked) -> WeekCells:
+def week_cells(data: WeekData, period: Period, asked: CellsAsked) -> WeekCells:
     """Return what lies where in a week, how it lies inside the cells, and the week's excess."""
     lying = lying_counts(data, asked)
     return WeekCells(
@@ -156,7 +156,7 @@ def week_cells(data: WeekData, period: Period, asked: Asked) -> WeekCells:
     )
 
 
-def lying_counts(data: WeekData, asked: Asked) -> LyingCounts:
+def lying_counts(data: WeekData, asked: CellsAsked) -> LyingCounts:
     """Return the violations and the person-time of a week by camera, cell and hour."""
     slots, grid, hidden = asked.slots, asked.grid, asked.hidden
     x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
@@ -212,7 +212,7 @@ def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:
 def _fine(
     data: WeekData, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int, places: Ints
 ) -> Ints:
-    """Return the week's violations by camera and cell of the report's map; arguments as in `Asked`."""
+    """Return the week's violations by camera and cell of the report's map; arguments as in `CellsAsked`."""
     rows = data.warehouse.table(
         "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, count(*)::bigint as n from violations "
         "where floor_id = $floor and hour_start_ms between $from and $to and is_open and cx is not null "
