@@ -92,7 +92,7 @@ function fill(id, [big, small], exact) {
 /* The page comes with the map of the whole week: until something else is chosen, it is not drawn again. */
 let isFresh = true;
 function isShipped(p) {
-  const same = isFresh && state.show === 'week' && state.map === 'violations' && isWhole() && M.hasShipped && (!seen || recordedBy(p, p.drawn).every(h => h > 0));
+  const same = isFresh && state.show === 'week' && state.map === 'violations' && isWhole() && recordedBy(p, p.drawn).every(h => h > 0);
   isFresh = false;
   return same;
 }
@@ -104,6 +104,7 @@ function draw() {
     const here = field(now, used), there = was && state.show !== 'week' ? field(was, usedWas) : null, isDifference = state.show === 'difference' && there;
     const shown = isDifference ? here.map((v, i) => v - there[i]) : here, seenHere = seenBy(now, used), seenThere = there ? seenBy(was, usedWas) : null;
     if (isDifference && here.known) shown.known = here.known.map((v, i) => v && there.known[i]);
+    document.body.classList.toggle('views', Boolean(seen));
     setBands('gb', shown, map);
     setWhites('gb', shown.known, isDifference ? both(seenHere, seenThere) : seenHere);
     if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
@@ -168,15 +169,16 @@ let namedAt = 0;
 function setNames(unit) {
   if (unit === namedAt) return;
   namedAt = unit;
-  const taken = all('.hm').map(boxOf);
-  for (const e of all('.pt')) {
-    const found = ['1.15em', '-.4em'].map(dy => { e.setAttribute('dy', dy); return [dy, boxOf(e)]; }).find(([, b]) => b.y > 0 && !taken.some(t => meet(t, b)));
+  // all sizes are read before any place is written, so that the browser lays the page out once
+  const taken = all('.hm').map(boxOf), names = all('.pt').map(e => [e, boxOf(e), parseFloat(e.getAttribute('dy'))]), fixtures = all('.fn').map(e => [e, e.getBBox()]);
+  for (const [e, box, was] of names) {
+    const found = [1.15, -0.4].map(dy => [dy, { ...box, y: box.y + (dy - was) * 14 * unit }]).find(([, b]) => b.y > 0 && !taken.some(t => meet(t, b)));
     e.classList.toggle('out-of-way', !found);
-    if (found) { e.setAttribute('dy', found[0]); taken.push(found[1]); }
+    if (found) { e.setAttribute('dy', `${found[0]}em`); taken.push(found[1]); }
   }
-  for (const e of all('.fn')) {
-    const b = e.getBBox(), [x, y] = [b.x + b.width / 2, b.y + b.height / 2], up = e.hasAttribute('transform');
-    const own = up ? { x: x - b.height / 2, y: y - b.width / 2, width: b.height, height: b.width } : b;
+  for (const [e, b] of fixtures) {
+    const x = b.x + b.width / 2, y = b.y + b.height / 2;
+    const own = e.hasAttribute('transform') ? { x: x - b.height / 2, y: y - b.width / 2, width: b.height, height: b.width } : b;
     const fits = b.width <= +e.dataset.along && !taken.some(t => meet(t, own));
     e.classList.toggle('out-of-way', !fits);
     if (fits) taken.push(own);

@@ -129,7 +129,7 @@ async function start() {
   const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells(Array.from({ length: 6 }, () => r.part()), g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
   week = read(0); before = M.hasBefore ? read(1) : null; past = M.hasPast ? readPanel(r) : null;
   if (g && r.one()) readWalkable(r);
-  if (M.hasSeen) { seen = runs(r, M.cameras * fine.nx * fine.ny); document.body.classList.add('views'); }
+  if (M.hasSeen) seen = runs(r, M.cameras * fine.nx * fine.ny);
   readChanges(r);
   pairHours();
   recall(); draw(); listen();

@@ -503,10 +503,13 @@ def test_floor_that_no_camera_recorded_in_the_chosen_time_is_hatched(viewed: Any
     x0, y0, x1, y1 = masked.shown.extent
     whole = (x1 - x0) * (y1 - y0) * 100**2
     assert hatched() == 0
+    shipped = "document.body.classList.contains('views')"
+    assert not viewed.evaluate(shipped), "the report's hatching is there until a map is drawn anew"
     assert viewed.is_visible(".k-off")
     viewed.click("[data-pick='1111100']")
     for day in (0, 1, 3, 4):
         viewed.click(f"[data-day='{day}']")
+    assert viewed.evaluate(shipped)
     assert 0.4 * whole < hatched() < 0.6 * whole
     viewed.click("[data-day='2']")
     assert hatched() > 0.9 * whole

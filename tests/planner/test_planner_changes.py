@@ -20,7 +20,7 @@ from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.planner.change_words import change_words
-from vsd_analytics.planner.logged_changes import ChangeSide, LoggedChange, Lying
+from vsd_analytics.planner.logged_changes import ChangeSide, Lying, PlannerChange
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.report.model.assemble import week_report
@@ -52,7 +52,7 @@ def known(logged: Site) -> PlannerData:
     return planner_pages(logged, planted.MONDAY)[0]
 
 
-def by_text(known: PlannerData, start: str) -> LoggedChange:
+def by_text(known: PlannerData, start: str) -> PlannerChange:
     [found] = [c for c in known.changes if c.text.startswith(start)]
     return found
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
-from vsd_analytics.planner.logged_changes import ChangeSide, TimelineChange
+from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
@@ -18,7 +18,7 @@ from vsd_analytics.report.words.things_to_know import is_shown_to_work
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChangeFigure:
+class ChangeEffectRow:
     """A figure of a change: its verdict in words, the change, its likely range."""
 
     name: str
@@ -49,14 +49,14 @@ class ChangeWords:
     place: str
     text: str
     verdict: str
-    rows: tuple[ChangeFigure, ...]
+    rows: tuple[ChangeEffectRow, ...]
     notes: tuple[str, ...]
     cautions: tuple[str, ...]
     spans: tuple[str, ...]
     has_map: bool
 
 
-def change_words(change: TimelineChange) -> ChangeWords:
+def change_words(change: PlannerChange) -> ChangeWords:
     """Return a logged change as texts."""
     result = change.result
     is_ok = result is not None and result.state == "ok"
@@ -80,7 +80,7 @@ def _span(side: ChangeSide) -> str:
     return say("planner.log.span", first=fmt.date_short(first), last=fmt.date_short(last))
 
 
-def _verdict(change: TimelineChange) -> str:
+def _verdict(change: PlannerChange) -> str:
     result, area = change.result, "" if change.area is None else change.area.name
     if result is None:
         return say("planner.log.whole_site")
@@ -111,7 +111,7 @@ def _less_more(change: float) -> str:
     return say("planner.log.less" if change < 0 else "planner.log.more", percent=fmt.percent(abs(change)))
 
 
-def _rows(result: Redesign) -> tuple[ChangeFigure, ...]:
+def _rows(result: Redesign) -> tuple[ChangeEffectRow, ...]:
     n = result.n_watched or 0
     figures = (
         (say("planner.log.running", plural=n, n=n, area=result.area_name), result.running),
@@ -122,8 +122,8 @@ def _rows(result: Redesign) -> tuple[ChangeFigure, ...]:
     return tuple(_row(name, e) for name, e in figures if e is not None)
 
 
-def _row(name: str, e: Estimate) -> ChangeFigure:
-    return ChangeFigure(
+def _row(name: str, e: Estimate) -> ChangeEffectRow:
+    return ChangeEffectRow(
         name=name,
         verdict=terms.verdict_words(e),
         change=fmt.signed(e.change),

@@ -71,7 +71,7 @@ class ChangeSide:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class TimelineChange:
+class PlannerChange:
     """An entry of the log.
 
     Attributes:
@@ -143,7 +143,7 @@ def entries_of(site: Site, monday: date, *, weeks: int, floor_id: str | None = N
     return sorted(found, key=lambda each: (each[1].at, each[0]))
 
 
-def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[TimelineChange, ...]:
+def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[PlannerChange, ...]:
     """Return the logged changes of the last weeks up to this one, in order of time.
 
     Args:
@@ -158,7 +158,7 @@ def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[Tim
     )
 
 
-def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> TimelineChange:
+def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> PlannerChange:
     areas = {a.area_id: a for a in data.areas}
     result = None
     if entry.area_id is not None:
@@ -173,7 +173,7 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Timel
         pair = TwoPeriods(Period(data, *spans[0]), Period(data, *spans[1]))
         sides = [made.side(spans[0], pair.used(0)), made.side(spans[1], pair.used(1))]
         hidden = {**made.hidden(spans[1]), **made.hidden(spans[0])}
-    return TimelineChange(
+    return PlannerChange(
         number=number,
         at=entry.at.astimezone(data.site.zone),
         text=entry.text,

@@ -20,7 +20,7 @@ from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import packed_numbers
-from vsd_analytics.planner.logged_changes import TimelineChange
+from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import script, sentences
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
@@ -241,7 +241,6 @@ def _meta(
         "notCompared": text_or_none(data.why_not_compared),
         "noViolations": text_or_none(data.why_no_violations),
         "noExposure": text_or_none(data.why_no_exposure),
-        "hasShipped": drawing is not None,
         "hasSeen": data.seen is not None and grid is not None,
         "changes": [_change_of_log_meta(c) for c in data.changes],
         "places": [_place_meta(data, k, row) for k, row in enumerate(data.places)],
@@ -309,7 +308,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     }
 
 
-def _change_of_log_meta(change: TimelineChange) -> dict[str, Any]:
+def _change_of_log_meta(change: PlannerChange) -> dict[str, Any]:
     return {
         "number": change.number,
         "area": None if change.area is None else f"area:{change.area.area_id}",

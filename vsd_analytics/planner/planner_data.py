@@ -30,7 +30,7 @@ from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells
 from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
-from vsd_analytics.planner.logged_changes import MOST_WEEKS, Counted, TimelineChange, entries_of, logged_changes
+from vsd_analytics.planner.logged_changes import MOST_WEEKS, Counted, PlannerChange, entries_of, logged_changes
 from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
 from vsd_analytics.report.words.catalogue import say
@@ -94,7 +94,7 @@ class PlaceRow:
         often: How often (M0), with the change from the other week.
         risky: How risky (M7), likewise.
         close_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
-        is_close_told: The cameras that count there know distances, so that the share of any part of a week is told.
+        is_close_told: The cameras that count there know distances, so that the page knows the share of any part of a week.
     """
 
     place_id: str
@@ -152,11 +152,11 @@ class PlannerData:
     hotspots: spots.FloorHotspots
     is_made_up: bool
     weeks: int
-    changes: tuple[TimelineChange, ...]
+    changes: tuple[PlannerChange, ...]
 
 
 def weeks_needed(site: Site, monday: date, *, floor_id: str | None = None) -> int:
-    """Return how many weeks of the log a page holds unless told: twelve if they have a logged change, else two."""
+    """Return how many weeks of the log a page holds by default: twelve if they have a logged change, else two."""
     return MOST_WEEKS if entries_of(site, monday, weeks=MOST_WEEKS, floor_id=floor_id) else LEAST_WEEKS
 
 
