@@ -146,7 +146,9 @@ def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datet
     def instant(value: Any) -> datetime:
         return parse_instant(value, timezone=timezone)
 
-    since, until = (table.parsed(key, example="2026-11-09T06:30:00+01:00", parse=instant, form=DATE) for key in ("from", "to"))
+    since, until = (
+        table.parsed(key, example="2026-11-09T06:30:00+01:00", parse=instant, form=DATE) for key in ("from", "to")
+    )
     if since is not None and until is not None and until <= since:
         table.fault("to", f"{table.label} ends before it begins", code="E125", fix="give a later to, or leave it out")
         return None, None
