@@ -97,6 +97,11 @@ def test_old_weeks_draw_the_old_layout_and_the_week_of_the_move_draws_both(site:
     rings = [[f.ring for f in r.maps[0].fixtures] for r in (before, now)]
     assert rings[0] == [((9.0, 1.0), (10.0, 1.0), (10.0, 2.0), (9.0, 2.0))]
     assert rings[1] == [((13.0, 6.0), (14.0, 6.0), (14.0, 7.0), (13.0, 7.0))]
+    assert before.agenda is not None
+    assert now.agenda is not None
+    keys = [{r.key for p in made.agenda.places for r in p.remedies} for made in (before, now) if made.agenda]
+    assert "move-stand" in keys[0]
+    assert "move-stand" not in keys[1]  # it was moved this week: watch first
     assert before.change_maps is not None
     assert before.change_maps.fixtures_before is None
     assert now.change_maps is not None

@@ -170,19 +170,19 @@ def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags
 
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:
-    """Return the fixtures that stand on the floor at the end of the week."""
-    return tuple(f for f in _listed(data) if f.stands(_instant(data.this.span_ms[1] - 1)))
+    """Return the fixtures on the floor at the end of the week."""
+    return tuple(f for f in _listed(data) if f.is_there(_instant(data.this.span_ms[1] - 1)))
 
 
 def fixtures_before(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood there at the end of the week before."""
-    return tuple(f for f in _listed(data) if f.stands(_instant(data.this.span_ms[0] - 1)))
+    return tuple(f for f in _listed(data) if f.is_there(_instant(data.this.span_ms[0] - 1)))
 
 
 def fixed_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood in one place all through this week and the one before: nobody walked there in either."""
     first, end = data.midnight(data.monday - WEEK), data.midnight(data.monday + WEEK)
-    return tuple(f for f in _listed(data) if f.stands(first, until=end))
+    return tuple(f for f in _listed(data) if f.is_there(first, until=end))
 
 
 def _instant(ms: int) -> datetime:
