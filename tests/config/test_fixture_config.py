@@ -63,9 +63,9 @@ def test_a_fixture_that_was_moved_stands_in_one_place_until_it_was_moved(tmp_pat
     at = datetime(2026, 11, 9, 5, 30, tzinfo=UTC)
     assert (old.valid_to, new.valid_from) == (at, at)
     before = at - timedelta(seconds=1)
-    assert [(f.stands(before), f.stands(at)) for f in (old, new)] == [(True, False), (False, True)]
-    assert not new.stands(before, until=at + timedelta(days=1))
-    assert old.stands(before, until=at)
+    assert [(f.is_there(before), f.is_there(at)) for f in (old, new)] == [(True, False), (False, True)]
+    assert not new.is_there(before, until=at + timedelta(days=1))
+    assert old.is_there(before, until=at)
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,7 @@ def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: s
 
 
 def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datetime | None]:
-    """Return the UTC instants `from` which and `to` which something stands there; a date is its midnight."""
+    """Return the UTC instants `from` which and `to` which something is there; a date is its midnight."""
 
     def instant(value: Any) -> datetime:
         return parse_instant(value, timezone=timezone)
@@ -156,7 +156,7 @@ def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datet
 
 
 def _overlap(one: Fixture, since: datetime | None, until: datetime | None) -> bool:
-    """Tell whether a fixture stands at some time between two instants; None = without an end."""
+    """Tell whether a fixture is there at some time between two instants; None = without an end."""
     is_before = one.valid_to is not None and since is not None and one.valid_to <= since
     is_after = one.valid_from is not None and until is not None and one.valid_from >= until
     return not (is_before or is_after)

@@ -309,7 +309,7 @@ def _write_site(folder: Path, *, hz: float | None, closed: Sequence[date], moved
     (folder / "vsd.toml").write_text(_toml(hz, closed, moved_at), encoding="utf-8")
 
 
-def _toml(hz: float | None, closed: Sequence[date], moved_at: datetime) -> str:
+def _toml(hz: float | None, closed: Sequence[date], moved_at: datetime | None = None) -> str:
     blocks = [
         "# A made-up shop. Floor coordinates are metres from its lower left corner, x to the right, y up.",
         f'[site]\nid = "{SITE_ID}"\nname = "{SITE_NAME}"\ntimezone = "{TIMEZONE}"\n'

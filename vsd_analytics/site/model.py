@@ -108,8 +108,8 @@ class Fixture:
         kind: "shelf" (also counters and displays), "wall" (also closed rooms), "till", or "other".
         is_movable: True when staff could move it, so that a report may ask whether it should.
         height_m: Its height, so that a picture shows what it hides; None = unknown.
-        valid_from: UTC instant from which it stands there; None = always did.
-        valid_to: UTC instant from which it no longer does; None = still does.
+        valid_from: UTC instant from which it is there; None = always was.
+        valid_to: UTC instant from which it no longer is; None = still is.
     """
 
     fixture_id: str
@@ -122,8 +122,8 @@ class Fixture:
     valid_from: datetime | None = None
     valid_to: datetime | None = None
 
-    def stands(self, at: datetime, *, until: datetime | None = None) -> bool:
-        """Tell whether it stands there at an instant, and up to another one where that is given."""
+    def is_there(self, at: datetime, *, until: datetime | None = None) -> bool:
+        """Tell whether it is there at an instant, and up to another one where that is given."""
         has_come = self.valid_from is None or self.valid_from <= at
         if self.valid_to is None:
             return has_come

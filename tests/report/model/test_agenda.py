@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import timedelta
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from report import ingested_worlds as w
+from report import model_classes as m
+from report import sample_sections as weeks
 
 from vsd_analytics.cli import cli
 from vsd_analytics.config import load_site
 from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.figures.week.floor_maps import _heaviest_patch
+from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.site.model import Site
 
 SHORT = '{ mon-sun = "09:00-10:00" }'
@@ -97,6 +103,11 @@ def test_old_weeks_draw_the_old_layout_and_the_week_of_the_move_draws_both(site:
     rings = [[f.ring for f in r.maps[0].fixtures] for r in (before, now)]
     assert rings[0] == [((9.0, 1.0), (10.0, 1.0), (10.0, 2.0), (9.0, 2.0))]
     assert rings[1] == [((13.0, 6.0), (14.0, 6.0), (14.0, 7.0), (13.0, 7.0))]
+    assert before.agenda is not None
+    assert now.agenda is not None
+    keys = [{r.key for p in made.agenda.places for r in p.remedies} for made in (before, now) if made.agenda]
+    assert "move-stand" in keys[0]
+    assert "move-stand" not in keys[1]  # it was moved this week: watch first
     assert before.change_maps is not None
     assert before.change_maps.fixtures_before is None
     assert now.change_maps is not None
@@ -105,3 +116,24 @@ def test_old_weeks_draw_the_old_layout_and_the_week_of_the_move_draws_both(site:
     assert drawn.count('class="gn"') == 2  # beside this week's layout and in the difference
     assert "where Stand stood before" in drawn
     assert 'class="gn"' not in page(site, "2026-W45")
+
+
+def test_the_number_of_an_area_is_at_its_heaviest_patch_and_not_where_a_neighbours_edge_reaches_in() -> None:
+    own = np.zeros((9, 9))
+    own[2:6, 2:6] = 2.0
+    own[8, 0] = 5.0  # the edge of a patch that lies outside the area
+    kept = _heaviest_patch(own, 0.5)
+    assert np.unravel_index(int(kept.argmax()), kept.shape) == (2, 2)
+    assert kept[8, 0] == 0.0
+    assert not _heaviest_patch(own, 9.0).any()
+
+
+def test_a_card_says_how_often_here_and_how_many_spots_the_planner_has_beside_it() -> None:
+    report = weeks.with_tested_spots()
+    assert report.spots is not None
+    ratio = m.Estimate(value=2.5, lo=2.3, hi=2.7)
+    card = replace(report.spots.cards[0], ratio=ratio, here=m.Estimate(value=12.34, previous=15.0))
+    made = cards(replace(report, spots=replace(report.spots, kind="tested", cards=(card,), n_more=2)))
+    assert made is not None
+    assert "At the spot and within 1 m of it: 12 violations an open hour, 15 in week 45" in made.cards[0].notes
+    assert made.more == "The planner shows 2 more spots that hold little of the time too close."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import timedelta
+from datetime import UTC, datetime
 from functools import cached_property
 
 import numpy as np
@@ -170,21 +170,23 @@ def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags
 
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:
-    """Return the fixtures that stand on the floor at the end of the week."""
-    last = data.midnight(data.monday + WEEK) - timedelta(milliseconds=1)
-    return tuple(f for f in _listed(data) if f.stands(last))
+    """Return the fixtures on the floor at the end of the week."""
+    return tuple(f for f in _listed(data) if f.is_there(_instant(data.this.span_ms[1] - 1)))
 
 
 def fixtures_before(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood there at the end of the week before."""
-    last = data.midnight(data.monday) - timedelta(milliseconds=1)
-    return tuple(f for f in _listed(data) if f.stands(last))
+    return tuple(f for f in _listed(data) if f.is_there(_instant(data.this.span_ms[0] - 1)))
 
 
 def fixed_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood in one place all through this week and the one before: nobody walked there in either."""
     first, end = data.midnight(data.monday - WEEK), data.midnight(data.monday + WEEK)
-    return tuple(f for f in _listed(data) if f.stands(first, until=end))
+    return tuple(f for f in _listed(data) if f.is_there(first, until=end))
+
+
+def _instant(ms: int) -> datetime:
+    return datetime.fromtimestamp(ms // 1000, tz=UTC)
 
 
 def _listed(data: WeekData) -> tuple[Fixture, ...]:

@@ -93,7 +93,7 @@ class ChangeMaps:
     hours_compared: float = _f("Camera-hours recorded in both weeks.", "h")
     places: tuple[ChangedPlace, ...] = _f("Areas with coloured floor, the greatest change first.", default=())
     fixtures_before: tuple[MapFixture, ...] | None = _f(
-        "What stood on the floor at the end of the week before; None: what stands there now.", default=None
+        "What stood on the floor at the end of the week before; None: what is there now.", default=None
     )
 
 

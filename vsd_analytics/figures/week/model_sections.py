@@ -285,7 +285,7 @@ class LedgerLine:
     n_watched: int | None = _f("Weeks since the change that were read.", "weeks", "M27", default=None)
     watched_until: date | None = _f("Last day it is watched; None: it is decided, or cannot be.", default=None)
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
-    reason: Reason | None = _f("Why nothing can be told yet.", default=None)
+    reason: Reason | None = _f("Why nothing can be said yet.", default=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -59,7 +59,7 @@ def mini_heat(
         steps: Lower ends of all bands.
         label: Text alternative.
         is_alone: Carry the plan.
-        gone: Fixtures that stand there no longer; outlined.
+        gone: Fixtures that were moved away; outlined.
     """
     frame = _frame(floor)
     drawn = [*draw.heat(bands, frame, steps=steps, edges=draw.edges_of(floor)), *draw.places_left(gone, frame)]
@@ -67,7 +67,7 @@ def mini_heat(
 
 
 def moved_away(floor: FloorMap, shown: ChangeMaps) -> tuple[MapFixture, ...]:
-    """Return the fixtures of the week before that stand there no longer."""
+    """Return the fixtures of the week before that are there no longer."""
     return tuple(f for f in shown.fixtures_before or () if f not in floor.fixtures)
 
 

@@ -21,10 +21,10 @@ from vsd_analytics.figures.week.spots import place_shape
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
 from vsd_analytics.report.words import questions as rules
-from vsd_analytics.site.model import QuestionAnswer
+from vsd_analytics.site.model import Fixture, QuestionAnswer
 
 WATCHED: Final = timedelta(days=28)
-"""So long after a logged change nothing else is asked about its area: two changes at once cannot be told apart."""
+"""So long after a logged change nothing else is asked about its area: two changes at once cannot be separated."""
 MEMORY: Final = timedelta(weeks=52)
 """Questions of earlier years are forgotten."""
 BUSIEST_WEEKS: Final = 8
@@ -47,6 +47,12 @@ def changed_on(data: WeekData) -> dict[str, date]:
     end = data.midnight(data.monday + WEEK)
     recent = [e for e in read_log(data.site) if e.area_id is not None and end - WATCHED <= e.at < end]
     return {str(e.area_id): e.at.astimezone(data.site.zone).date() for e in recent}
+
+
+def fixtures_to_ask(data: WeekData) -> tuple[Fixture, ...]:
+    """Return the fixtures a question may name: one that was moved in the last four weeks is watched where it is."""
+    recent = data.midnight(data.monday + WEEK) - WATCHED
+    return tuple(f for f in floor_fixtures(data) if f.valid_from is None or f.valid_from <= recent)
 
 
 def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
@@ -113,7 +119,7 @@ def _place(
             area.name,
             shapely.Polygon(area.polygon) if shape is None else shape,
             area=area,
-            fixtures=floor_fixtures(data),
+            fixtures=fixtures_to_ask(data),
             when=when,
             is_unsure=evidence is not None and evidence.sureness == "low",
         )

@@ -11,10 +11,9 @@ from shapely.geometry.base import BaseGeometry
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, UsualHours
 from vsd_analytics.figures.week.spots import place_shape
-from vsd_analytics.report.model.agenda import changed_on, past_questions
+from vsd_analytics.report.model.agenda import changed_on, fixtures_to_ask, past_questions
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import questions as rules
 from vsd_analytics.report.words import terms
@@ -83,7 +82,7 @@ def _asked(
         name,
         shape,
         area=area,
-        fixtures=floor_fixtures(data),
+        fixtures=fixtures_to_ask(data),
         when=rules.above_all(usual) if usual is not None else "",
         is_unsure=evidence is not None and evidence.sureness == "low",
     )

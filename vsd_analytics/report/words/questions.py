@@ -35,7 +35,7 @@ FLOOR: Final = "floor"
 PUT_OFF: Final = timedelta(days=28)
 """What was put off is asked again after so long."""
 FORGET: Final = timedelta(weeks=26)
-"""What nobody answered may be asked anew after so long."""
+"""What nobody answered may be asked again after so long."""
 EVENT: Final = timedelta(weeks=4)
 """The same of what happened in a week: a rise, a camera that was down."""
 OPEN_MAX: Final = 3
@@ -161,7 +161,7 @@ class Candidate:
         again: Other words for the same; empty = none.
         area_id: Area it is about; None = none.
         is_change: To try it is to change the site.
-        forget: It may be asked anew after so long.
+        forget: It may be asked again after so long.
     """
 
     place: str

@@ -21,7 +21,7 @@ MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 NEWS_WEEKS: Final = 2
-"""So many weeks the result of a change is told in full; then a shorter line does."""
+"""For so many weeks the page explains the result of a change; then a shorter line does."""
 KNOWN_WEEKS: Final = 3
 """What was so in so many of the weeks before is no news."""
 
