@@ -174,15 +174,17 @@ def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> Wee
 
 
 def said_of(report: WeekReport) -> str | None:
-    """Return what the page says worked: "works", "moved", "fell since"; None if it says no such thing."""
-    title = story_of(report).things[0].title
-    for change in report.redesigns:
-        if is_shown_to_work(change) and title == say("things.works", area=change.area_name):
-            return "works"
-        if title == say("things.moved", area=change.area_name):
-            return "moved"
+    """Return what the page says worked: "works", "moved", "fell since"; None if it says no such thing.
+
+    Whatever part of the page says it: all of them ask `is_shown_to_work`.
+    """
+    if any(is_shown_to_work(change) for change in report.redesigns):
+        return "works"
+    if any(is_shown_to_work(change, wherever=True) for change in report.redesigns):
+        return "moved"
+    titles = {thing.title for thing in story_of(report).things if thing.kind == "worked"}
     falls = {say("things.fell_since", area=line.area_name) for line in report.log if line.area_name}
-    return "fell since" if title in falls else None
+    return "fell since" if titles & falls else None
 
 
 def quiet_year(drawn: Drawn, site: int, folder: Path, *, seed: int) -> Year:
