@@ -11,8 +11,8 @@
 --   violation_s    person-seconds in violation
 --   between_s      those in which somebody closer than distance_m is not of the person's own group
 -- figure: M30 Time too close between groups
---   definition   person-minutes with somebody of another group closer than distance_m: in all, and per stay (M6 between groups times the mean
---                time of a track id in one camera's view)
+--   definition   person-minutes with somebody of another group closer than distance_m: in all, and per stay (M6 between groups times
+--                the mean time of a track id in one camera's view)
 --   unit         person-minutes
 --   denominator  person-hours of cameras whose ids last
 --   needs        ids that last, as M9; 5 days for an interval
