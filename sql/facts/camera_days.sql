@@ -20,107 +20,92 @@
 --   uncertainty  none
 --   by           vsd_analytics.figures.catalogue.recording_figures.quality
 -- steps:
---   told       per day, because an engine may start to send ids or pairs after an update
---   announced  an engine that reports n_pairs sends pairs, also on a day without any
---   spaced     the median ignores outages; 1200000 ms (20 minutes) is the longest interval, so that an hour needs no more than its
---              neighbours
+--   seen      an engine that reports n_pairs sends pairs, also on a day without any
+--   told      per day, because an engine may start to send ids or pairs after an update
+--   instants  only of cameras whose frame rate vsd.toml does not say: of the others no time between frames is needed
+--   spaced    the median ignores outages; 1200000 ms (20 minutes) is the longest interval, so that an hour needs no more than its
+--             neighbours
 -- assumes: a whole UTC day of stored records is loaded; a longer interval than 20 minutes counts as 20 minutes
 with seen as (
     select
         camera_id,
         unix_millis(ts) as ts_ms,
         1 as is_frame,
-        case when n_persons is null then 0 else 1 end as is_person
+        case when n_persons is null then 0 else 1 end as is_person,
+        case when n_pairs is null then 0 else 1 end as is_pair,
+        0 as is_record,
+        0 as is_tracked
     from stored_frames
     union all
     select
         camera_id,
         unix_millis(ts) as ts_ms,
         0 as is_frame,
-        1 as is_person
+        1 as is_person,
+        0 as is_pair,
+        1 as is_record,
+        case when track_id is null then 0 else 1 end as is_tracked
     from stored_observations
     union all
     select
         camera_id,
         unix_millis(ts) as ts_ms,
         0 as is_frame,
-        0 as is_person
-    from stored_pairs
-),
-
-instants as (
-    select
-        camera_id,
-        ts_ms,
-        cast(floor(ts_ms / 86400000) as bigint) as utc_day,
-        max(is_frame) as is_frame,
-        max(is_person) as is_person
-    from seen
-    group by camera_id, ts_ms
-),
-
-identified as (
-    select
-        camera_id,
-        cast(floor(unix_millis(ts) / 86400000) as bigint) as utc_day,
-        case when track_id is null then 0 else 1 end as is_tracked,
-        0 as is_pair
-    from stored_observations
-    union all
-    select
-        camera_id,
-        cast(floor(unix_millis(ts) / 86400000) as bigint) as utc_day,
-        case when track_a is null or track_b is null then 0 else 1 end as is_tracked,
-        1 as is_pair
+        0 as is_person,
+        1 as is_pair,
+        1 as is_record,
+        case when track_a is null or track_b is null then 0 else 1 end as is_tracked
     from stored_pairs
 ),
 
 told as (
     select
         camera_id,
-        utc_day,
-        2 * sum(is_tracked) >= count(*) as has_tracks,
+        cast(floor(ts_ms / 86400000) as bigint) as utc_day,
+        max(is_frame) = 1 as has_heartbeat,
+        max(is_person) = 1 as has_persons,
+        2 * sum(is_tracked) >= sum(is_record) as has_tracks,
         max(is_pair) = 1 as sends_pairs
-    from identified
-    group by camera_id, utc_day
+    from seen
+    group by camera_id, cast(floor(ts_ms / 86400000) as bigint)
 ),
 
-announced as (
+instants as (
     select distinct
-        camera_id,
-        cast(floor(unix_millis(ts) / 86400000) as bigint) as utc_day
-    from stored_frames
-    where n_pairs is not null
+        seen.camera_id,
+        seen.ts_ms,
+        cast(floor(seen.ts_ms / 86400000) as bigint) as utc_day
+    from seen
+    inner join cameras on seen.camera_id = cameras.camera_id
+    where cameras.interval_ms is null
 ),
 
 spaced as (
     select
         utc_day,
         camera_id,
-        is_frame,
-        is_person,
         ts_ms - lag(ts_ms) over (partition by camera_id, utc_day order by ts_ms) as since_ms
     from instants
+),
+
+medians as (
+    select
+        utc_day,
+        camera_id,
+        cast(round(percentile_cont(0.5) within group (order by since_ms)) as bigint) as interval_ms
+    from spaced
+    group by utc_day, camera_id
 )
 
 select
-    spaced.utc_day,
-    spaced.camera_id,
-    least(
-        coalesce(
-            max(cameras.interval_ms),
-            cast(round(percentile_cont(0.5) within group (order by spaced.since_ms)) as bigint),
-            1000
-        ),
-        1200000
-    ) as interval_ms,
-    max(spaced.is_frame) = 1 as has_heartbeat,
-    max(spaced.is_person) = 1 as has_persons,
-    coalesce(bool_and(told.has_tracks), true) as has_tracks,
-    coalesce(bool_or(told.sends_pairs), false) or count(announced.camera_id) > 0 as sends_pairs
-from spaced
-inner join cameras on spaced.camera_id = cameras.camera_id
-left join told on spaced.camera_id = told.camera_id and spaced.utc_day = told.utc_day
-left join announced on spaced.camera_id = announced.camera_id and spaced.utc_day = announced.utc_day
-group by spaced.utc_day, spaced.camera_id
-order by spaced.utc_day, spaced.camera_id
+    told.utc_day,
+    told.camera_id,
+    least(coalesce(cameras.interval_ms, medians.interval_ms, 1000), 1200000) as interval_ms,
+    told.has_heartbeat,
+    told.has_persons,
+    told.has_tracks,
+    told.sends_pairs
+from told
+inner join cameras on told.camera_id = cameras.camera_id
+left join medians on told.camera_id = medians.camera_id and told.utc_day = medians.utc_day
+order by told.utc_day, told.camera_id

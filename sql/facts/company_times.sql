@@ -43,7 +43,7 @@ companies as (
         case
             when count(other_id) < count(*) then null
             when count(*) = 1 then min(other_id)
-            else string_agg(other_id, chr(1) order by other_id)
+            else array_to_string(list_sort(list(other_id)), chr(1))
         end as company
     from sides
     group by camera_id, ts_ms, member

@@ -10,38 +10,55 @@
 --   ended_ms       end of the time the last frame of the run covers
 --   is_inferred    true when the engine sends no heartbeat
 -- steps:
---   numbered  a run ends where the time that a frame covers does not reach the next frame
--- assumes: a run is cut at every UTC hour, so that the unit of an hour depends on that hour alone
+--   starts   a run ends where the time that a frame covers does not reach the next frame
+--   lasting  a run ends where the frame before the next run ends; the last one ends with the hour's last frame
+-- assumes: an hour of a camera has a heartbeat or not; a run is cut at every UTC hour, so that an hour depends on its own records
 with marked as (
     select
         hour,
         camera_id,
         ts_ms,
-        covered_ms,
         has_heartbeat,
         lag(ts_ms + covered_ms) over (partition by camera_id, hour order by ts_ms) as before_ms
     from instants
 ),
 
-numbered as (
+starts as (
     select
         hour,
         camera_id,
         ts_ms,
-        covered_ms,
-        has_heartbeat,
-        sum(case when before_ms >= ts_ms then 0 else 1 end) over (
-            partition by camera_id, hour order by ts_ms rows between unbounded preceding and current row
-        ) as run
+        before_ms,
+        has_heartbeat
     from marked
+    where before_ms is null or before_ms < ts_ms
+),
+
+lasting as (
+    select
+        hour,
+        camera_id,
+        ts_ms,
+        lead(before_ms) over (partition by camera_id, hour order by ts_ms) as ended_ms,
+        has_heartbeat
+    from starts
+),
+
+hour_ends as (
+    select
+        hour,
+        camera_id,
+        max(ts_ms + covered_ms) as ended_ms
+    from instants
+    group by hour, camera_id
 )
 
 select
-    hour,
-    camera_id,
-    min(ts_ms) as started_ms,
-    max(ts_ms + covered_ms) as ended_ms,
-    not bool_and(has_heartbeat) as is_inferred
-from numbered
-group by hour, camera_id, run
-order by hour, camera_id, started_ms
+    l.hour,
+    l.camera_id,
+    l.ts_ms as started_ms,
+    coalesce(l.ended_ms, e.ended_ms) as ended_ms,
+    not l.has_heartbeat as is_inferred
+from lasting as l
+inner join hour_ends as e on l.hour = e.hour and l.camera_id = e.camera_id
+order by l.hour, l.camera_id, l.ts_ms

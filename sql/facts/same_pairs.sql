@@ -26,7 +26,7 @@
 --               its neighbours
 --   compared    seconds in which only one camera sees its pair say nothing, so agreement is counted over seconds that both have
 -- assumes: at least half of n_both agree; clocks of the cameras agree; ids of different cameras are never compared
-with lasting as (
+with lasting as materialized (
     select
         r.hour,
         c.floor_id,
@@ -47,20 +47,18 @@ with lasting as (
         case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_x_a_mm, r.x_a_mm) else r.x_a_mm end as to_x_a_mm,
         case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_a_mm, r.y_a_mm) else r.y_a_mm end as to_y_a_mm,
         case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_x_b_mm, r.x_b_mm) else r.x_b_mm end as to_x_b_mm,
-        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_b_mm, r.y_b_mm) else r.y_b_mm end as to_y_b_mm
+        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_b_mm, r.y_b_mm) else r.y_b_mm end as to_y_b_mm,
+        o.camera_id is not null as is_shared
     from close_records as r
     cross join params as s
     inner join cameras as c on r.camera_id = c.camera_id
-    where exists (
-        select 1
-        from owner_cells as o
-        where
+    left join owner_cells as o
+        on
             c.floor_id = o.floor_id
             and r.ts_ms >= o.from_ms
             and r.ts_ms < o.to_ms
             and cast(floor((r.x_a_mm + r.x_b_mm) / (2 * s.owner_cell_mm)) as integer) = o.cx
             and cast(floor((r.y_a_mm + r.y_b_mm) / (2 * s.owner_cell_mm)) as integer) = o.cy
-    )
 ),
 
 seconds as (
@@ -93,7 +91,7 @@ at_seconds as (
         p.to_y_b_mm
     from lasting as p
     cross join seconds as n
-    where 1000 * (cast(ceil(p.ts_ms / 1000) as bigint) + n.k) < p.to_ms
+    where p.is_shared and 1000 * (cast(ceil(p.ts_ms / 1000) as bigint) + n.k) < p.to_ms
 ),
 
 seen as materialized (
@@ -153,7 +151,7 @@ reaching as (
 ),
 
 -- whichever person of one is which of the other, the worse placed of the two counts
-near as (
+near as materialized (
     select
         p.hour,
         p.second,

@@ -16,6 +16,10 @@
 --   last_ms     latest one
 --   n_messages  messages of the stretch
 -- steps:
+--   falling      hours of a camera with a number that is not above the one before: only these need the rule above
+--   edges        in all other hours each stretch begins where a number is left out, and with the hour
+--   rising       a stretch ends with the message before the next stretch begins; the last one with the hour
+--   unsteady     the rule looks a minute to either side; over more than five minutes of silence it says nothing
 --   neighboured  60000 ms is the minute of the rule above
 --   marked       over an hour with more than 300000 ms of silence before it, message_gaps decides; a count below 5 is too short to say
 --                that a fall to 0 or 1 is a new count
@@ -31,22 +35,99 @@ with numbered as (
     where seq is not null
 ),
 
+in_time as (
+    select
+        hour,
+        camera_id,
+        ts_ms,
+        seq,
+        lag(hour) over (partition by camera_id order by ts_ms) as before_hour,
+        lag(ts_ms) over (partition by camera_id order by ts_ms) as before_ms,
+        lag(seq) over (partition by camera_id order by ts_ms) as before_seq
+    from numbered
+),
+
+falling as (
+    select distinct
+        hour,
+        camera_id
+    from in_time
+    where seq <= before_seq
+),
+
+edges as (
+    select
+        t.hour,
+        t.camera_id,
+        t.ts_ms,
+        t.seq,
+        t.before_ms,
+        t.before_seq
+    from in_time as t
+    left join falling as f on t.hour = f.hour and t.camera_id = f.camera_id
+    where f.hour is null and (t.before_hour is null or t.before_hour < t.hour or t.seq > t.before_seq + 1)
+),
+
+hour_ends as (
+    select
+        hour,
+        camera_id,
+        max(ts_ms) as last_ms,
+        max(seq) as last_seq
+    from numbered
+    group by hour, camera_id
+),
+
+rising as (
+    select
+        hour,
+        camera_id,
+        seq as first_seq,
+        ts_ms as first_ms,
+        lead(before_seq) over (partition by hour, camera_id order by ts_ms) as last_seq,
+        lead(before_ms) over (partition by hour, camera_id order by ts_ms) as last_ms
+    from edges
+),
+
+-- the hours in which a number falls, and the minutes around them
+unsteady as (
+    select
+        n.hour,
+        n.camera_id,
+        n.ts_ms,
+        n.seq
+    from numbered as n
+    inner join (
+        select distinct
+            f.camera_id,
+            f.hour + k.beside as hour
+        from falling as f
+        cross join (
+            select -1 as beside
+            union all
+            select 0 as beside
+            union all
+            select 1 as beside
+        ) as k
+    ) as h on n.camera_id = h.camera_id and n.hour = h.hour
+),
+
 neighboured as (
     select
         hour,
         camera_id,
         ts_ms,
         seq,
-        lag(hour) over in_time as before_hour,
-        ts_ms - lag(ts_ms) over in_time as silence_ms,
-        lag(seq) over in_time as before_seq,
+        lag(hour) over by_time as before_hour,
+        ts_ms - lag(ts_ms) over by_time as silence_ms,
+        lag(seq) over by_time as before_seq,
         min(seq) over (partition by camera_id order by ts_ms range between 60000 preceding and 1 preceding) as least_before,
         max(seq) over (partition by camera_id order by ts_ms range between current row and 60000 following) as most_after,
-        case when lead(ts_ms, 1) over in_time - ts_ms <= 60000 then lead(seq, 1) over in_time else 0 end as after_1_seq,
-        case when lead(ts_ms, 2) over in_time - ts_ms <= 60000 then lead(seq, 2) over in_time else 0 end as after_2_seq
-    from numbered
+        case when lead(ts_ms, 1) over by_time - ts_ms <= 60000 then lead(seq, 1) over by_time else 0 end as after_1_seq,
+        case when lead(ts_ms, 2) over by_time - ts_ms <= 60000 then lead(seq, 2) over by_time else 0 end as after_2_seq
+    from unsteady
     window
-        in_time as (partition by camera_id order by ts_ms)
+        by_time as (partition by camera_id order by ts_ms)
 ),
 
 marked as (
@@ -99,17 +180,43 @@ islands as (
         last_ms,
         seq - row_number() over (partition by hour, camera_id, restarts order by seq) as island
     from numbers
+),
+
+fallen as (
+    select
+        i.hour,
+        i.camera_id,
+        cast(i.restarts as bigint) as restarts,
+        min(i.seq) as first_seq,
+        max(i.seq) as last_seq,
+        min(i.first_ms) as first_ms,
+        max(i.last_ms) as last_ms,
+        count(*) as n_messages
+    from islands as i
+    inner join falling as f on i.hour = f.hour and i.camera_id = f.camera_id
+    group by i.hour, i.camera_id, i.restarts, i.island
 )
 
 select
+    r.hour,
+    r.camera_id,
+    cast(0 as bigint) as restarts,
+    r.first_seq,
+    coalesce(r.last_seq, e.last_seq) as last_seq,
+    r.first_ms,
+    coalesce(r.last_ms, e.last_ms) as last_ms,
+    coalesce(r.last_seq, e.last_seq) - r.first_seq + 1 as n_messages
+from rising as r
+inner join hour_ends as e on r.hour = e.hour and r.camera_id = e.camera_id
+union all
+select
     hour,
     camera_id,
-    cast(restarts as bigint) as restarts,
-    min(seq) as first_seq,
-    max(seq) as last_seq,
-    min(first_ms) as first_ms,
-    max(last_ms) as last_ms,
-    count(*) as n_messages
-from islands
-group by hour, camera_id, restarts, island
+    restarts,
+    first_seq,
+    last_seq,
+    first_ms,
+    last_ms,
+    n_messages
+from fallen
 order by hour, camera_id, restarts, first_seq

@@ -14,7 +14,8 @@
 --   before_ms   its instant
 --   after_ms    instant of the cluster these two are in next, if within its gap_ms; else null
 -- steps:
---   named        place is the rank of an id in its cluster; group by, as an engine may send one id twice in a frame
+--   named        group by, as an engine may send one id twice in a frame
+--   ranked       place is the rank of an id in its cluster
 --   steps        8 neighbours in order of ids: enough pairs to recognise a crowd in its next cluster
 --   neighboured  the cluster before and after in which the same two ids were: two shared ids make two clusters one gathering
 -- assumes: two clusters that share two track ids within gap_ms are one gathering; an id that occurs twice in a cluster counts once
@@ -26,8 +27,7 @@ with named as (
         c.ts_ms,
         c.gap_ms,
         c.n_people > 40 as is_crowd,
-        p.track_id,
-        row_number() over (partition by c.cluster_no order by p.track_id) as place
+        p.track_id
     from gathering_clusters as c
     inner join clustered as p on c.camera_id = p.camera_id and c.ts_ms = p.ts_ms and c.cluster = p.cluster
     where p.track_id is not null
@@ -52,14 +52,26 @@ steps as (
     select 8 as step
 ),
 
+ranked as (
+    select
+        hour,
+        camera_id,
+        cluster_no,
+        ts_ms,
+        gap_ms,
+        track_id,
+        row_number() over (partition by cluster_no order by track_id) as place
+    from named
+    where is_crowd
+),
+
 reaching as (
     select
         n.cluster_no,
         n.track_id,
         n.place + s.step as place
-    from named as n
+    from ranked as n
     cross join steps as s
-    where n.is_crowd
 ),
 
 paired as (
@@ -84,7 +96,7 @@ paired as (
         a.track_id as track_a,
         b.track_id as track_b
     from reaching as a
-    inner join named as b on a.cluster_no = b.cluster_no and a.place = b.place
+    inner join ranked as b on a.cluster_no = b.cluster_no and a.place = b.place
 ),
 
 neighboured as (

@@ -31,7 +31,13 @@ def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str]) -> bytes:
     noted = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
     sink = pa.BufferOutputStream()
     pq.write_table(
-        rows.combine_chunks().replace_schema_metadata(noted), sink, compression="zstd", write_page_checksum=True
+        rows.combine_chunks().replace_schema_metadata(noted),
+        sink,
+        compression="zstd",
+        write_page_checksum=True,
+        # Texts repeat; numbers seldom do: dictionaries of them cost a sixth of the writing and make files larger.
+        use_dictionary=[f.name for f in rows.schema if pa.types.is_string(f.type)],
+        column_encoding={f.name: "DELTA_BINARY_PACKED" for f in rows.schema if pa.types.is_integer(f.type)},
     )
     blank: bytes = sink.getvalue().to_pybytes()
     place = _place(blank)
