@@ -303,7 +303,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
-        "close": int(row.is_close_told),
+        "close": int(row.is_close_known),
         "report": changes,
     }
 

@@ -94,7 +94,7 @@ class PlaceRow:
         often: How often (M0), with the change from the other week.
         risky: How risky (M7), likewise.
         close_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
-        is_close_told: The cameras that count there know distances, so that the page knows the share of any part of a week.
+        is_close_known: The cameras that count there know distances, so that the share of any part of a week is known.
     """
 
     place_id: str
@@ -105,7 +105,7 @@ class PlaceRow:
     often: Estimate
     risky: Estimate
     close_share: Estimate
-    is_close_told: bool
+    is_close_known: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -326,7 +326,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
             often=often,
             risky=risky,
             close_share=_with_change(data, close_share, of_time) if is_compared else close_share,
-            is_close_told=bool((of_time.cameras == place.cameras).all()),
+            is_close_known=bool((of_time.cameras == place.cameras).all()),
         )
         for k, (place_id, name, area, place, of_time, (often, risky, close_share)) in enumerate(
             zip(ids, names, [None, *areas], places, timed, figures, strict=True)
