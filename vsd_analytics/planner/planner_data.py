@@ -94,7 +94,7 @@ class PlaceRow:
         often: How often (M0), with the change from the other week.
         risky: How risky (M7), likewise.
         close_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
-        is_close_told: The cameras that count there know distances, so that the page knows the share of any part of a week.
+        is_close_told: Cameras that count there know distances, so that any part of a week has its share.
     """
 
     place_id: str
