@@ -258,7 +258,7 @@ async function copyLink() {
   }
 }
 async function picture() {
-  const scale = 2, width = 1200, k = width / state.view.w * scale, head = 64 * scale, foot = 92 * scale;
+  const scale = 2, width = 1200, k = width / state.view.w * scale, head = 64 * scale, foot = 116 * scale;
   const canvas = document.createElement('canvas'); canvas.width = width * scale; canvas.height = Math.round(state.view.h * k) + head + foot;
   const c = canvas.getContext('2d'), css = e => getComputedStyle(e), page = css(document.body);
   c.fillStyle = page.backgroundColor; c.fillRect(0, 0, canvas.width, canvas.height);
@@ -268,7 +268,7 @@ async function picture() {
   const unit = 1 / k * scale, cut = state.view.x + state.view.w * state.cut / 100;
   for (const e of svg.querySelectorAll('rect,path,line,circle,text,image')) {
     if (e.closest('defs') || e.hasAttribute('hidden')) continue;
-    const s = css(e); if (s.display === 'none') continue;
+    const s = css(e); if (s.display === 'none' || s.visibility === 'hidden') continue;
     c.save();
     const bands = e.closest('#ga,#gb'); if (e.closest('#gs')) for (const id of ['sure', 'known-gb']) c.clip(new Path2D($(id).getAttribute('d') || [...$(id).children].map(p => p.getAttribute('d')).join('')), 'evenodd'); if (bands) c.clip(new Path2D($(`known-${bands.id}`).getAttribute('d')), 'evenodd');
     if (state.show === 'split' && e.closest('#ga,#gb,#gs,#wa,#wb')) { const left = e.closest('#ga,#wa'); c.beginPath(); c.rect(left ? -1e5 : cut, -1e5, left ? cut + 1e5 : 2e5, 3e5); c.clip(); }
@@ -278,6 +278,7 @@ async function picture() {
     if (e.tagName === 'image') { const i = new Image(); i.src = e.getAttribute('href'); try { await i.decode(); c.drawImage(i, a('x'), a('y'), a('width'), a('height')); } catch { /* a plan that cannot be drawn is left out */ } } else if (e.tagName === 'text') {
       c.font = `${s.fontWeight} ${parseFloat(s.fontSize)}px ${s.fontFamily}`; c.textAlign = { middle: 'center', end: 'right' }[s.textAnchor] || 'left'; c.textBaseline = s.dominantBaseline === 'central' ? 'middle' : 'alphabetic';
       const em = parseFloat(s.fontSize), x = a('x') + a2('dx') * em, y = a('y') + a2('dy') * em;
+      if (e.hasAttribute('transform')) { c.translate(x, y); c.rotate(-Math.PI / 2); c.translate(-x, -y); }
       if (e.classList.contains('halo')) { c.strokeStyle = s.stroke; c.lineWidth = 4 * unit; c.lineJoin = 'round'; c.strokeText(e.textContent, x, y); }
       c.fillStyle = s.fill; c.fillText(e.textContent, x, y);
     } else {
@@ -290,13 +291,23 @@ async function picture() {
     c.restore();
   }
   c.restore();
-  let x = 16 * scale; const y = canvas.height - foot + 26 * scale; c.font = `${14 * scale}px ${page.fontFamily}`;
-  for (const item of all('.leg').filter(l => css(l).display !== 'none').flatMap(l => [...l.children])) {
-    const key = item.querySelector('i'); if (key) { c.fillStyle = css(key).backgroundColor; c.fillRect(x, y - 11 * scale, 22 * scale, 12 * scale); x += 28 * scale; }
-    c.fillStyle = page.color; c.fillText(item.textContent.trim(), x, y); x += c.measureText(item.textContent.trim()).width + 18 * scale;
+  let y = canvas.height - foot + 26 * scale; c.font = `${14 * scale}px ${page.fontFamily}`;
+  for (const list of all('.leg').filter(l => css(l).display !== 'none')) {
+    let x = 16 * scale;
+    for (const item of [...list.children].filter(i => css(i).display !== 'none')) {
+      const key = item.querySelector('i'), top = y - 11 * scale, [wide, high] = [22 * scale, 12 * scale];
+      c.save(); c.beginPath(); c.rect(x, top, wide, high); c.clip();
+      c.fillStyle = css(key).backgroundColor; c.fillRect(x, top, wide, high);
+      c.strokeStyle = c.fillStyle = css($('hatline')).stroke; c.lineWidth = 1.2 * scale;
+      if (key.className === 'k-off') for (let i = -high; i < wide; i += 6 * scale) { c.beginPath(); c.moveTo(x + i, top); c.lineTo(x + i + high, top + high); c.stroke(); }
+      if (key.className === 'k-dots') for (let i = 3 * scale; i < wide; i += 6 * scale) for (let j = 3 * scale; j < high; j += 6 * scale) c.fillRect(x + i, top + j, 2 * scale, 2 * scale);
+      c.strokeRect(x, top, wide, high); c.restore(); x += 28 * scale;
+      c.fillStyle = page.color; c.fillText(item.textContent.trim(), x, y); x += c.measureText(item.textContent.trim()).width + 18 * scale;
+    }
+    y += 22 * scale;
   }
-  c.fillText(M.maps[state.map].unit, 16 * scale, y + 22 * scale, canvas.width - 32 * scale);
-  c.font = `600 ${14 * scale}px ${page.fontFamily}`; c.fillText($('out').textContent, 16 * scale, y + 46 * scale, canvas.width - 32 * scale);
+  c.fillText(M.maps[state.map].unit, 16 * scale, y, canvas.width - 32 * scale);
+  c.font = `600 ${14 * scale}px ${page.fontFamily}`; c.fillText($('out').textContent, 16 * scale, y + 24 * scale, canvas.width - 32 * scale);
   const link = document.createElement('a'); link.download = `${M.file}.png`; link.href = canvas.toDataURL('image/png'); link.click();
   say(word('picture', { file: link.download }));
   return link.href;
