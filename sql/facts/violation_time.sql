@@ -10,7 +10,7 @@
 --   quarter            UTC quarter-hours since 1970
 --   violation_records  pair records closer than distance_m counted by this camera (it owns their midpoint)
 --   violation_ms       person-milliseconds with at least one neighbour closer than distance_m (it owns their own position)
--- figure: M6 Violation time share
+-- figure: M6 Violation time share (headline 2)
 --   definition   person-seconds with somebody closer than distance_m / person-seconds; of all people, and of people of different groups
 --   unit         share of person-time
 --   denominator  person-hours

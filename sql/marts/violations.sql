@@ -20,7 +20,7 @@
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
 --   is_together      the two move in one group; null where that cannot be known
--- figure: M7 Encounters per person-hour (headline 2)
+-- figure: M7 Encounters per person-hour
 --   definition   violations / person-hours
 --   unit         violations per person-hour
 --   denominator  person-hours

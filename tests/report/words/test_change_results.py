@@ -24,7 +24,7 @@ def change(verdict: str, lo: float, hi: float, **more: Any) -> m.Redesign:
     effect = m.Estimate(value=None, change=middle, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
     net = m.Estimate(value=None, change=0.0, change_lo=-0.1, change_hi=0.1, verdict="about_same")
     said: dict[str, Any] = {"running": effect, "net": net, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
-    said |= {"design": "beside", "is_credible": True}
+    said |= {"design": "beside", "is_credible": True, "e_value": 400.0}
     return m.Redesign(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
 
 
@@ -42,6 +42,7 @@ def line(**more: Any) -> LedgerLine:
             "So far it works: people there spend between 90% less and",
         ),
         (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9), "moved", "There is less time too close there, but"),
+        (change("clear_fall", -0.9, -0.8, e_value=30.0), "doubtful", "There is less time too close there ("),
         (change("clear_fall", -0.9, -0.8, is_credible=False), "doubtful", "There is less time too close there ("),
         (change("clear_rise", 0.2, 0.9), "rose", "Since then there is more time too close"),
         (change("cannot_tell", -0.3, 0.5), "cannot_tell", "Cannot tell yet: anything between 30% less and 50% more"),

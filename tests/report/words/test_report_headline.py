@@ -215,6 +215,7 @@ def planted_redesign(**other: object) -> Redesign:
         is_credible=True,
         doubts=(),
         running=effect,
+        e_value=400.0,
         n_watched=6,
         net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="cannot_tell"),
         **other,  # type: ignore[arg-type]
@@ -230,6 +231,8 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
     rise = Estimate(value=None, change=0.2, change_lo=0.1, change_hi=0.3, verdict="clear_rise")
     for doubtful in (
         planted_redesign(design="alone"),
+        replace(planted_redesign(), e_value=30.0),  # clear, and not sure enough for a site that logs a change a month
+        replace(planted_redesign(), e_value=None),
         replace(planted_redesign(), is_credible=False),
         replace(planted_redesign(), doubts=(read_reason("another entry of the log lies in the weeks after"),)),
         replace(planted_redesign(), running=None),

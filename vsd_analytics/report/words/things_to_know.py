@@ -17,6 +17,9 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.reasons import reason_text
 
+WORKS_E: Final = 40.0
+"""Evidence (e-value) from which a page says that a change works: twice that of a clear verdict. A site that logs a
+change a month then reads it wrongly in fewer than one year of twenty (docs/statistics.md, "A year of pages")."""
 MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
 
@@ -53,9 +56,9 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
 def is_shown_to_work(change: Redesign, *, wherever: bool = False) -> bool:
     """Tell whether a logged change may be said to work.
 
-    Its running verdict beside areas that were left alone is a clear fall, nothing speaks against the comparison, the
-    floor as a whole did not clearly rise, and the rest of the floor did not take up most of the fall (unless
-    `wherever`).
+    Its running verdict beside areas that were left alone is a clear fall with evidence of at least `WORKS_E`, nothing
+    speaks against the comparison, the floor as a whole did not clearly rise, and the rest of the floor did not take up
+    most of the fall (unless `wherever`).
     """
     return (
         change.design == "beside"
@@ -63,6 +66,7 @@ def is_shown_to_work(change: Redesign, *, wherever: bool = False) -> bool:
         and not change.doubts
         and change.running is not None
         and change.running.verdict == "clear_fall"
+        and (change.e_value or 0.0) >= WORKS_E
         and change.net is not None
         and change.net.verdict != "clear_rise"
         and (wherever or (change.moved_elsewhere or 0.0) < MOSTLY_MOVED)
