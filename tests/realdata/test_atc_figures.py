@@ -33,5 +33,5 @@ def test_three_hours_of_a_shopping_centre_tell_what_they_can_and_refuse_the_rest
         assert figures[metric]["lo"] is None  # one day has no interval
         assert "at least 5 recorded days" in figures[metric]["reason"]
     made = table(figures, counted(folder))
-    assert made.count("\n") == 31
+    assert made.count("\n") == 36
     assert "None" not in made
