@@ -98,7 +98,7 @@ def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path
     assert often.value > 1.5 * other.value, "the level is of both cameras"
     assert (often.change, often.change_lo, often.verdict) == (other.change, other.change_lo, other.verdict)
     page = text_of(render_html(both))
-    assert "using only hours recorded in both. Without Camera 1: it was recalibrated on Thu 12 Nov, 08:00." in page
+    assert "in hours recorded in both. Without Camera 1: it was recalibrated on Thu 12 Nov, 08:00." in page
     assert both.story is not None
     told = both.story.things[-1]
     assert (told.kind, told.title, told.target) == ("distrust", "Camera 1 is not compared", "changed")

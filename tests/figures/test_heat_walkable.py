@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, date, datetime
 from types import SimpleNamespace
 from typing import Any
 
@@ -120,7 +121,12 @@ def test_fixtures_all_over_the_floor_describe_none() -> None:
 def test_without_fixtures_the_map_is_smoothed_as_ever() -> None:
     """Bit for bit: sites that describe no fixtures keep the maps they had."""
     site = SimpleNamespace(settings=SimpleNamespace(cell_m=CELL, smoothing_m=0.5), fixtures=())
-    data: Any = SimpleNamespace(site=site, floor=SimpleNamespace(floor_id="f"))
+    monday = date(2026, 11, 9)
+
+    def midnight(day: date) -> datetime:
+        return datetime(day.year, day.month, day.day, tzinfo=UTC)
+
+    data: Any = SimpleNamespace(site=site, floor=SimpleNamespace(floor_id="f"), monday=monday, midnight=midnight)
     grid = FloorGrid(data, (0.0, 0.0, 12.0, 12.0))
     counts = np.random.default_rng(5).poisson(0.4, (N, N)).astype(float)
     np.testing.assert_array_equal(grid.smooth(counts), gaussian_filter(counts, 2.0, mode="constant"))

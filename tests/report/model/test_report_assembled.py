@@ -214,7 +214,7 @@ def test_pairs_only_makes_how_risky_not_measurable_and_never_zero(tmp_path: Path
     assert report.areas == ()
     assert report.maps == ()
     page = text_of(render_html(report))
-    assert "How risky Not measurable The engine sends no positions." in page
+    assert "Time too close Not measurable The engine sends no positions." in page
 
 
 def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(

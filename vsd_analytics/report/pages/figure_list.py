@@ -58,9 +58,15 @@ def _line(key: str, name: str, row: Mapping[str, Any]) -> Iterator[FigureRow]:
     yield FigureRow(name=name, value=write(value), likely=likely, unit="" if is_share else say(f"more.{key}_unit"))
 
 
+def _text(name: str, value: Any, unit: str) -> str:
+    if name.endswith("_m") and value is not None:
+        return fmt.distance(value, unit)
+    return fmt.number(value) if isinstance(value, float) else str(value)
+
+
 def _texts(row: Mapping[str, Any], unit: str) -> dict[str, str]:
     """Return the columns of a row as texts: lengths in the page's unit, and `people` for the size of a cluster."""
-    texts = {k: fmt.distance(v, unit) if k.endswith("_m") and v is not None else str(v) for k, v in row.items()}
+    texts = {k: _text(k, v, unit) for k, v in row.items()}
     if "least" in row:
         least, most = row["least"], row["most"]
         texts["people"] = f"{least}+" if most is None else f"{least}" if most == least else f"{least}\u2013{most}"
