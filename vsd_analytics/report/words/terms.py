@@ -83,7 +83,7 @@ def verdict_words(estimate: Estimate) -> str:
 
 def camera_name(name: str) -> str:
     """Return how a sentence speaks of a camera: Camera “Aisles”; names that already say camera stay as they are."""
-    return name if name.casefold().startswith(("cam", "sensor")) else say("words.camera", name=name)
+    return name if name.casefold().startswith(("cam", "sensor", "telecam")) else say("words.camera", name=name)
 
 
 def joined(names: Iterable[str]) -> str:
