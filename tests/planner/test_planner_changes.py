@@ -147,7 +147,7 @@ def test_only_a_controlled_comparison_says_that_a_change_worked(
     change = by_text(known, "Display")
     assert isinstance(change.result, Redesign)
     sure = {
-        "design": "beside", "is_credible": True, "doubts": (), "moved_elsewhere": 0.1,
+        "design": "beside", "is_credible": True, "doubts": (), "moved_elsewhere": 0.1, "e_value": 400.0,
         "running": ("clear_fall", -0.4, -0.5, -0.3), "net": ("about_same", 0.0, -0.1, 0.1),
     } | changed  # fmt: skip
     made = {k: estimate(*v) if isinstance(v, tuple) and v else v for k, v in sure.items()}

@@ -322,7 +322,7 @@ def test_templates_use_exactly_the_documented_variables() -> None:
         for expression in re.findall(r"{[{%](.*?)[%}]}", path.read_text(), flags=re.DOTALL):
             bare = re.sub(r'"[^"]*"|\'[^\']*\'', "", expression)
             assert re.findall(r"\s[-+*/%~]\s|\*\*|\bround\b|\bformat\b|\bsum\b|\bsafe\b", bare) == [], expression
-    assert used - {"say"} == {f.name for f in fields(Index)}
+    assert used - {"say", "html_tag"} == {f.name for f in fields(Index)}
     for kind in (Index, Row, Link, WeekLine, Year):
         documented = re.findall(r"^ {8}([\w, ]+): ", kind.__doc__ or "", flags=re.MULTILINE)
         assert {n.strip() for names in documented for n in names.split(",")} == {f.name for f in fields(kind)}

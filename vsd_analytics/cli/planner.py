@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vsd_analytics.cli.instants import parse_week
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json, facts_progress
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
 )
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
+@language_option
 @json_option
 @pass_project
 def planner(
@@ -58,6 +59,7 @@ def planner(
     """
     from vsd_analytics.planner.page import render_planner
 
+    project.speak()
     monday = parse_week(week, last=last_monday(project))
     earlier = None if before is None else parse_week(before, last=last_monday(project))
     if earlier == monday:

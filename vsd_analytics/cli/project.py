@@ -60,6 +60,12 @@ class Project:
         if not self.quiet:
             click.echo(plain(text), err=True)
 
+    def speak(self) -> None:
+        """Write the pages of the running command in the site's language, unless `--language` chose one."""
+        from vsd_analytics.report.words.languages import chosen, speaking
+
+        click.get_current_context().with_resource(speaking(chosen() or self.site.language))
+
 
 pass_project = click.make_pass_decorator(Project)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from vsd_analytics.cli.instants import parse_week
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import facts_progress, render_error
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday
@@ -48,6 +48,7 @@ PAGES: Final = frozenset({"html", "pdf", "json"})
 @click.option("--subject", metavar="TEXT", help="Its subject (default: site, week and headline).")
 @click.option("--zip", "is_zipped", is_flag=True, help="Attach the page as well, in a zip archive.")
 @click.option("--again", "is_again", is_flag=True, help="Send it even to those who have this week.")
+@language_option
 @json_option
 @pass_project
 def report(
@@ -162,6 +163,7 @@ def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[W
     """Return the finished report of each floor for a week, with a progress bar over facts that must be made."""
     from vsd_analytics.report.model.assemble import week_report
 
+    project.speak()
     monday = parse_week(week, last=last_monday(project))
     floors = [f.floor_id for f in project.site.floors]
     if floor_id is not None and floor_id not in floors:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json, render_error
 from vsd_analytics.cli.project import Project, pass_project
 
@@ -33,6 +33,7 @@ def site() -> None:
 )
 @click.option("--make", "is_made", is_flag=True, help="First write the reports of stored weeks that have none.")
 @click.option("--open", "is_opened", is_flag=True, help="Open the index in a browser.")
+@language_option
 @json_option
 @pass_project
 def build(

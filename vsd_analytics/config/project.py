@@ -17,7 +17,7 @@ from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
 from vsd_analytics.settings import Settings
-from vsd_analytics.site.model import Site
+from vsd_analytics.site.model import LANGUAGES, Site
 
 FILE = "vsd.toml"
 DAY_STARTS_MIN = 240
@@ -118,6 +118,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     timezone = zone(site, "timezone", required=has_site) or "UTC"
     opening = _opening(site, mistakes)
     closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates, form=_DATES)
+    language = site.word("language", LANGUAGES, example="it") or LANGUAGES[0]
     day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start, form=DATE)
     tables = {
         "site": site,
@@ -159,6 +160,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         mail=mail,
         base_url=base_url,
         chromium=chromium,
+        language=language,
         settings=Settings().with_values(settings.values),
         ingest_map=ingest_map,
         setting_sources=settings.sources,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.format import plain
 
 Kind = Literal["violations", "exposure", "burden", "risk", "excess"]
 
@@ -69,7 +70,7 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str) -> tuple[MapKind,
             suffix,
             steps,
             _two(steps) if steps else RATIO_STEPS,
-            f"{steps[0]:g}{suffix}" if steps else "",
+            f"{plain(steps[0])}{suffix}" if steps else "",
             _middle(steps, suffix),
         )
         for kind, metric, suffix, steps in made
@@ -78,8 +79,8 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str) -> tuple[MapKind,
 
 def _middle(steps: tuple[float, ...], suffix: str) -> str:
     if not steps:
-        return say("planner.legend.explained", low=f"{1 / RATIO_STEPS[0]:g}", high=f"{RATIO_STEPS[0]:g}")
-    return say("planner.legend.points_within" if suffix else "planner.legend.within", n=f"{_two(steps)[0]:g}")
+        return say("planner.legend.explained", low=plain(1 / RATIO_STEPS[0]), high=plain(RATIO_STEPS[0]))
+    return say("planner.legend.points_within" if suffix else "planner.legend.within", n=plain(_two(steps)[0]))
 
 
 def _two(steps: tuple[float, ...]) -> tuple[float, float]:
@@ -90,15 +91,17 @@ def _two(steps: tuple[float, ...]) -> tuple[float, float]:
 
 def legend(kind: MapKind) -> tuple[str, ...]:
     """Write the bands of a map: 0.5–1, 1–2, ..., 8+."""
-    plain = [f"{s:g}{kind.suffix}" for s in kind.steps]
-    return tuple(f"{s:g}–{t}" for s, t in zip(kind.steps, plain[1:], strict=False)) + tuple(f"{p}+" for p in plain[-1:])
+    texts = [f"{plain(s)}{kind.suffix}" for s in kind.steps]
+    return tuple(f"{plain(s)}–{t}" for s, t in zip(kind.steps, texts[1:], strict=False)) + tuple(
+        f"{p}+" for p in texts[-1:]
+    )
 
 
 def diverging_legend(kind: MapKind) -> tuple[str, str, str, str]:
     """Write the bands of a difference, or of a ratio, from least to most."""
-    low, high = (f"{step:g}" for step in kind.diverging)
+    low, high = (plain(step) for step in kind.diverging)
     if kind.kind == "excess":
-        least, less = (f"{1 / step:g}" for step in reversed(kind.diverging))
+        least, less = (plain(1 / step) for step in reversed(kind.diverging))
         return say("planner.legend.under", high=least), f"{least}–{less}", f"{low}–{high}", f"{high}+"
     what = "points" if kind.suffix else "count" if kind.kind == "violations" else "amount"
     two = f"{low}–{high}", f"{high}+"

@@ -31,6 +31,7 @@ from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.languages import days
 from vsd_analytics.report.words.reasons import reason_text, text_or_none
 from vsd_analytics.report.words.terms import capital, joined, verdict_words
 from vsd_analytics.stats.day_correlation import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
@@ -173,7 +174,7 @@ def _page(data: PlannerData) -> PlannerPage:
         maps=maps,
         legends={m.kind: map_kinds.legend(m) for m in maps},
         diverging={m.kind: map_kinds.diverging_legend(m) for m in maps},
-        days=tuple(enumerate(fmt.DAYS)),
+        days=tuple(enumerate(days())),
         hours=hours,
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),

@@ -34,7 +34,6 @@ from vsd_analytics.planner.logged_changes import MOST_WEEKS, Counted, PlannerCha
 from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
 from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.terms import REST
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.stats.rates import HISTORY_WEEKS
@@ -225,7 +224,9 @@ def planner_data(
     is_ranked = _share(data.this) >= data.site.settings.min_coverage
     past = [monday - k * WEEK for k in range(1, HISTORY // WEEK + 1)]
     places = _places(data, is_compared=is_compared, past=past)
-    maps = floor_maps(data, areas=report_areas.areas(data, is_compared=False, rest=REST).rows, is_ranked=is_ranked)
+    maps = floor_maps(
+        data, areas=report_areas.areas(data, is_compared=False, rest=say("words.rest")).rows, is_ranked=is_ranked
+    )
     shown = next((m for m in maps if m.kind != "picture"), None)
     found = spots.hotspots(warehouse, floor_id=floor.floor_id, until=data.sunday)
     made = {
@@ -300,13 +301,13 @@ def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
 
 def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple[PlaceRow, ...]:
     """Return the whole floor, its areas, and the rest of it, with the figures the report gives them."""
-    found = report_areas.areas(data, is_compared=is_compared, rest=REST)
+    found = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
     level = floor_level(data, is_compared=is_compared, areas=found)
     rows: dict[str | None, AreaRow] = {row.area_id: row for row in found.rows}
     areas: list[Area | None] = [*data.areas, None] if rows else []
     below = int(data.site.settings.mask_below)
     unknown = hidden_places(data, past, areas, below=below)
-    names = [say("planner.whole_floor"), *(REST if a is None else a.name for a in areas)]
+    names = [say("planner.whole_floor"), *(say("words.rest") if a is None else a.name for a in areas)]
     ids = ["floor", *("rest" if a is None else f"area:{a.area_id}" for a in areas)]
     of_areas = [rows[None if a is None else a.area_id] for a in areas]
     unknown_share = Estimate(value=None, state="not_measurable")

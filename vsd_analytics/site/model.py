@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import date, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal, get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.settings import Settings
 
 Point = tuple[float, float]
+Language = Literal["en", "it"]
+LANGUAGES: Final[tuple[Language, ...]] = get_args(Language)
+"""Languages in which pages can be written; the first where none is chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,6 +339,7 @@ class Site:
         engine: `[engine]`; None = nothing is known of the engine's error.
         mail: `[mail]`; None = mails are written, not sent.
         base_url: `[report] base_url`, where the folder of reports can be read, without a slash at its end; None = none.
+        language: `[site] language`, in which pages are written.
         chromium: `[report] chromium`, the browser that prints PDFs; None = looked for on the PATH.
         ingest_map: `[ingest.map]`, ours to theirs.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
@@ -359,6 +363,7 @@ class Site:
     mail: MailRoute | None = None
     base_url: str | None = None
     chromium: Path | None = None
+    language: Language = "en"
     settings: Settings = field(default_factory=Settings)
     ingest_map: dict[str, str] = field(default_factory=dict)
     setting_sources: dict[str, str] = field(default_factory=dict)

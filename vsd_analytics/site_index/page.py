@@ -16,6 +16,7 @@ from vsd_analytics.report.pages.week import css_string, policy_hash, rendered, s
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import months
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Verdict
 from vsd_analytics.site_index import week_bars
@@ -370,7 +371,7 @@ def _short_week(monday: date) -> str:
 
 def _short_span(monday: date) -> str:
     sunday = monday + timedelta(days=6)
-    month, last = (fmt.MONTHS[day.month - 1][:3] for day in (monday, sunday))
+    month, last = (months()[day.month - 1][:3] for day in (monday, sunday))
     first = f"{monday.day} {month}" if monday.month != sunday.month else f"{monday.day}"
     return say("index.span", first=first, last=f"{sunday.day} {last}")
 

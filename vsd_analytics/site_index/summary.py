@@ -13,11 +13,11 @@ from typing import Final
 from vsd_analytics.report.model.week import Span
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import separated
 from vsd_analytics.report.words.terms import capital, sentence, verdict_words
 from vsd_analytics.site_index.floor_weeks import FloorWeeks, Standing, standing, verdict_of
 from vsd_analytics.site_index.read_reports import IndexedReport
 
-_NUMBERS: Final = tuple(say("index.numbers").split())
 NAMED: Final = 3
 """Floors a sentence names; the others are counted."""
 _CHANGED: Final = frozenset[Standing]({"fall", "rise"})
@@ -125,7 +125,8 @@ def in_words(n: int) -> str:
         >>> in_words(0), in_words(3), in_words(13)
         ('no', 'three', '13')
     """
-    return _NUMBERS[n] if n < len(_NUMBERS) else f"{n:,}"
+    words = say("index.numbers").split()
+    return words[n] if n < len(words) else separated(f"{n:,}")
 
 
 def _places(floors: Sequence[FloorWeeks]) -> str:

@@ -18,8 +18,8 @@ from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.report.words.terms import VERDICT_WORDS
 from vsd_analytics.result import Reason
 
 NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
@@ -148,4 +148,4 @@ def test_every_verdict_of_the_page_is_in_the_json_file() -> None:
     table = page.split('<table class="cmp"')[1].split("</table>")[0]
     said = re.findall(r'<span class="word \w+">([A-Z][a-z ]+)', table)
     expected = [a.often.verdict for a in twin.areas] + [twin.level.often.verdict]
-    assert [s.strip() for s in said] == [VERDICT_WORDS[verdict] for verdict in expected if verdict is not None]
+    assert [s.strip() for s in said] == [say(f"words.{verdict}") for verdict in expected if verdict is not None]

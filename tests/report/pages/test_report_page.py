@@ -27,7 +27,7 @@ OF_THE_WEEK = (
     *("change_maps", "small_maps", "log"),
 )
 TEMPLATES = [shipped("reports") / "templates" / f"{name}.html.j2" for name in OF_THE_WEEK]
-CALLS = {"say", "say_html"}
+CALLS = {"say", "say_html", "html_tag"}
 VOID = {"meta", "link", "img", "br", "hr", "col", "input", "circle", "rect", "path", "line", "image"}
 
 

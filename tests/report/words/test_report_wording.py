@@ -206,8 +206,8 @@ def test_a_page_of_another_language_has_no_word_of_this_one(monkeypatch: pytest.
     monkeypatch.setattr(catalogue, "template", lambda key, /, plural=None: f"⟦{real(key, plural=plural)}⟧")
     for name in ("first_week", "empty", "no_data", "too_incomplete", "settings_changed", "complete", "refused"):
         report = ALL[name]()
-        monkeypatch.setattr(fmt, "DAYS", ("1",) * 7)
-        monkeypatch.setattr(fmt, "MONTHS", ("2",) * 12)
+        monkeypatch.setattr(fmt, "days", lambda: ("1",) * 7)
+        monkeypatch.setattr(fmt, "months", lambda: ("2",) * 12)
         page = week.render_html(report)
         seen = "\n".join(Heard(page).texts)
         while "⟦" in seen:
@@ -262,7 +262,7 @@ def more_names(report: Any) -> set[str]:
 
 
 def test_backticks_are_code_and_values_are_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(catalogue, "catalogue", lambda: {"x": "Run `vsd <now>` for {name}"})
+    monkeypatch.setattr(catalogue, "catalogue", lambda language: {"x": "Run `vsd <now>` for {name}"})
     assert say_html("x", name="<b>`a`") == "Run <code>vsd &lt;now&gt;</code> for &lt;b&gt;`a`"
     assert say("x", name="<b>") == "Run `vsd <now>` for <b>"
 

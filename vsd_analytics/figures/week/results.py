@@ -100,6 +100,7 @@ class Provenance:
         "Name and value of the settings that differ from the table.", default=()
     )
     inputs_digest: str = _f("Hash of the facts the page was made from.", default="")
+    language: str = _f("Language of its sentences, as ISO 639-1 has it.", default="en")
     is_made_up: bool = _f("True for `vsd demo`: the page says so.", default=False)
     notes: tuple[str, ...] = _f("What does not compare: purged hours that were computed by other rules.", default=())
 

@@ -147,7 +147,7 @@ def _grid(axes: _Axes, value: float, measure: Measure) -> Markup:
         y1=y,
         y2=y,
     )
-    plain = fmt.number(value) if value >= 10 or value == 0 else f"{value:g}"
+    plain = fmt.number(value) if value >= 10 or value == 0 else fmt.plain(value)
     return line + _text(plain if measure == "often" else f"{value:.0%}", LEFT - 8, y + 4, anchor="end")
 
 

@@ -32,7 +32,9 @@ from vsd_analytics.figures.week.stored_records import stored_records
 from vsd_analytics.report.model import site_changes
 from vsd_analytics.report.model.sections import with_more, with_more_maps
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import headline, terms
+from vsd_analytics.report.words import headline
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import chosen, language, speaking
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Floor, Site
@@ -54,7 +56,7 @@ def week_report(
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> WeekReport:
-    """Return the report of one floor and ISO week.
+    """Return the report of one floor and ISO week, its sentences in the site's language (or that of `speaking`).
 
     Args:
         site: The project.
@@ -75,7 +77,8 @@ def week_report(
     if floor is None:
         raise KeyError(floor_id)
     first, last = _first_day(site, monday), monday + timedelta(days=6)
-    with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
+    opened = open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours)
+    with speaking(chosen() or site.language), opened as warehouse:
         warehouse.materialise("episodes", "violations", "camera_hours", "area_hours", "cell_hours", "distances")
         data = WeekData(warehouse, floor=floor, monday=monday)
         found = Findings(data)
@@ -104,7 +107,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
     is_ranked = state not in ("no_data", "too_incomplete")
     areas = report_areas.Areas(rows=())
     if state != "no_data":
-        areas = report_areas.areas(data, is_compared=is_compared, rest=terms.REST)
+        areas = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
     hours = timetable.timetable(data)
     level = floor_level(data, is_compared=is_compared, areas=areas)
     has_ranking = is_ranked and level.often.value != 0
@@ -126,6 +129,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             settings_id=settings.settings_id(),
             settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
             inputs_digest=_inputs(data.warehouse),
+            language=language(),
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
             notes=tuple(run.warning(site) for run in data.warehouse.other_rules()),
         ),

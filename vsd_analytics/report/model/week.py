@@ -133,3 +133,8 @@ class WeekReport:
     figures: Mapping[str, Figure] = _f("Keyed M0 to M34; absent keys are not in this version.")
     agenda: Agenda | None = _f("What may be asked, and what earlier weeks asked.", default=None)
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)
+
+    @property
+    def language(self) -> str:
+        """Return the language of its sentences."""
+        return self.provenance.language

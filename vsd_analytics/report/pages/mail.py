@@ -30,6 +30,7 @@ from vsd_analytics.report.pages.single_figures import map_svg, to_png
 from vsd_analytics.report.pages.week import Page, make_page
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import html_tag, in_its_language
 from vsd_analytics.resources import shipped
 
 PICTURE_MAX_BYTES: Final = 60_000
@@ -55,6 +56,7 @@ class Attachment:
     data: bytes
 
 
+@in_its_language
 def make_mail(
     report: WeekReport,
     *,
@@ -266,4 +268,5 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters.update(fmt.FILTERS, wrap=_wrap)
+    environment.globals.update(html_tag=html_tag)
     return environment

@@ -119,7 +119,7 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
     ]
     label = say("maps.change_label", before=previous.number, now=report.week.number, title=title)
     drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone)
-    low, high = (f"{s:g}" for s in shown.steps)
+    low, high = (fmt.plain(s) for s in shown.steps)
     return MapFigure(
         title=title,
         unit=say("maps.change_sub", hours=fmt.count(shown.hours_compared))

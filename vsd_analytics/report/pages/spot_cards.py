@@ -14,6 +14,7 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import days
 from vsd_analytics.report.words.reasons import reason_text
 
 N_DOTS = 3
@@ -181,7 +182,7 @@ def _when(usual: UsualHours | None) -> str:
     first, last = fmt.hour_label(usual.first_hour), fmt.hour_label(usual.last_hour + 1)
     if usual.weekday is None:
         return say("spots.when_hours", first=first, last=last)
-    return say("spots.when_day", first=first, last=last, day=fmt.DAYS[usual.weekday])
+    return say("spots.when_day", first=first, last=last, day=days()[usual.weekday])
 
 
 def _reason(evidence: Evidence, report: WeekReport) -> str:

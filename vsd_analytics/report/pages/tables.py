@@ -190,16 +190,16 @@ class Step:
 
 def legend(steps: tuple[float, ...], *, is_count: bool) -> tuple[Step, ...]:
     """Write the steps of a ramp: 0.5–1, 1–2, ..., 8+; counts as under 50, 50–99, ..., 200+."""
-    plain = [f"{s:g}" for s in steps]
+    plain = [fmt.plain(s) for s in steps]
     texts = []
     for i, lower in enumerate(steps):
         upper = steps[i + 1] if i + 1 < len(steps) else None
         if upper is None:
             texts.append(f"{plain[i]}+")
         elif is_count and lower == 0:
-            texts.append(say("when.legend_under", n=f"{upper:g}"))
+            texts.append(say("when.legend_under", n=fmt.plain(upper)))
         elif is_count:
-            texts.append(f"{lower:g}\u2013{upper - 1:g}")
+            texts.append(f"{fmt.plain(lower)}\u2013{fmt.plain(upper - 1)}")
         else:
             texts.append(f"{plain[i]}\u2013{plain[i + 1]}")
     return tuple(Step(f"b{min(i, 4) + 1}", t) for i, t in enumerate(texts))

@@ -33,6 +33,7 @@ from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
 from vsd_analytics.report.words.headline import finish, silent_cameras
+from vsd_analytics.report.words.languages import html_tag, in_its_language
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
@@ -187,6 +188,7 @@ class Page:
     privacy: str
 
 
+@in_its_language
 def render_html(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the page of a week as one self-contained HTML file.
 
@@ -433,5 +435,5 @@ def environment() -> Environment:
         keep_trailing_newline=True,
     )
     made.filters.update(fmt.FILTERS, reason=reason_text)
-    made.globals.update(say=say, say_html=say_html)
+    made.globals.update(say=say, say_html=say_html, html_tag=html_tag)
     return made

@@ -1,4 +1,4 @@
-"""Every sentence of the page, in one catalogue: `reports/wording/en.toml`; code and templates ask for them by key.
+"""Every sentence of the page, in one catalogue for each language: `reports/wording/en.toml`; code asks for them by key.
 
 A sentence has named places, `{name}`, which callers fill with text that `report.format` has made; a number never
 becomes text here. Where a sentence hangs on how many there are, its entry is a table of plural forms. Another language
@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from markupsafe import Markup, escape
 
+from vsd_analytics.report.words.languages import DEFAULT, language
 from vsd_analytics.resources import shipped
 
-LANGUAGE: Final = "en"
 _CODE: Final = re.compile(r"`([^`]*)`")
 
 
@@ -43,7 +43,7 @@ def say_html(key: str, /, *, plural: float | None = None, **values: object) -> M
 
 def template(key: str, /, *, plural: float | None = None) -> str:
     """Return a sentence with its places unfilled."""
-    entry = catalogue()[key]
+    entry = catalogue(language())[key]
     if isinstance(entry, str):
         return entry
     if plural is None:
@@ -53,11 +53,11 @@ def template(key: str, /, *, plural: float | None = None) -> str:
 
 def has(key: str) -> bool:
     """Tell whether the catalogue has a sentence."""
-    return key in catalogue()
+    return key in catalogue(language())
 
 
 @cache
-def catalogue(language: str = LANGUAGE) -> Mapping[str, str | Mapping[str, str]]:
+def catalogue(language: str = DEFAULT) -> Mapping[str, str | Mapping[str, str]]:
     """Return all sentences of a language by key; plural forms are tables with `one` and `other`."""
     path = shipped("reports") / "wording" / f"{language}.toml"
     return dict(_flat(tomllib.loads(path.read_text(encoding="utf-8"))))

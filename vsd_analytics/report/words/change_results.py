@@ -10,6 +10,7 @@ from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import separated
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.things_to_know import is_shown_to_work
 
@@ -94,4 +95,4 @@ def amount(change: float | None) -> str:
     points = 0 if change is None else round(change * 100)
     if points == 0:
         return say("came_of.same")
-    return say("causes.less" if points < 0 else "causes.more", percent=f"{abs(points):,}%")
+    return say("causes.less" if points < 0 else "causes.more", percent=separated(f"{abs(points):,}%"))

@@ -14,11 +14,10 @@ from typing import Final
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.scale_bar import M_PER_FT
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import days, months, separated
 
 MINUS: Final = "\u2212"
 MISSING: Final = "\u2013"
-DAYS: Final = tuple(say("format.days").split())
-MONTHS: Final = tuple(say("format.months").split())
 
 
 def number(value: float | None) -> str:
@@ -32,19 +31,28 @@ def number(value: float | None) -> str:
         return MISSING
     size = abs(value)
     if size == 0 or size >= 9.95:
-        text = f"{size:,.0f}"
+        text = separated(f"{size:,.0f}")
     elif size >= 0.995:
-        text = f"{size:.1f}"
+        text = separated(f"{size:.1f}")
     elif size >= 0.0005:
-        text = f"{size:.2g}"
+        text = separated(f"{size:.2g}")
     else:
         text = say("format.tiny")
     return (MINUS if value < 0 and text != "0" else "") + text
 
 
+def plain(value: float) -> str:
+    """Write a number as it is, with as few digits as it needs: 2, 1.83."""
+    return separated(f"{value:g}")
+
+
 def count(value: float | None) -> str:
     """Write a whole number with a thousands comma; an en dash when missing."""
-    return MISSING if value is None else f"{round(value):,}".replace("-", MINUS)
+    return MISSING if value is None else separated(f"{round(value):,}").replace("-", MINUS)
+
+
+def _points(percent: int) -> str:
+    return separated(f"{percent:,}%")
 
 
 def percent(share: float | None) -> str:
@@ -56,7 +64,7 @@ def percent(share: float | None) -> str:
     """
     if share is None or not math.isfinite(share * 100):
         return MISSING
-    text = f"{share * 100:,.0f}%"
+    text = separated(f"{share * 100:,.0f}%")
     if text == "0%" and share > 0:
         return say("format.nearly_none", percent="1%")
     return say("format.nearly_all", percent="99%") if text == "100%" and share < 1 else text
@@ -74,7 +82,7 @@ def signed(change: float | None) -> str:
     if change is None or not math.isfinite(change * 100):
         return MISSING
     points = round(change * 100)
-    return f"{'+' if points > 0 else MINUS if points < 0 else ''}{abs(points):,}%"
+    return f"{'+' if points > 0 else MINUS if points < 0 else ''}{_points(abs(points))}"
 
 
 def signed_number(value: float | None) -> str:
@@ -90,14 +98,14 @@ def fewer_more(change: float | None) -> str:
     points = round(change * 100)
     if points == 0:
         return say("format.same")
-    return say("format.fewer" if points < 0 else "format.more", percent=f"{abs(points):,}%")
+    return say("format.fewer" if points < 0 else "format.more", percent=_points(abs(points)))
 
 
 def less_more(change: float | None) -> str:
     """Write a relative change of something that is not counted: 14% less, 8% more, about the same."""
     if change is None or not math.isfinite(change * 100) or round(change * 100) >= 0:
         return fewer_more(change)
-    return say("format.less", percent=f"{-round(change * 100):,}%")
+    return say("format.less", percent=_points(-round(change * 100)))
 
 
 def likely_change(estimate: Estimate, *, is_counted: bool = True) -> str:
@@ -115,9 +123,13 @@ def likely_change(estimate: Estimate, *, is_counted: bool = True) -> str:
     if low == high:
         return say("format.likely", change=say("format.no_change") if low == 0 else said(lo))
     if low < 0 and high < 0:
-        return say("format.likely_fewer" if is_counted else "format.likely_less", low=f"{-high:,}%", high=f"{-low:,}%")
+        return say(
+            "format.likely_fewer" if is_counted else "format.likely_less",
+            low=separated(f"{-high:,}%"),
+            high=separated(f"{-low:,}%"),
+        )
     if low > 0 and high > 0:
-        return say("format.likely_more", low=f"{low:,}%", high=f"{high:,}%")
+        return say("format.likely_more", low=_points(low), high=_points(high))
     ends = [say("format.no_change") if round(v * 100) == 0 else said(v) for v in (lo, hi)]
     return say("format.likely_between", low=ends[0], high=ends[1])
 
@@ -144,12 +156,12 @@ def likely_level(estimate: Estimate, *, written: Callable[[float | None], str] |
 
 def one_in(rate: float) -> str:
     """Write a small rate as one in so many: 0.035 is "1 in 28"."""
-    return say("format.one_in", n=f"{math.floor(1 / rate):,}") if 0 < rate <= 0.5 else number(rate)
+    return say("format.one_in", n=separated(f"{math.floor(1 / rate):,}")) if 0 < rate <= 0.5 else number(rate)
 
 
 def metres(value: float) -> str:
     """Write a distance to the centimetre: 2 m, 1.83 m (six feet), 5 m."""
-    return say("format.metres", n=f"{round(value, 2):g}")
+    return say("format.metres", n=plain(round(value, 2)))
 
 
 def distance(value_m: float, unit: str = "m") -> str:
@@ -159,7 +171,7 @@ def distance(value_m: float, unit: str = "m") -> str:
         >>> distance(2.0), distance(1.8288, "ft"), distance(0.5, "ft")
         ('2 m', '6 ft', '1.6 ft')
     """
-    return metres(value_m) if unit == "m" else say("format.feet", n=f"{round(value_m / M_PER_FT, 1):g}")
+    return metres(value_m) if unit == "m" else say("format.feet", n=plain(round(value_m / M_PER_FT, 1)))
 
 
 def metres_unbroken(value: float) -> str:
@@ -174,14 +186,14 @@ def distance_unbroken(value_m: float, unit: str = "m") -> str:
 
 def seconds(value: float) -> str:
     """Write a duration: 3 seconds, 1 second, 2.5 seconds."""
-    return say("format.seconds", plural=value, n=f"{value:g}")
+    return say("format.seconds", plural=value, n=plain(value))
 
 
 def hours(value: float) -> str:
     """Write a number of hours with its word: 10 hours, 1 hour, 2.5 hours, under an hour."""
     if 0 < value < 0.95:
         return say("format.under_an_hour")
-    text = f"{value:,.1f}".removesuffix(".0") if value < 10 else f"{value:,.0f}"
+    text = separated(f"{value:,.1f}".removesuffix(".0") if value < 10 else f"{value:,.0f}")
     return say("format.hours", plural=1 if text == "1" else 2, n=text)
 
 
@@ -193,29 +205,29 @@ def ended(text: str) -> str:
 
 def weekday(day: date) -> str:
     """Write the day's name: Monday."""
-    return DAYS[day.weekday()]
+    return days()[day.weekday()]
 
 
 def day_short(day: date) -> str:
     """Write the day's name in three letters: Mon."""
-    return DAYS[day.weekday()][:3]
+    return days()[day.weekday()][:3]
 
 
 def date_short(day: date) -> str:
     """Write a date shortly: Mon 9 Nov."""
-    return say("format.day_date", day=day_short(day), date=day.day, month=MONTHS[day.month - 1][:3])
+    return say("format.day_date", day=day_short(day), date=day.day, month=months()[day.month - 1][:3])
 
 
 def date_long(day: date) -> str:
     """Write a date in full: Monday 9 November 2026."""
-    return say("format.date_long", day=weekday(day), date=day.day, month=MONTHS[day.month - 1], year=day.year)
+    return say("format.date_long", day=weekday(day), date=day.day, month=months()[day.month - 1], year=day.year)
 
 
 def date_span(first: date, last: date) -> tuple[str, str]:
     """Write two dates without repeating what they share: Monday 9, Sunday 15 November 2026."""
     head = f"{weekday(first)} {first.day}"
     if (first.month, first.year) != (last.month, last.year):
-        head += f" {MONTHS[first.month - 1]}"
+        head += f" {months()[first.month - 1]}"
     if first.year != last.year:
         head += f" {first.year}"
     return head, date_long(last)

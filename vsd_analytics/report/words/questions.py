@@ -24,6 +24,7 @@ from vsd_analytics.report.model.week_agenda import PastQuestion, PlaceToAsk, Rem
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import days
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.things_to_know import weakest_camera
 from vsd_analytics.site.model import Area, AskedQuestion, Fixture
@@ -305,7 +306,7 @@ def above_all(usual: UsualHours) -> str:
     first, last = fmt.hour_label(usual.first_hour), fmt.hour_label(usual.last_hour + 1)
     when = say("question.when_usual", first=first, last=last)
     if usual.weekday is not None:
-        when = say("question.when_usual_day", day=fmt.DAYS[usual.weekday], first=first, last=last)
+        when = say("question.when_usual_day", day=days()[usual.weekday], first=first, last=last)
     return say("question.above_all", when=when)
 
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import template
+from vsd_analytics.report.words.languages import separated
 from vsd_analytics.result import TEXT, Reason, Value, Verdict
 
 OLD_VERDICTS: Final = {"no_clear_change": "cannot_tell"}
@@ -16,7 +17,14 @@ class _Share(float):
     """A number that the catalogue may write as the page writes percentages: `{share:percent}`."""
 
     def __format__(self, spec: str) -> str:
-        return fmt.percent(float(self)) if spec == "percent" else super().__format__(spec)
+        return fmt.percent(float(self)) if spec == "percent" else separated(super().__format__(spec))
+
+
+class _Count(int):
+    """A number of things, which the catalogue may write with separators: `{n:,}`."""
+
+    def __format__(self, spec: str) -> str:
+        return separated(super().__format__(spec))
 
 
 class _Instant:
@@ -127,5 +135,7 @@ def _shown(value: Value) -> object:
             return _Instant(value)
         case float():
             return _Share(value)
+        case int() if not isinstance(value, bool):
+            return _Count(value)
         case _:
             return value

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from datetime import datetime
-from typing import Final, get_args
+from typing import Final
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.languages import separated
 from vsd_analytics.result import Verdict
 
 # Words and phrases that no page, message or template may use.
@@ -21,13 +22,10 @@ FORBIDDEN: Final = (
     *("\u00b1", "p < "),
 )
 
-REST: Final = say("words.rest")
-"""Name of the floor outside all areas."""
-VERDICT_WORDS: Final[dict[Verdict, str]] = {v: say(f"words.{v}") for v in get_args(Verdict)}
 
-# Fractions a headline may use, with the size they stand for.
+# Sizes of the fractions a headline may use, and the entry of each.
 _FRACTIONS: Final = tuple(
-    (a / b, say(f"words.fraction.{a}_{b}"))
+    (a / b, f"words.fraction.{a}_{b}")
     for a, b in (
         *((1, 20), (1, 10), (1, 8), (1, 7), (1, 6), (1, 5), (1, 4), (1, 3)),
         *((2, 5), (1, 2), (3, 5), (2, 3), (3, 4), (4, 5), (9, 10)),
@@ -61,11 +59,11 @@ def moved(change: float) -> str:
     if size < 0.03:
         return say("words.fell_slightly" if change < 0 else "words.rose_slightly")
     if change > 0.95:
-        return say("words.doubled") if change < 1.15 else say("words.times", n=f"{change + 1:.1f}")
+        return say("words.doubled") if change < 1.15 else say("words.times", n=separated(f"{change + 1:.1f}"))
     if change < -0.95:
         return say("words.stopped")
     _, name = min(_FRACTIONS, key=lambda f: abs(f[0] - size))
-    return say("words.fell" if change < 0 else "words.rose", fraction=name)
+    return say("words.fell" if change < 0 else "words.rose", fraction=say(name))
 
 
 def part(share: float) -> str | None:
@@ -80,12 +78,12 @@ def direction(verdict: Verdict | None) -> str:
 
 def verdict_words(estimate: Estimate) -> str:
     """Return the verdict in words; too little data where there is none."""
-    return VERDICT_WORDS[estimate.verdict or "too_little_data"]
+    return say(f"words.{estimate.verdict or 'too_little_data'}")
 
 
 def camera_name(name: str) -> str:
     """Return how a sentence speaks of a camera: Camera “Aisles”; names that already say camera stay as they are."""
-    return name if name.casefold().startswith(("cam", "sensor")) else say("words.camera", name=name)
+    return name if name.casefold().startswith(("cam", "sensor", "telecam")) else say("words.camera", name=name)
 
 
 def joined(names: Iterable[str]) -> str:
