@@ -97,8 +97,8 @@ def change_limit(estimates: Iterable[Estimate]) -> float:
 
 
 def change_ticks(limit: float) -> tuple[float, ...]:
-    """Return the labelled changes of an axis: zero and two on each side."""
-    return (-limit, -limit / 2, 0.0, limit / 2, limit)
+    """Return the labelled changes of an axis: zero and two on each side, but no fall of more than everything."""
+    return tuple(t for t in (-limit, -limit / 2, 0.0, limit / 2, limit) if t >= -1)
 
 
 def change_axis(limit: float) -> Markup:
