@@ -13,7 +13,7 @@ import tempfile
 from datetime import date
 from pathlib import Path
 
-WIDTH_PX, HEIGHT_PX = 1280, 1962
+WIDTH_PX, HEIGHT_PX = 1280, 1832
 IMAGES = Path(__file__).resolve().parent / "images"
 
 
