@@ -13,7 +13,7 @@ import numpy as np
 
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Period, Place, TwoPeriods
-from vsd_analytics.figures.rates import change_often, change_risky, not_measured
+from vsd_analytics.figures.rates import NOT_RECORDED, change_often, change_risky, not_measured
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
@@ -51,6 +51,8 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
         return not_measured(why)
     if not place.cameras.any():
         return not_measured(NO_FLOOR)
+    if not period.knows(place):
+        return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
     found = how_risky(
         now.n.sum(axis=0),
@@ -88,6 +90,8 @@ def burden(period: Period, place: Place) -> RateEstimate:
     data, settings = period.data, period.data.site.settings
     if not place.cameras.any():
         return not_measured(NO_FLOOR)
+    if not period.knows(place):
+        return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days))
     found = how_often(
         now.n,

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 WEEK: Final = timedelta(days=7)
+MIN_CAMERA_SHARE: Final = 0.01
+"""A camera that counts less of a place than this is not one that sees it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,6 +189,19 @@ class FloorHours:
 
         return cube("n"), cube("exposure_h"), cube("violation_h")
 
+    def camera_weights(self, place: Place) -> Array:
+        """Return how much of a place each camera counts, shape (n_cameras,): person-time per recorded hour, sum 1.
+
+        All loaded days are used, so that a camera that was down in a period keeps its weight; violations are used where
+        person-time is unknown. All 0 where nobody was ever counted.
+        """
+        recorded_h = self.hours.recorded_s.sum(axis=1) / 3600
+        exposure, violations = place.exposure_h.sum(axis=1), place.n.sum(axis=1)
+        seen: Array = exposure if exposure.any() else violations
+        weights = np.divide(seen, recorded_h, out=np.zeros_like(seen), where=(recorded_h > 0) & place.cameras)
+        total = float(weights.sum())
+        return np.asarray(weights / total if total else weights)
+
     def _hours(self) -> tuple[Hours, Place]:
         rows = self.warehouse.table(
             "select hour_start_ms, local_date, local_hour, fold, open_s::double as open_s, "
@@ -260,6 +275,15 @@ class Period:
         everyone = self.data.everyone
         able = np.array([c not in self.not_counted for c in self.data.ids], dtype=np.bool_)
         return Place(everyone.n * able[:, None], everyone.exposure_h, able)
+
+    def knows(self, place: Place) -> bool:
+        """Tell whether the period says anything of a place: some camera recorded that counts a noticeable part of it.
+
+        Where those that did count less than `MIN_CAMERA_SHARE` of it together, that nothing was counted is no zero.
+        """
+        weights = self.data.camera_weights(place)
+        recorded = np.asarray(self.data.hours.is_counted[:, self.is_inside].any(axis=1))
+        return not weights.any() or float(weights[recorded].sum()) >= MIN_CAMERA_SHARE
 
     def area(self, area_id: str | None) -> Place:
         """Return what was counted in an area; None is the rest of the floor."""

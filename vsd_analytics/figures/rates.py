@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,16 @@ from vsd_analytics.stats.changes import compare_exposure, compare_how_often, com
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.rates import how_often, how_risky
 from vsd_analytics.stats.weekly_steps import MAX_STEPS
+
+_NOTHING: Final = Reason("recorded.nothing")
+NOT_RECORDED: Final = RateEstimate(None, None, None, None, 0.0, 0, None, None, "not_enough_data", _NOTHING, False)
+"""The rate of a place whose cameras recorded nothing: that nothing was counted there is no zero."""
+NOT_COMPARED: Final = ChangeEstimate(
+    theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0, exposure_b_h=0.0,
+    n_days=0, df=None, log_se=None, verdict="too_little_data", state="not_enough_data", reason=_NOTHING,
+    is_conservative=False,
+)  # fmt: skip
+"""Its change."""
 
 
 def level_often(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:
@@ -27,6 +38,8 @@ def level_often(period: Period, place: Place, *, since: int | None = None, until
     """
     if (why := period.why_no_violations) is not None:
         return not_measured(why)
+    if not period.knows(place):
+        return NOT_RECORDED
     panel, history = _panels(period, place, since, until)
     settings = period.data.site.settings
     has_history = history.n.shape[1] > 0
@@ -46,6 +59,8 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
     """Return how risky a place is (M7): violations per person-hour; arguments as for `level_often`."""
     if (why := period.why_no_violations or period.why_no_exposure) is not None:
         return not_measured(why)
+    if not period.knows(place):
+        return NOT_RECORDED
     panel, history = _panels(period, place, since, until)
     settings = period.data.site.settings
     has_history = history.n.shape[1] > 0
@@ -67,6 +82,8 @@ def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
 
     Of a place that counts person-seconds in violation instead of violations it is the change of the burden.
     """
+    if not (pair.before.knows(place) and pair.now.knows(place)):
+        return NOT_COMPARED
     before, now = pair.compared(place, since=since)
     settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_often(
@@ -87,6 +104,8 @@ def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
 
     Of a place that counts person-seconds in violation instead of violations it is the change of their share (M6).
     """
+    if not (pair.before.knows(place) and pair.now.knows(place)):
+        return NOT_COMPARED
     before, now = pair.compared(place, since=since)
     settings, past = pair.data.site.settings, past_weeks(pair, place, since)
     return compare_how_risky(

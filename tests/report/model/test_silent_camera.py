@@ -11,6 +11,7 @@ from report import ingested_worlds as w
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.words.reasons import reason_text
 
 VIEWS = {
     "1": [[0, 0], [10, 0], [10, 10], [0, 10]],
@@ -53,6 +54,18 @@ def test_its_floor_is_hatched_not_white(silent: WeekReport) -> None:
     assert hatched.contains(shapely.Point(13, 3))
     assert not hatched.contains(shapely.Point(3, 3))
     assert "or Camera 2 recorded nothing" in re.sub(r"<[^>]+>", " ", render_html(silent))
+
+
+def test_an_area_that_only_it_sees_is_unknown_and_not_zero(silent: WeekReport) -> None:
+    far = next(a for a in silent.areas if a.area_id == "far")
+    assert (far.counted, far.often.value, far.often.change, far.share, far.difference) == (None,) * 5
+    assert far.close_share is not None
+    assert far.close_share.value is None
+    assert reason_text(far.often.reason) == "nothing was recorded"
+    seen = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", render_html(silent)))
+    assert "Far – – – – – 0%" in seen
+    queue = next(a for a in silent.areas if a.area_id == "queue")
+    assert queue.often.value == pytest.approx(20.0)
 
 
 def test_the_weeks_count_the_same_cameras(silent: WeekReport) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
-from vsd_analytics.figures.panels import WEEK, Array, Place
+from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
@@ -17,9 +17,6 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
 from vsd_analytics.site.model import Area
-
-MIN_CAMERA_SHARE = 0.01
-"""A camera that counts less of an area than this is not named as one that sees it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +66,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         elif is_compared and data.is_revealed_by_comparing:
             often, risky, close = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky, close))
         weights = camera_weights(data, place)
-        is_known = bool(data.panel(place, data.week_days).x_h.any())
+        is_known = bool(data.panel(place, data.week_days).x_h.any()) and data.this.knows(place)
         rows.append(
             AreaRow(
                 area_id=key,
@@ -140,18 +137,10 @@ def busiest_spot(data: WeekData, rows: Sequence[AreaRow]) -> BusiestSpot | None:
 
 
 def camera_weights(data: WeekData, place: Place) -> Mapping[str, float]:
-    """Return how much of a place each camera counts, the largest part first: person-time per recorded hour, sum 1.
-
-    All loaded weeks are used, so that a camera that was down this week keeps its weight; violations are used where
-    person-time is unknown.
-    """
-    recorded_h = data.hours.recorded_s.sum(axis=1) / 3600
-    exposure, violations = place.exposure_h.sum(axis=1), place.n.sum(axis=1)
-    seen: Array = exposure if exposure.any() else violations
-    weights = np.divide(seen, recorded_h, out=np.zeros_like(seen), where=(recorded_h > 0) & place.cameras)
-    total = float(weights.sum())
+    """Return how much of a place each camera counts, the largest part first; see `FloorHours.camera_weights`."""
+    weights = data.camera_weights(place)
     order = sorted(range(len(data.ids)), key=lambda i: (-weights[i], i))
-    return {data.ids[i]: float(weights[i]) / total for i in order if total and weights[i] > 0}
+    return {data.ids[i]: float(weights[i]) for i in order if weights[i] > 0}
 
 
 def _recorded_share(data: WeekData, weights: Mapping[str, float]) -> float | None:
