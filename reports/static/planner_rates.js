@@ -113,7 +113,7 @@ function level(k, profile, R, q, kind) {
   if (k.nDays < R.minDays) return refused(k, rate, word('reason.days', { n: R.minDays, has: k.nDays }));
   if (k.events === 0) {
     const least = Math.min(...k.x.map(sum));
-    return { rate: 0, lo: 0, hi: q.zero / least, n: 0, days: k.nDays, ok: true, reason: word(`reason.none_${kind}`, { hours: least.toFixed(1) }) };
+    return { rate: 0, lo: 0, hi: q.zero / least, n: 0, days: k.nDays, ok: true, reason: word(`reason.none_${kind}`, { hours: nf(least, 1) }) };
   }
   if (k.events < R.minEvents) return refused(k, rate, word('reason.events', { n: R.minEvents, has: k.events }));
   let weights = equalWeights(k), missed = 0, days;
@@ -150,7 +150,7 @@ function howOften(panel, R, weekday, past) {
 /* How risky (M7): violations per person-hour; the panel has one row. */
 function howRisky(panel, R, weekday, past) {
   const k = asCounts(panel), hours = sum(k.x.map(sum));
-  if (!k.kept.length || hours < R.minExposure) return refused(k, null, word('reason.person_hours', { n: R.minExposure, has: hours.toFixed(1) }));
+  if (!k.kept.length || hours < R.minExposure) return refused(k, null, word('reason.person_hours', { n: R.minExposure, has: nf(hours, 1) }));
   return level(k, profileOf(k, past, weekday, R), R, R.q, 'risky');
 }
 
@@ -161,7 +161,7 @@ function howClose(panel, R, weekday, past) {
   const e = level(k, profileOf(k, past, weekday, R), R, R.q, 'risky'), part = v => v === null ? null : Math.min(1, v / 3600);
   if (e.n === 0) return { ...e, lo: null, hi: null, ok: true, reason: word('reason.nobody_close') };
   const least = hours < R.minExposure && e.lo !== null;
-  return { ...e, rate: part(e.rate), lo: least || e.lo === null ? null : e.lo / 3600, hi: least ? null : part(e.hi), reason: least ? word('reason.interval_person_hours', { n: R.minExposure, has: hours.toFixed(1) }) : e.reason };
+  return { ...e, rate: part(e.rate), lo: least || e.lo === null ? null : e.lo / 3600, hi: least ? null : part(e.hi), reason: least ? word('reason.interval_person_hours', { n: R.minExposure, has: nf(hours, 1) }) : e.reason };
 }
 const inSeconds = e => ({ ...e, rateA: e.rateA === null ? null : e.rateA / 3600, rateB: e.rateB === null ? null : e.rateB / 3600 });
 
@@ -191,7 +191,7 @@ function compareRates(A, B, R, isRisky) {
   const both = A.x.map((row, c) => row.map((v, d) => v > 0 && B.x[c][d] > 0));
   const a = asCounts(A, both), b = asCounts(B, both), least = Math.min(sum(a.x.map(sum)), sum(b.x.map(sum)));
   if (a.nDays < R.minDays) return changed(a, b, { reason: word('reason.pairs', { n: R.minDays, has: a.nDays }) });
-  if (isRisky && least < R.minExposure) return changed(a, b, { reason: word('reason.person_hours_each', { n: R.minExposure, has: least.toFixed(1) }) });
+  if (isRisky && least < R.minExposure) return changed(a, b, { reason: word('reason.person_hours_each', { n: R.minExposure, has: nf(least, 1) }) });
   const low = Math.min(a.events, b.events);
   if (Math.max(a.events, b.events) < R.minEvents) return changed(a, b, { reason: word('reason.few') });
   if (low < R.minEvents) {

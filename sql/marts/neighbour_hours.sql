@@ -15,7 +15,7 @@
 --   denominator  person-hours
 --   needs        as M6
 --   uncertainty  day-clustered 95 % interval, as M6 between groups
---   by           vsd_analytics.figures.company_kept.three_or_more
+--   by           vsd_analytics.figures.neighbours.three_or_more
 -- figure: M33 Room around people
 --   definition   person-time by people per m² in the disc of distance_m around a person, oneself included, in the levels of service of
 --                walkways A to F (limits 0.31, 0.43, 0.72, 1.08, 2.15; Fruin, Pedestrian Planning and Design, 1971); floor behind
@@ -24,7 +24,7 @@
 --   denominator  person-hours
 --   needs        as M6, and a distance_m of 1.02 m or more: a smaller disc holds one person at level B
 --   uncertainty  day-clustered 95 % interval, as M6 between groups
---   by           vsd_analytics.figures.company_kept.room_around
+--   by           vsd_analytics.figures.neighbours.room_around
 -- assumes: person-time without anybody closer than distance_m is that of camera_hours less these
 select
     neighbour_times.camera_id,

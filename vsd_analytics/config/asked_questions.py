@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any, Final
@@ -51,7 +51,7 @@ def asked_question(site: Site, question_id: str) -> AskedQuestion:
     )
 
 
-def remember(site: Site, asked: Iterable[AskedQuestion]) -> int:
+def remember(site: Site, asked: Sequence[AskedQuestion]) -> int:
     """Store the questions of reports, durably, and return how many are new; what is stored already is not again.
 
     Raises:

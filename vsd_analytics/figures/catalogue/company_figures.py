@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, limits, missing, of_estimate
-from vsd_analytics.figures.company_kept import room_around, three_or_more
+from vsd_analytics.figures.neighbours import room_around, three_or_more
 from vsd_analytics.figures.others_met import OthersMet, others_met
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import GIVES_AWAY

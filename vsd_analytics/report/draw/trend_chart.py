@@ -127,7 +127,7 @@ def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str 
 
 def _usual(axes: _Axes, usual: Usual) -> Markup:
     """Draw the usual range as a band behind the weeks."""
-    top, bottom = axes.y(min(usual.hi, axes.top)), axes.y(usual.lo)
+    top, bottom = axes.y(min(usual.hi, axes.top)), axes.y(min(usual.lo, axes.top))
     size = {"x": LEFT, "y": round(top, 1), "width": axes.width - LEFT - RIGHT, "height": round(bottom - top, 1)}
     return el("rect", class_="tu", fill=BAND, **size)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from markupsafe import Markup
 
@@ -11,7 +12,7 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 
-MAX_PARTS = 6
+MAX_PARTS: Final = 6
 """More areas than rows: the smallest differences share one."""
 
 

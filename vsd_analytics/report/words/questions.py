@@ -50,9 +50,9 @@ END_M: Final = 1.5
 
 # Words in an area's name -> the key of the question to ask about it; the last fits every name.
 BY_NAME: Final = (
-    (("queue", "checkout", "till", "counter", "desk"), "queue"),
-    (("entrance", "door", "exit", "lobby", "foyer"), "entrance"),
-    (("aisle", "corridor", "passage"), "one_way"),
+    (("queue", "checkout", "till", "counter", "desk", "coda", "fila", "cassa", "casse", "banco", "sportell"), "queue"),
+    (("entrance", "door", "exit", "lobby", "foyer", "ingresso", "entrata", "porta", "uscita", "atrio"), "entrance"),
+    (("aisle", "corridor", "passage", "corsia", "corridoio", "passaggio"), "one_way"),
     (("",), "spread"),
 )
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Pair, Person, beats, make_site, open_days, put
 
-from vsd_analytics.figures.company_kept import LEVELS, level_of, room_around, three_or_more
+from vsd_analytics.figures.neighbours import LEVELS, level_of, room_around, three_or_more
 from vsd_analytics.figures.others_met import others_met
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.result import Reason
