@@ -21,6 +21,7 @@ from vsd_analytics.errors import MailError, ReportError, UsageError, VsdError
 if TYPE_CHECKING:
     from email.message import EmailMessage
 
+    from vsd_analytics.report.send.sent_mails import Week
     from vsd_analytics.site.model import MailRoute
 
 FOLDER = "mail"
@@ -90,6 +91,7 @@ def mail_week(
         MailError: E803 to E809; the `.eml` file is written all the same.
     """
     from vsd_analytics.report.pages.mail import Attachment, as_bytes, make_mail
+    from vsd_analytics.report.send.sent_mails import Week
 
     attachments = []
     pdf = pdf_or_none(files)
@@ -111,7 +113,8 @@ def mail_week(
     )
     [path] = write(out, {f"{files.stem}.eml": as_bytes(mail)})
     if options.is_sent and project.site.mail is not None:
-        _send(project, mail, files, route=project.site.mail, to=to, is_again=options.is_again)
+        week = Week(floor_id=files.report.site.floor_id, week=files.report.week.iso)
+        send(project, mail, week, route=project.site.mail, to=to, is_again=options.is_again)
     return path
 
 
@@ -148,15 +151,19 @@ def _no_pdf(error: ReportError) -> VsdError:
     return VsdError(f"the mail has no PDF: {error.what}", code="W801", why=error.why, fix=error.fix)
 
 
-def _send(
-    project: Project, mail: EmailMessage, files: ReportFiles, *, route: MailRoute, to: tuple[str, ...], is_again: bool
+def send(
+    project: Project, mail: EmailMessage, week: Week, *, route: MailRoute, to: tuple[str, ...], is_again: bool
 ) -> None:
+    """Send a mail to those of its recipients who do not have it, and note who has.
+
+    Raises:
+        MailError: E803 to E809; what was sent is noted.
+    """
     from vsd_analytics.report.send import mail_server
-    from vsd_analytics.report.send.sent_mails import SentLog, Week, to_send
+    from vsd_analytics.report.send.sent_mails import SentLog, to_send
 
     folder = project.root / FOLDER
     folder.mkdir(mode=0o700, exist_ok=True)
-    week = Week(floor_id=files.report.site.floor_id, week=files.report.week.iso)
     identity = str(mail["Message-ID"])
     now: datetime = project.now
     with SentLog(folder / LOG) as log:

@@ -185,6 +185,17 @@ def test_sent_once_to_each_and_again_only_when_asked(project: Path, capsys: pyte
     assert stat.S_IMODE((project / "mail" / "sent.jsonl").stat().st_mode) == 0o600
 
 
+def test_the_card_of_a_day_goes_to_each_once(project: Path) -> None:
+    inbox = Inbox()
+    with server(inbox) as port:
+        configure(project, MAIL, port)
+        for _ in range(2):
+            assert vsd(project, "today", "--send") == 0
+        assert vsd(project, *WEEK, "--send") == 0
+    assert [to for _, to, _ in inbox.mails] == [BOTH, BOTH]
+    assert message_from_bytes(inbox.mails[0][2])["Date"] == "Mon, 16 Nov 2026 06:00:00 +0100"
+
+
 def test_only_who_was_refused_is_tried_again(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     inbox = Inbox({BOTH[1]: "550 no such user"})
     with server(inbox) as port:

@@ -12,13 +12,13 @@ import io
 import re
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from email.message import EmailMessage
 from email.policy import SMTP
 from email.utils import format_datetime
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -84,21 +84,60 @@ def make_mail(
     page = make_page(report)
     picture = map_picture(report)
     words = _words(page, link=link, attachments=attachments, has_picture=picture is not None)
-    text = _written("mail.txt.j2", words)
-    html = _written("mail.html.j2", words)
-    title = one_line(subject) if subject is not None else _subject(page)
-    identity = hashlib.blake2b(digest_size=16)
+    text = filled("mail.txt.j2", words)
+    html = filled("mail.html.j2", words)
+    title = subject if subject is not None else _subject(page)
+    return message(
+        name=report.week.iso,
+        subject=title,
+        text=text,
+        html=html,
+        sender=sender,
+        to=to,
+        date=date or report.generated_at,
+        picture=picture,
+        attachments=attachments,
+    )
+
+
+def message(
+    *,
+    name: str,
+    subject: str,
+    text: str,
+    html: str,
+    sender: str | None,
+    to: Sequence[str],
+    date: datetime,
+    picture: bytes | None = None,
+    attachments: Sequence[Attachment] = (),
+) -> EmailMessage:
+    """Return a message whose every header and boundary follows from the arguments.
+
+    Args:
+        name: What the mail is about; begins its Message-ID.
+        subject: Its subject.
+        text: Its words as plain text.
+        html: The same as HTML.
+        sender: Address it comes from; None = a draft, which mail programs open for writing.
+        to: Addresses it goes to; empty = to be filled in.
+        date: Aware instant of its `Date`.
+        picture: PNG that the HTML shows; None = none.
+        attachments: Files that go with it.
+    """
+    title = one_line(subject)
+    hashed = hashlib.blake2b(digest_size=16)
     for part in (title, text, html, sender or "", *to):
-        identity.update(f"{len(part)}:{part}".encode())
-    name = identity.hexdigest()
+        hashed.update(f"{len(part)}:{part}".encode())
+    identity = hashed.hexdigest()
 
     mail = EmailMessage(policy=SMTP)
     mail["Subject"] = title
     mail["From"] = sender or NOBODY
     if to:
         mail["To"] = ", ".join(to)
-    mail["Date"] = format_datetime(date or report.generated_at)
-    mail["Message-ID"] = f"<{report.week.iso}.{name}@{(sender or NOBODY).rpartition('@')[2]}>"
+    mail["Date"] = format_datetime(date)
+    mail["Message-ID"] = f"<{name}.{identity}@{(sender or NOBODY).rpartition('@')[2]}>"
     mail["Auto-Submitted"] = "auto-generated"
     if sender is None or not to:
         mail["X-Unsent"] = "1"
@@ -111,7 +150,7 @@ def make_mail(
     for each in attachments:
         mail.add_attachment(each.data, "application", each.kind, filename=each.name)
     for i, inner in enumerate(p for p in mail.walk() if p.is_multipart()):
-        inner.set_boundary(f"=_{name}.{i}")
+        inner.set_boundary(f"=_{identity}.{i}")
     return mail
 
 
@@ -241,8 +280,9 @@ def _words(page: Page, *, link: str | None, attachments: Sequence[Attachment], h
     )
 
 
-def _written(template: str, words: Words) -> str:
-    context = {name: getattr(words, name) for name in Words.__dataclass_fields__}
+def filled(template: str, words: Any) -> str:
+    """Return a template of a mail filled with the fields of a dataclass; text has no control characters."""
+    context = {f.name: getattr(words, f.name) for f in fields(words)}
     text = _environment().get_template(template).render(context)
     if template.endswith(".txt.j2"):
         return CONTROL.sub(" ", text.replace("\n", "\t")).replace("\t", "\n")
@@ -268,5 +308,5 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters.update(fmt.FILTERS, wrap=_wrap)
-    environment.globals.update(html_tag=html_tag)
+    environment.globals.update(html_tag=html_tag, say=say)
     return environment

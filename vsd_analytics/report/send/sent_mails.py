@@ -30,7 +30,7 @@ class Week:
 
     Attributes:
         floor_id: Floor of the report.
-        week: ISO week.
+        week: ISO week of a weekly page; for a card, its day.
     """
 
     floor_id: str

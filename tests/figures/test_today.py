@@ -1,0 +1,198 @@
+"""The card of the day: days beside the same hours of days like them, silent cameras, the hours ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import date, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from planted_hours import MONDAY, of, planted, site_of
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.today import Today, today
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Site
+from vsd_analytics.stats.usual import usual_range
+
+SATURDAY = MONDAY + timedelta(days=5)
+Change = Callable[[pd.DataFrame], None]
+
+
+def card(
+    site: Site, day: date, hour: int, minute: int = 0, *, change: Change | None = None, n_weeks: int = 14
+) -> Today:
+    monday = day - timedelta(days=day.weekday())
+    with planted(site, change, n_weeks=n_weeks, monday=monday) as warehouse:
+        at = datetime(day.year, day.month, day.day, hour, minute, tzinfo=site.zone)
+        return today(warehouse, at)
+
+
+def without(day: date, hour: int, camera: str | None = None) -> Change:
+    def change(hours: pd.DataFrame) -> None:
+        hours.loc[of(hours, day=day, hour=hour, camera=camera), ["recorded_s", "recorded_open_s"]] = 0.0
+
+    return change
+
+
+def test_days_are_the_counts_of_their_hours_that_are_over(tmp_path: Path) -> None:
+    seen: dict[str, float] = {}
+
+    def count(hours: pd.DataFrame) -> None:
+        for name, day, last in (("yesterday", SATURDAY - timedelta(days=1), 11), ("so far", SATURDAY, 10)):
+            rows = hours[(hours["local_date"].astype(str) == str(day)) & (hours["local_hour"] <= last)]
+            seen[name] = rows["n_violations_open"].sum()
+
+    found = card(site_of(tmp_path), SATURDAY, 11, 59, change=count)
+    assert found.yesterday is not None
+    assert found.so_far is not None
+    assert (found.yesterday.violations, found.so_far.violations) == (seen["yesterday"], seen["so far"])
+    assert (found.yesterday.is_over, found.so_far.is_over, found.so_far.until_hour) == (True, False, 11)
+
+
+def test_a_day_is_compared_with_the_same_hours_of_the_same_weekday(tmp_path: Path) -> None:
+    totals: list[float] = []
+
+    def count(hours: pd.DataFrame) -> None:
+        for week in range(1, 13):
+            rows = of(hours, day=SATURDAY - timedelta(weeks=week)) & (hours["local_hour"] < 11)
+            totals.append(hours.loc[rows, "n_violations_open"].sum())
+
+    found = card(site_of(tmp_path), SATURDAY, 11, change=count).so_far
+    assert found is not None
+    assert found.usual == pytest.approx(usual_range(totals, confidence=0.975))
+    assert found.n_days == 12
+
+
+def test_what_is_recorded_after_the_clock_is_not_read(tmp_path: Path) -> None:
+    def later(hours: pd.DataFrame) -> None:
+        after = of(hours, day=SATURDAY) & (hours["local_hour"] >= 10)
+        hours.loc[after, "n_violations_open"] = 9_999.0
+
+    site = site_of(tmp_path)
+    assert card(site, SATURDAY, 10, 30, change=later) == card(site, SATURDAY, 10, 30)
+
+
+def test_an_hour_without_data_is_not_zero_and_is_not_compared(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    whole, holed = card(site, SATURDAY, 12).so_far, card(site, SATURDAY, 12, change=without(SATURDAY, 10)).so_far
+    assert whole is not None
+    assert holed is not None
+    assert whole.usual is not None
+    assert holed.usual is not None
+    assert (holed.open_hours, holed.recorded_hours) == (3, 2)
+    middle = [(u.lo * u.hi) ** 0.5 for u in (whole.usual, holed.usual)]
+    assert middle[1] / middle[0] == pytest.approx(2 / 3, rel=0.05)  # two hours beside two, not beside three
+    assert holed.usual.position(holed.violations or 0.0) == "within"
+
+
+def test_a_day_whose_hours_were_not_recorded_has_no_number(tmp_path: Path) -> None:
+    def nothing(hours: pd.DataFrame) -> None:
+        hours.loc[of(hours, day=SATURDAY), ["recorded_s", "recorded_open_s"]] = 0.0
+
+    found = card(site_of(tmp_path), SATURDAY, 12, change=nothing)
+    assert found.so_far is not None
+    assert (found.so_far.violations, found.so_far.usual, found.so_far.state) == (None, None, "not_enough_data")
+    assert [h.violations for h in found.hours if h.day == SATURDAY] == [None, None, None]
+
+
+def test_days_that_lack_one_of_the_hours_are_left_out_and_fewer_than_four_are_too_few(tmp_path: Path) -> None:
+    def gone(hours: pd.DataFrame) -> None:
+        for week in range(1, 10):
+            without(SATURDAY - timedelta(weeks=week), 10)(hours)
+
+    found = card(site_of(tmp_path), SATURDAY, 12, change=gone).so_far
+    assert found is not None
+    assert (found.n_days, found.usual, found.state) == (3, None, "not_enough_data")
+    assert found.reason is not None
+    assert found.reason == Reason("today.days", least=4, has=3)
+
+
+def test_before_the_first_open_hour_is_over_today_has_no_number(tmp_path: Path) -> None:
+    found = card(site_of(tmp_path), SATURDAY, 9, 59).so_far
+    assert found is not None
+    assert (found.until_hour, found.open_hours, found.violations) == (None, 0, None)
+    assert found.reason is not None
+    assert found.reason.code == "today.not_yet"
+
+
+def test_a_closed_day_is_none(tmp_path: Path) -> None:
+    site = site_of(tmp_path, closed=frozenset({SATURDAY - timedelta(days=1)}))
+    found = card(site, SATURDAY, 12)
+    assert found.yesterday is None
+    assert found.so_far is not None
+
+
+def test_a_monday_has_sunday_as_yesterday_and_a_sunday_has_monday_as_tomorrow(tmp_path: Path) -> None:
+    monday = card(site_of(tmp_path), MONDAY, 12)
+    assert monday.yesterday is not None
+    assert monday.yesterday.day == MONDAY - timedelta(days=1)
+    assert monday.yesterday.n_days == 12
+    sunday = card(site_of(tmp_path), MONDAY + timedelta(days=6), 9)
+    assert {h.day for h in sunday.ahead} == {MONDAY + timedelta(days=6), MONDAY + timedelta(days=7)}
+
+
+def test_hours_ahead_are_forecast_and_hours_over_are_not_ahead(tmp_path: Path) -> None:
+    found = card(site_of(tmp_path), SATURDAY - timedelta(days=1), 10, 30)
+    assert [(h.day.weekday(), h.hour) for h in found.ahead] == [(4, 10), (4, 11), (5, 9), (5, 10), (5, 11)]
+    assert [h.people for h in found.ahead] == pytest.approx([9.0] * 5)
+    assert [h.usual for h in found.ahead] == pytest.approx([30.0] * 5, rel=0.25)
+
+
+def test_an_hour_with_four_times_the_usual_count_is_unusual(tmp_path: Path) -> None:
+    def many(hours: pd.DataFrame) -> None:
+        hours.loc[of(hours, day=SATURDAY - timedelta(days=1), hour=10), "n_violations_open"] *= 4
+
+    found = card(site_of(tmp_path), SATURDAY, 11, change=many)
+    assert [(r.day, r.hour) for r in found.unusual.rows] == [(SATURDAY - timedelta(days=1), 10)]
+
+
+def test_a_camera_that_stopped_is_named_with_its_last_hour_and_the_open_hours_since(tmp_path: Path) -> None:
+    def stop(hours: pd.DataFrame) -> None:
+        rows = of(hours, camera="cam-2") & (
+            of(hours, day=SATURDAY) | (of(hours, day=SATURDAY - timedelta(days=1)) & (hours["local_hour"] >= 10))
+        )
+        hours.loc[rows, ["recorded_s", "recorded_open_s"]] = 0.0
+
+    found = card(site_of(tmp_path), SATURDAY, 11, change=stop)
+    [camera] = found.silent
+    assert (camera.camera_id, camera.last_day, camera.last_hour) == ("cam-2", SATURDAY - timedelta(days=1), 9)
+    assert camera.open_hours == 4  # 10 and 11 on Friday, 9 and 10 on Saturday
+    assert found.n_cameras == 2
+
+
+def test_a_camera_that_sent_in_the_last_hour_or_is_not_due_yet_is_not_silent(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    assert card(site, SATURDAY, 11, change=without(SATURDAY, 9, "cam-2")).silent == ()
+    assert card(site, SATURDAY, 10, change=without(SATURDAY, 10, "cam-2")).silent == ()
+
+
+def test_an_unknown_floor_is_refused(tmp_path: Path) -> None:
+    with planted(site_of(tmp_path), n_weeks=14) as warehouse, pytest.raises(UsageError, match="no floor has the id"):
+        today(warehouse, datetime(2026, 11, 14, 12, tzinfo=warehouse.site.zone), floor_id="cellar")
+
+
+def test_where_days_only_differ_by_chance_one_card_in_twenty_names_a_day(tmp_path: Path) -> None:
+    """280 cards of a site whose days differ by a log-normal factor of 15 % and by chance."""
+    site = site_of(tmp_path)
+    weeks = 54
+
+    def vary(hours: pd.DataFrame) -> None:
+        rng = np.random.default_rng(11)
+        days = hours["local_date"].astype(str)
+        factor = dict(zip(sorted(days.unique()), rng.lognormal(0.0, 0.15, days.nunique()), strict=True))
+        busy = np.where(hours["camera_no"] == 0, 20.0, 10.0) * hours["open_s"] / 3600
+        hours["n_violations_open"] = rng.poisson(busy * days.map(factor)).astype(float)
+
+    n_cards = n_named = 0
+    with planted(site, vary, n_weeks=weeks) as warehouse:
+        for k in range(280):
+            day = MONDAY + timedelta(days=6 - k)
+            found = today(warehouse, datetime(day.year, day.month, day.day, 23, tzinfo=site.zone))
+            levels = [d for d in (found.yesterday, found.so_far) if d is not None and d.usual is not None]
+            n_cards += len(levels) == 2
+            n_named += any(d.usual.position(d.violations or 0.0) != "within" for d in levels if d.usual)
+    assert n_cards == 280
+    assert 1 / 100 < n_named / n_cards < 8 / 100

@@ -1,0 +1,139 @@
+"""`vsd today`: the card of the day, for a phone and a mail."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vsd_analytics.cli.options import json_option, language_option
+from vsd_analytics.cli.output import emit_json, rounded
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
+from vsd_analytics.errors import UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.cli.report_mail import MailOptions
+    from vsd_analytics.figures.today import Today
+
+
+@click.command()
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one card for each).")
+@click.option("--out", metavar="DIR", help="Folder to write to (default: reports/ of the project).")
+@click.option("--open", "is_opened", is_flag=True, help="Open the card in a browser.")
+@click.option("--mail", "is_mailed", is_flag=True, help="Write the card as a mail, .eml (in mail/ of the project).")
+@click.option("--send", "is_sent", is_flag=True, help="Send it by [mail] of vsd.toml, to nobody twice a day.")
+@click.option("--to", "to", metavar="ADDRESS", multiple=True, help="Who it goes to (default: [mail] to); repeatable.")
+@click.option("--from", "sender", metavar="ADDRESS", help="Who it comes from (default: [mail] from).")
+@click.option("--again", "is_again", is_flag=True, help="Send it even to those who have today's card.")
+@language_option
+@json_option
+@pass_project
+def today(
+    project: Project,
+    floor_id: str | None,
+    out: str | None,
+    is_opened: bool,
+    is_mailed: bool,
+    is_sent: bool,
+    to: tuple[str, ...],
+    sender: str | None,
+    is_again: bool,
+    as_json: bool,
+) -> int:
+    """Write the card of the day: yesterday and today so far, silent cameras, what to expect until tomorrow.
+
+    A day is compared with the same hours of the same weekday in the twelve weeks before. Hours count when they are
+    over. The exit code is 1 when a camera sends no data. With --now before the command, the card is that of an earlier
+    instant.
+
+    \b
+    Example:
+      vsd today --open
+      vsd today --send
+      vsd --now 2026-11-14T14:20+01:00 today
+    """
+    from vsd_analytics.cli import report_mail
+
+    project.speak()
+    is_mailed = is_mailed or is_sent
+    if as_json and (is_mailed or out is not None or is_opened):
+        raise UsageError("--json prints the figures and nothing else", fix="vsd today --json")
+    if not is_mailed and (to or sender or is_again):
+        raise UsageError("--to, --from and --again go with a mail", fix="--mail, or --mail --send")
+    options = report_mail.MailOptions(
+        sender=sender, to=to, subject=None, is_sent=is_sent, is_again=is_again, is_zipped=False
+    )
+    sender, to = report_mail.checked(project, options) if is_mailed else (None, ())
+    found = _today(project, floor_id)
+    if as_json:
+        emit_json(rounded({"today": [asdict(card) for card in found]}))
+    else:
+        paths = [
+            path for card in found for path in _write(project, card, out, options, sender, to, is_mailed=is_mailed)
+        ]
+        if is_opened:
+            click.launch(str(paths[0]))
+    return 1 if any(card.silent for card in found) else 0
+
+
+def _today(project: Project, floor_id: str | None) -> list[Today]:
+    from vsd_analytics.figures import today as figures
+    from vsd_analytics.warehouse.stored_days import stored_extent
+
+    site = project.site
+    floors = [f.floor_id for f in site.floors]
+    if floor_id is not None and floor_id not in floors:
+        raise UsageError(
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
+        )
+    at: datetime = project.now.astimezone(site.zone)
+    if stored_extent(site) is None:
+        raise nothing_stored(project)
+    with warehouse_of(project, week=None, days=f"{figures.first_day(at)}..{at.date()}") as warehouse:
+        warehouse.materialise("episodes", "violations", "camera_hours", "camera_slots")
+        return [figures.today(warehouse, at, floor_id=f) for f in ([floor_id] if floor_id else floors)]
+
+
+def _write(
+    project: Project,
+    card: Today,
+    out: str | None,
+    options: MailOptions,
+    sender: str | None,
+    to: tuple[str, ...],
+    *,
+    is_mailed: bool,
+) -> list[Path]:
+    """Print a card, write its page and, if asked, its mail; return the files."""
+    from vsd_analytics.cli import report_mail
+    from vsd_analytics.cli.report_formats import write
+    from vsd_analytics.figures.today import first_day
+    from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
+    from vsd_analytics.report.pages.mail import as_bytes, filled
+    from vsd_analytics.report.pages.today import make_today_page, today_html, today_mail
+    from vsd_analytics.report.send.sent_mails import Week
+    from vsd_analytics.warehouse.provenance import engines
+
+    site = project.site
+    sent_by = engines(site, first_day(card.at), card.at.date())
+    page = make_today_page(card, site, is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent_by))
+    click.echo(filled("today_mail.txt.j2", page).partition("\n-- \n")[0])
+    floor = "" if len(site.floors) == 1 else f"-{card.floor_id}"
+    folder = Path(out) if out is not None else project.root / "reports"
+    paths = write(folder, {f"today{floor}.html": today_html(page).encode()})
+    if is_mailed:
+        mail = today_mail(
+            page, sender=sender, to=to, date=project.now.astimezone(site.zone) if options.is_sent else None
+        )
+        target = Path(out) if out is not None else project.root / report_mail.FOLDER
+        paths += write(target, {f"today{floor}.eml": as_bytes(mail)})
+    for path in paths:
+        click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
+    if options.is_sent and site.mail is not None:
+        day = Week(floor_id=card.floor_id or "", week=card.at.date().isoformat())
+        report_mail.send(project, mail, day, route=site.mail, to=to, is_again=options.is_again)
+    return paths

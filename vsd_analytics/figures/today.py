@@ -1,0 +1,318 @@
+"""Yesterday and the hours of today so far, beside days like them, and what to expect until tomorrow night.
+
+Days are compared over the same hours: 150 violations by noon are compared with other mornings, never with whole days.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import date, datetime, timedelta
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.forecast import HISTORY_WEEKS
+from vsd_analytics.figures.slots import Floats, Slots, load_slots, open_hours
+from vsd_analytics.result import Reason, State
+from vsd_analytics.stats.forecast import WeekForecast, forecast_week
+from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
+from vsd_analytics.stats.unusual import UnusualSlots, unusual_hours
+from vsd_analytics.stats.usual import MIN_WEEKS, UsualRange, usual_range
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+LOADED_WEEKS: Final = HISTORY_WEEKS + 2
+"""The running week, the twelve before, and one more: on a Monday, the weeks before yesterday begin on a Sunday."""
+HOURS: Final = 24
+SHOWN_DAYS: Final = 3  # yesterday, today, tomorrow
+HALF: Final = 0.5  # of a violation: less is rounded away
+
+
+@dataclass(frozen=True, slots=True)
+class TodayHour:
+    """An open hour of yesterday, today or tomorrow.
+
+    Attributes:
+        day: Local date.
+        hour: Local hour, 0 to 23.
+        is_over: It ended before the clock.
+        violations: Violations per open hour; None where it was not recorded, or is not over.
+        usual: The same of such an hour by the twelve weeks before yesterday (M25); None where too few recorded it.
+        lo, hi: Range that holds four of five such hours.
+        people: Mean number of people in view of such an hour; None where too few weeks recorded it.
+        people_lo, people_hi: Range of that.
+    """
+
+    day: date
+    hour: int
+    is_over: bool
+    violations: float | None
+    usual: float | None
+    lo: float | None
+    hi: float | None
+    people: float | None
+    people_lo: float | None
+    people_hi: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class DayLevel:
+    """The violations of a day, or of its hours so far, beside the same hours of the same weekday.
+
+    Attributes:
+        day: Local date.
+        is_over: All its open hours are over.
+        until_hour: Local hour at which the last hour that is over ends, 1 to 24; None = no open hour is over yet.
+        open_hours: Open hours that are over.
+        recorded_hours: Those of them that were recorded; only these are counted and compared.
+        violations: Violations in them; None where none was recorded or violations are not measurable.
+        is_estimated: Cameras that were down part of the time are made up for in `violations`.
+        usual: Prediction interval (97.5 %) for the same hours of one more such day; None where too few days
+            recorded them.
+        n_days: Earlier days that recorded them.
+        state: "ok" when there is a usual range.
+        reason: Why not.
+    """
+
+    day: date
+    is_over: bool
+    until_hour: int | None
+    open_hours: int
+    recorded_hours: int
+    violations: float | None
+    is_estimated: bool
+    usual: UsualRange | None
+    n_days: int
+    state: State
+    reason: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
+class SilentCamera:
+    """A camera that recorded nothing in the last open hour that is over.
+
+    Attributes:
+        camera_id: The camera.
+        last_day: Local date of the last hour it recorded; None = none in the weeks before.
+        last_hour: That hour, 0 to 23.
+        open_hours: Open hours since then, at most those of the weeks before.
+    """
+
+    camera_id: str
+    last_day: date | None
+    last_hour: int | None
+    open_hours: int
+
+
+@dataclass(frozen=True, slots=True)
+class Today:
+    """What to know about a floor today.
+
+    Attributes:
+        at: The clock, in the site's zone.
+        floor_id: Floor; None = the whole site.
+        yesterday, so_far: The two days; None where the site was closed.
+        hours: The open hours of yesterday, today and tomorrow.
+        unusual: Hours of yesterday and today whose count chance hardly explains (M24).
+        silent: Cameras that send nothing.
+        n_cameras: Cameras of the floor.
+        forecast_state: "ok" when hours are forecast.
+        forecast_reason: Why not.
+    """
+
+    at: datetime
+    floor_id: str | None
+    yesterday: DayLevel | None
+    so_far: DayLevel | None
+    hours: tuple[TodayHour, ...]
+    unusual: UnusualSlots
+    silent: tuple[SilentCamera, ...]
+    n_cameras: int
+    forecast_state: State
+    forecast_reason: Reason | None
+
+    @property
+    def ahead(self) -> tuple[TodayHour, ...]:
+        """Return the hours of today and tomorrow that are not over and have a forecast."""
+        return tuple(h for h in self.hours if not h.is_over and h.people is not None)
+
+
+def first_day(at: datetime) -> date:
+    """Return the first day a warehouse must hold for `today` at a local instant."""
+    return at.date() - timedelta(days=at.weekday(), weeks=LOADED_WEEKS - 1)
+
+
+def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) -> Today:
+    """Return what to know about today: M0 of yesterday and so far, M24 of both days, M25 until tomorrow night.
+
+    A day's usual range is the prediction interval of `stats.usual` from the same hours of the same weekday in the weeks
+    before; days that did not record all these hours are left out. Both days are judged together: each range has half of
+    the error that `confidence` allows. What was recorded after `at` is not read.
+
+    Args:
+        warehouse: From `first_day(at)`, or from wherever records begin, to the day of `at`.
+        at: The clock, an aware instant in the site's zone.
+        floor_id: Only the cameras of this floor; None = all.
+
+    Raises:
+        UsageError: E101, the site has no such floor.
+    """
+    settings = warehouse.site.settings
+    yesterday, monday = at.date() - timedelta(days=1), at.date() - timedelta(days=at.weekday())
+    loaded = load_slots(warehouse, monday, n_weeks=LOADED_WEEKS, floor_id=floor_id)
+    slots = _weeks_from(loaded, yesterday, at, open_h=_open_hours(warehouse, yesterday))
+    n_over = HOURS + at.hour
+    confidence = 1 - (1 - settings.confidence) / 2
+    violations, people, why = slots.violations, slots.people, slots.why_no_violations
+    counted, seen = (
+        forecast_week(
+            w.n[:-1], w.x_h[:-1], is_count=w is violations, open_h=slots.open_h[-1], share=settings.forecast_share
+        )
+        for w in (violations, people)
+    )
+    return Today(
+        at=at,
+        floor_id=floor_id,
+        yesterday=_level(slots, violations, 0, n_over=n_over, why=why, confidence=confidence),
+        so_far=_level(slots, violations, 1, n_over=n_over, why=why, confidence=confidence),
+        hours=_hours(slots, violations, n_over=n_over, counted=counted, seen=seen),
+        unusual=(
+            UnusualSlots((), 0, 0, 0, "not_measurable", why)
+            if why is not None
+            else unusual_hours(
+                violations.n[-1],
+                violations.x_h[-1],
+                monday=yesterday,
+                before_n=violations.n[:-1],
+                before_x_h=violations.x_h[:-1],
+                q_max=settings.unusual_false_share,
+                min_change=settings.unusual_min_change,
+                min_difference=settings.unusual_min_violations,
+                share=settings.forecast_share,
+            )
+        ),
+        silent=_silent(slots, n_over=n_over),
+        n_cameras=len(slots.camera_ids),
+        forecast_state=seen.state,
+        forecast_reason=seen.reason,
+    )
+
+
+def _open_hours(warehouse: Warehouse, first: date) -> Floats:
+    """Return the open hours of seven days, shape (168,), whether or not the warehouse holds them."""
+    monday = first - timedelta(days=first.weekday())
+    weeks = [open_hours(warehouse.site, monday + timedelta(weeks=k)) for k in range(2)]
+    return np.concatenate(weeks)[first.weekday() * HOURS :][:SLOTS]
+
+
+def _weeks_from(slots: Slots, first: date, at: datetime, *, open_h: Floats) -> Slots:
+    """Return the same hours in weeks that begin on the weekday of `first`; the last one is the week from `first` on.
+
+    What is recorded after `at` is left out, and hours after what was loaded are not recorded.
+    """
+    begin = (first - slots.monday).days * HOURS + (LOADED_WEEKS - 1 - HISTORY_WEEKS) * SLOTS
+    n_slots = (HISTORY_WEEKS + 1) * SLOTS
+
+    def cut(array: Floats, missing: float) -> Floats:
+        flat = array.reshape(*array.shape[:-2], -1)
+        padded = np.concatenate([flat, np.full((*flat.shape[:-1], SLOTS), missing)], axis=-1)
+        return padded[..., begin : begin + n_slots].reshape(*array.shape[:-2], HISTORY_WEEKS + 1, SLOTS).copy()
+
+    opened, recorded_h = cut(slots.open_h, 0.0), cut(slots.recorded_h, 0.0)
+    opened[-1] = open_h
+    recorded_h[:, -1, HOURS + at.hour :] = 0.0
+    return replace(
+        slots,
+        monday=first,
+        open_h=opened,
+        recorded_h=recorded_h,
+        person_h=cut(slots.person_h, np.nan),
+        violation_h=cut(slots.violation_h, np.nan),
+        n_violations=cut(slots.n_violations, np.nan),
+    )
+
+
+def _level(
+    slots: Slots, violations: Weeks, day: int, *, n_over: int, why: Reason | None, confidence: float
+) -> DayLevel | None:
+    """Return the level of yesterday (0) or today (1); None where the site is closed all day."""
+    open_slots = day * HOURS + np.flatnonzero(slots.open_h[-1, day * HOURS : (day + 1) * HOURS] > 0)
+    if not len(open_slots):
+        return None
+    over = open_slots[open_slots < n_over]
+    recorded = over[violations.x_h[-1, over] > 0]
+    totals = (violations.rate[:, recorded] * slots.open_h[-1, recorded]).sum(axis=1)  # NaN: an hour was not recorded
+    before = totals[:-1][~np.isnan(totals[:-1])]
+    usual, reason = None, why
+    if reason is None and not len(over):
+        reason = Reason("today.not_yet")
+    elif reason is None and not len(recorded):
+        reason = Reason("recorded.nothing")
+    elif reason is None:
+        usual = usual_range(before.tolist(), confidence=confidence)
+        if usual is None:
+            few = len(before) < MIN_WEEKS
+            reason = Reason("today.days", least=MIN_WEEKS, has=len(before)) if few else Reason("today.quiet_days")
+    has_count = why is None and len(recorded) > 0
+    counted = float(violations.n[-1, recorded].sum())
+    return DayLevel(
+        day=slots.monday + timedelta(days=day),
+        is_over=len(over) == len(open_slots),
+        until_hour=int(over[-1]) % HOURS + 1 if len(over) else None,
+        open_hours=len(over),
+        recorded_hours=len(recorded),
+        violations=float(totals[-1]) if has_count else None,
+        is_estimated=has_count and abs(float(totals[-1]) - counted) >= HALF,
+        usual=usual,
+        n_days=len(before) if has_count else 0,
+        state="ok" if usual is not None else "not_measurable" if why is not None else "not_enough_data",
+        reason=reason,
+    )
+
+
+def _hours(
+    slots: Slots, violations: Weeks, *, n_over: int, counted: WeekForecast, seen: WeekForecast
+) -> tuple[TodayHour, ...]:
+    number: Callable[[float], float | None] = lambda v: None if np.isnan(v) else float(v)  # noqa: E731
+    is_known = slots.why_no_violations is None
+    return tuple(
+        TodayHour(
+            day=slots.monday + timedelta(days=int(s) // HOURS),
+            hour=int(s) % HOURS,
+            is_over=bool(s < n_over),
+            violations=number(violations.rate[-1, s]) if is_known and s < n_over else None,
+            usual=number(counted.mean[s]) if is_known else None,
+            lo=number(counted.lo[s]) if is_known else None,
+            hi=number(counted.hi[s]) if is_known else None,
+            people=number(seen.mean[s]),
+            people_lo=number(seen.lo[s]),
+            people_hi=number(seen.hi[s]),
+        )
+        for s in np.flatnonzero(slots.open_h[-1, : SHOWN_DAYS * HOURS] > 0)
+    )
+
+
+def _silent(slots: Slots, *, n_over: int) -> tuple[SilentCamera, ...]:
+    open_now = np.flatnonzero(slots.open_h[-1, :n_over] > 0)
+    if not len(open_now):
+        return ()
+    is_open = slots.open_h.reshape(-1) > 0
+    last_open = HISTORY_WEEKS * SLOTS + int(open_now[-1])
+    first = slots.monday - timedelta(weeks=HISTORY_WEEKS)
+    found = []
+    for camera_id, recorded_h in zip(
+        slots.camera_ids, slots.recorded_h.reshape(len(slots.camera_ids), -1), strict=True
+    ):
+        if recorded_h[last_open] > 0:
+            continue
+        recorded = np.flatnonzero(recorded_h[:last_open] > 0)
+        last = int(recorded[-1]) if len(recorded) else None
+        found.append(
+            SilentCamera(
+                camera_id=camera_id,
+                last_day=None if last is None else first + timedelta(days=last // HOURS),
+                last_hour=None if last is None else last % HOURS,
+                open_hours=int(is_open[0 if last is None else last + 1 : last_open + 1].sum()),
+            )
+        )
+    return tuple(found)
