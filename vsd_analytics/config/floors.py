@@ -40,9 +40,12 @@ def read_floors(root: TableReader) -> dict[str, Floor]:
             table.missing(
                 "plan_m_per_px", "0.05", why="it is a known length in metres / the same length in plan pixels"
             )
+        target = table.number(
+            "target_per_open_h", minimum=0.01, maximum=1e6, unit="violations per open hour", example="120"
+        )
         table.close()
         key = floor_id or table.label  # a floor without a good id still lets cameras be checked
-        floors[key] = Floor(key, name or key, plan, scale, origin or (0.0, 0.0))
+        floors[key] = Floor(key, name or key, plan, scale, origin or (0.0, 0.0), target)
     return floors or {"floor": Floor("floor", "Floor")}
 
 

@@ -76,6 +76,7 @@ class Floor:
         plan: SVG, PNG or JPG picture of the plan.
         plan_m_per_px: Metres per plan pixel.
         plan_origin_m: Floor metres of the plan's lower left corner.
+        target_per_open_h: Violations per open hour that the site wants to stay below; None = no target.
     """
 
     floor_id: str
@@ -83,6 +84,7 @@ class Floor:
     plan: Path | None = None
     plan_m_per_px: float | None = None
     plan_origin_m: Point = (0.0, 0.0)
+    target_per_open_h: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from vsd_analytics.result import Design, Reason, State, Verdict
 
 SpotKind = Literal["tested", "busiest"]
 UsualPosition = Literal["below", "within", "above"]
+TargetPosition = Literal["below", "near", "above"]
 Sureness = Literal["high", "medium", "low"]
 
 
@@ -136,6 +137,14 @@ class Usual:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """What a floor wants to stay below, and where this week lies."""
+
+    value: float = _f("The target.")
+    position: TargetPosition | None = _f("Where this week's interval lies; None without one.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trend:
     """The last weeks, oldest first, each over all its own recorded hours, of the cameras that recorded this week."""
 
@@ -148,6 +157,9 @@ class Trend:
         default=None,
     )
     usual_close: Usual | None = _f("The same of the share of time too close.", "share", "M28", default=None)
+    target_often: Target | None = _f(
+        "The target of the floor, `target_per_open_h` of vsd.toml.", "per open hour", default=None
+    )
     left_out: tuple[str, ...] = _f(
         "Names of cameras that recorded nothing this week, so that no week counts them; free text.", default=()
     )

@@ -10,7 +10,7 @@ from vsd_analytics.figures import trend as analysis
 from vsd_analytics.figures.week import estimates, page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek, Usual
+from vsd_analytics.figures.week.model_sections import Target, Trend, TrendMark, TrendWeek, Usual
 from vsd_analytics.figures.week.results import Level
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.trend import WeekRates
@@ -62,6 +62,7 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
         usual_close=_usual(
             [w.close for w in weeks if not w.missing], level.close_share, confidence=confidence, most=1.0
         ),
+        target_often=_target(data.floor.target_per_open_h, level.often),
         left_out=found.left_out,
         state=found.state,
         reason=found.reason,
@@ -78,6 +79,15 @@ def _usual(
     if found is None or now is None or now.value is None:
         return None
     return Usual(lo=found.lo, hi=found.hi, n_weeks=found.n_weeks, position=found.position(now.value))
+
+
+def _target(value: float | None, now: Estimate | None) -> Target | None:
+    """Return the target and where this week lies; it is above or below only if its whole interval is."""
+    if value is None:
+        return None
+    if now is None or now.lo is None or now.hi is None:
+        return Target(value=value)
+    return Target(value=value, position="above" if now.lo > value else "below" if now.hi < value else "near")
 
 
 def _week(

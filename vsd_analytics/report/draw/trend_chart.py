@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek, Usual
-from vsd_analytics.report.draw.svg import BAND, HATCH, INK, MUTED, RULE, WHITE, el
+from vsd_analytics.report.draw.svg import ACCENT, BAND, HATCH, INK, MUTED, RULE, WHITE, el
 from vsd_analytics.report.words import format as fmt
 
 Measure = Literal["often", "close"]
@@ -31,6 +31,8 @@ TOP: Final = 30
 BOTTOM: Final = 26
 WHISKER_MAX: Final = 1.6
 """Whiskers are cut at so many times the greatest figure, with an arrow."""
+TEXT_GAP: Final = 15
+"""Least distance of two lines of text."""
 WARM: Final = "#e76f3f"
 
 
@@ -64,14 +66,17 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
     """
     weeks = trend.weeks
     values = [_known(w, measure) for w in weeks]
+    target = trend.target_often.value if measure == "often" and trend.target_often is not None else None
     most = max((e.value or 0.0 for e in values if e is not None), default=0.0)
     ends = [min(e.hi or 0.0, WHISKER_MAX * most) for e in values if e is not None]
-    step = _step(max([most, *ends], default=1.0) or 1.0)
-    n_steps = max(1, math.ceil(max([most, *ends], default=1.0) / step - 1e-9))
+    highest = max([most, target or 0.0, *ends]) or 1.0
+    step = _step(highest)
+    n_steps = max(1, math.ceil(highest / step - 1e-9))
     axes = _Axes(width, len(weeks), step * n_steps)
     usual = trend.usual_often if measure == "often" else trend.usual_close
     parts = [] if usual is None else [_usual(axes, usual)]
     parts += [_grid(axes, step * k, measure) for k in range(n_steps + 1)]
+    parts += [] if target is None else _target(axes, target, beside=values[-1])
     parts += _week_labels(axes, weeks)
     parts += [_gap(axes, i) for i, e in enumerate(values) if e is None]
     parts += _marks(axes, weeks, trend.marks)
@@ -121,7 +126,7 @@ def _step(top: float) -> float:
 
 
 def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str = "axt", **more: str) -> Markup:
-    fill = INK if class_ == "tv" else MUTED
+    fill = {"tv": INK, "tt2": ACCENT}.get(class_, MUTED)
     return el("text", text, class_=class_, fill=fill, font_size=13, text_anchor=anchor, x=round(x), y=round(y), **more)
 
 
@@ -130,6 +135,16 @@ def _usual(axes: _Axes, usual: Usual) -> Markup:
     top, bottom = axes.y(min(usual.hi, axes.top)), axes.y(min(usual.lo, axes.top))
     size = {"x": LEFT, "y": round(top, 1), "width": axes.width - LEFT - RIGHT, "height": round(bottom - top, 1)}
     return el("rect", class_="tu", fill=BAND, **size)
+
+
+def _target(axes: _Axes, value: float, *, beside: Estimate | None) -> list[Markup]:
+    """Draw the target as a dashed line, with its value at the right end, clear of that of the last week."""
+    y = round(axes.y(value), 1)
+    gap = TEXT_GAP if beside is None else y - axes.y(beside.value or 0.0)
+    down = 0.0 if abs(gap) >= TEXT_GAP else TEXT_GAP - gap if gap >= 0 else -TEXT_GAP - gap
+    ends = {"x1": LEFT, "x2": axes.width - RIGHT + 6, "y1": y, "y2": y}
+    line = el("line", class_="tt1", stroke=ACCENT, stroke_width=1.6, stroke_dasharray="7 4", **ends)
+    return [line, _text(fmt.number(value), axes.width - RIGHT + 13, y + 5 + down, anchor="start", class_="tt2")]
 
 
 def _written(value: float | None, measure: Measure) -> str:

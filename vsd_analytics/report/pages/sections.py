@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Causes, Redesign, TrendWeek
+from vsd_analytics.figures.week.model_sections import Causes, Redesign, Target, TrendWeek
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart
 from vsd_analytics.report.model.week import WeekReport
@@ -303,15 +303,19 @@ def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
     assert found is not None
     ends = {"first": found.weeks[0].number, "last": found.weeks[-1].number}
     label = say(f"trend.label_{measure}", **ends)
+    sub = say(f"trend.sub_{measure}", distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit))
     return TrendPanel(
         title=say(f"trend.{measure}", title=trend_title(report, measure)),
-        sub=say(
-            f"trend.sub_{measure}",
-            distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit),
-        ),
+        sub=sub + (_target(found.target_often) if measure == "often" and found.target_often is not None else ""),
         wide=chart(found, measure, width=WIDE, label=label),
         narrow=chart(found, measure, width=NARROW, label=label),
     )
+
+
+def _target(target: Target) -> str:
+    """Write the target and where this week lies, after the heading of the chart."""
+    key = f"trend.target_{target.position}" if target.position else "trend.target"
+    return say(key, n=fmt.number(target.value))
 
 
 def _row(week: TrendWeek) -> TrendRow:
