@@ -57,7 +57,10 @@ def test_without_an_interval_nothing_is_said_of_the_week() -> None:
     [
         (Target(value=1000.0, position="below"), "Dashed: the target, 1,000; this week is below it"),
         (Target(value=1.0, position="above"), "Dashed: the target, 1.0; this week is above it"),
-        (Target(value=120.0, position="near"), "Dashed: the target, 120; its range does not say whether this week is below"),
+        (
+            Target(value=120.0, position="near"),
+            "Dashed: the target, 120; its range does not say whether this week is below",
+        ),
         (Target(value=120.0), "Violations per open hour. Dashed: the target, 120<"),
     ],
 )
