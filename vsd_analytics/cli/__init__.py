@@ -11,10 +11,10 @@ import sys
 import click
 
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.cli.instants import instant
 from vsd_analytics.cli.options import CONTEXT_SETTINGS
 from vsd_analytics.cli.output import render_error
 from vsd_analytics.cli.project import Project
+from vsd_analytics.site.instants import instant
 from vsd_analytics.version import VERSION
 
 COMMANDS = (

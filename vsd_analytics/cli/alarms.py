@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.instants import parse_range
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json, plain, progress, render_error
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import LiveError, UsageError
+from vsd_analytics.site.instants import parse_range
 
 if TYPE_CHECKING:
     from vsd_analytics.live.alarm_observer import LiveAlarms

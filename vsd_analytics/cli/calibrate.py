@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.instants import instant
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
     from datetime import datetime

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.instants import instant
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.picture_sizes import parse_size
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
     from vsd_analytics.engine.people import People

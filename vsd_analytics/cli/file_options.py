@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.instants import instant
 from vsd_analytics.cli.options import F
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.adapters import formats
 from vsd_analytics.ingest.units import METRES
+from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
     from vsd_analytics.ingest.adapter import IngestOptions

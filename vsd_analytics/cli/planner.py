@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.instants import parse_week
 from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json, facts_progress
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday
 from vsd_analytics.errors import UsageError
+from vsd_analytics.site.instants import parse_week
 
 if TYPE_CHECKING:
     from vsd_analytics.planner.planner_data import PlannerData

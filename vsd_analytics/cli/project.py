@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.instants import instant
 from vsd_analytics.cli.output import plain, render_error
+from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
     from vsd_analytics.site.model import Site

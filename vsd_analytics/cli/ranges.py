@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.instants import parse_range, parse_week
 from vsd_analytics.cli.output import facts_progress, render_error
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import StoreError, VsdError
+from vsd_analytics.site.instants import parse_range, parse_week
 
 if TYPE_CHECKING:
     from vsd_analytics.warehouse.warehouse import Warehouse

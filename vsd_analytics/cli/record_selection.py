@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from datetime import timedelta
 
-from vsd_analytics.cli.instants import instant, parse_range
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import UsageError
+from vsd_analytics.site.instants import instant, parse_range
 
 RECORD_NAMES = {"observations": "person record", "pairs": "pair record", "frames": "frame"}
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vsd_analytics.cli.instants import parse_week
 from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import facts_progress, render_error
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday
 from vsd_analytics.cli.report_formats import FIGURES, Formats, ReportFiles, checked, expanded, print_one, write
 from vsd_analytics.errors import ReportError, UsageError, VsdError
+from vsd_analytics.site.instants import parse_week
 
 if TYPE_CHECKING:
     from vsd_analytics.report.model.week import WeekReport

@@ -1,0 +1,144 @@
+"""The Python API on the demo: tables equal what the commands print, types are real, nothing is locked in between."""
+
+from __future__ import annotations
+
+import json
+import re
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pytest
+from whole_api import use
+
+import vsd_analytics as vsd
+from vsd_analytics.api.table import Table
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.errors import SqlError, UsageError
+from vsd_analytics.store import removal
+
+WEEK = "2026-W46"
+
+
+@pytest.fixture(scope="module")
+def site(demo_project: Path) -> vsd.OpenProject:
+    return vsd.open(demo_project)
+
+
+@pytest.fixture(scope="module")
+def week(site: vsd.OpenProject) -> vsd.Days:
+    return site.week(WEEK)
+
+
+def printed(demo_project: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> object:
+    run(cli, ["-C", str(demo_project), *arguments, "--json"])
+    return json.loads(capsys.readouterr().out)
+
+
+def test_every_part_answers(demo_project: Path) -> None:
+    found = use(demo_project)
+    assert [name for name, value in found.items() if value is None] == []
+    assert len(found["query"]) == 14  # type: ignore[arg-type]  # two hours on seven days
+
+
+def test_hours_are_those_of_the_command(demo_project: Path, week: vsd.Days, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = printed(demo_project, capsys, "hours", "--week", WEEK)
+    frame = week.hours.df()
+    assert frame["n_violations"].isna().any()
+    expected = [row["n_violations"] for row in rows["hours"]]  # type: ignore[index, call-overload]
+    assert [None if pd.isna(n) else int(n) for n in frame["n_violations"]] == expected
+
+
+def test_instants_have_the_zone_of_the_site_and_counts_are_whole_numbers(week: vsd.Days) -> None:
+    frame = week.hours.df()
+    assert str(frame["start"].dt.tz) == "Europe/Rome"
+    assert (frame["start"].dt.hour == frame["local_hour"]).all()
+    assert str(frame["n_violations"].dtype) == "Int64"
+    assert str(week.violations.df()["started"].dt.tz) == "Europe/Rome"
+    assert week.hours.pl()["start"].dtype.time_zone == "Europe/Rome"  # type: ignore[attr-defined]
+
+
+def test_violations_add_up_to_those_of_the_hours(week: vsd.Days) -> None:
+    assert len(week.violations) == week.hours.df()["n_violations"].sum()
+
+
+def test_areas_are_those_of_the_report(demo_project: Path, week: vsd.Days, capsys: pytest.CaptureFixture[str]) -> None:
+    report = printed(demo_project, capsys, "report", "--week", WEEK)
+    [whole] = [row for row in week.areas.arrow().to_pylist() if row["kind"] == "floor"]
+    often, close = (report["level"][key] for key in ("often", "close_share"))  # type: ignore[index, call-overload]
+    assert whole["violations_per_open_h"] == pytest.approx(often["value"], rel=1e-3)
+    assert whole["close_share"] == pytest.approx(close["value"], rel=1e-3)
+    values = {a["area_id"]: a["often"]["value"] for a in report["areas"]}  # type: ignore[index, call-overload]
+    for row in week.areas.arrow().to_pylist():
+        if row["kind"] == "area" and values[row["area_id"]] is not None:
+            assert row["violations_per_open_h"] == pytest.approx(values[row["area_id"]], rel=1e-3)
+
+
+def test_a_table_is_short_when_printed_and_says_how_many_rows_there_are(week: vsd.Days) -> None:
+    text = repr(week.violations)
+    assert len(text) < 2_500
+    assert f"{len(week.violations):,} rows" in text
+    html = week.violations._repr_html_()
+    assert html.count("<tr") <= 10
+
+
+def test_texts_of_a_table_are_escaped_in_a_notebook() -> None:
+    table = Table(pa.table({"name": ["<script>alert(1)</script>"]}), title="<b>", note="<i>")
+    assert not re.search(r"<script>|<b><b>|<i>", table._repr_html_())
+
+
+def test_a_map_is_an_array_of_metres_with_gaps_where_nobody_was(week: vsd.Days) -> None:
+    exposure, burden = week.heatmap("exposure"), week.heatmap("burden")
+    left, right, bottom, top = exposure.extent_m
+    rows, columns = exposure.array.shape
+    assert ((right - left) / columns, (top - bottom) / rows) == (exposure.cell_m, exposure.cell_m)
+    assert np.isnan(exposure.array).any()
+    assert np.array_equal(np.isnan(exposure.array), exposure.exposure_h == 0)
+    assert (burden.array[np.isfinite(burden.array)] <= exposure.array[np.isfinite(burden.array)] + 1e-9).all()
+    known = int(np.isfinite(burden.array).sum())
+    assert len(burden.geojson()["features"]) == known
+
+
+def test_a_map_is_drawn_over_its_metres(week: vsd.Days) -> None:
+    risk = week.heatmap("risk")
+    ax = risk.plot()
+    assert tuple(ax.images[0].get_extent()) == risk.extent_m
+    assert ax.get_title() == "Ground floor: risk"
+
+
+def test_own_tables_join_and_cannot_replace_a_relation(week: vsd.Days) -> None:
+    own = pd.DataFrame({"local_hour": range(24), "sales": range(24)})
+    found = week.sql("select count(*) as n from hours join tills using (local_hour)", tills=own).df()
+    assert found["n"].tolist() == [168]
+    for name in ("hours", "episodes", 'x"; drop table hours; --', "Tills"):
+        with pytest.raises(UsageError, match="cannot be the name"):
+            week.sql("select 1", **{name: own})
+    with pytest.raises(SqlError):
+        week.sql("create table x as select 1")
+
+
+def test_periods_are_compared_by_text_or_date(site: vsd.OpenProject) -> None:
+    texts = site.compare("2026-11-09..2026-11-10", "2026-11-11..2026-11-12")
+    dates = site.compare((date(2026, 11, 9), date(2026, 11, 10)), (date(2026, 11, 11), date(2026, 11, 12)))
+    assert texts.arrow().equals(dates.arrow())
+    assert {"name", "violations_per_open_h_change", "close_share_verdict"} <= set(texts.columns)
+
+
+@pytest.mark.parametrize("asked", ["2026-W99", "next week", "", "2026-11-09"])
+def test_what_is_no_week_is_refused_in_words(site: vsd.OpenProject, asked: str) -> None:
+    with pytest.raises(UsageError, match="is not a week"):
+        site.week(asked)
+
+
+def test_days_in_the_wrong_order_are_refused(site: vsd.OpenProject) -> None:
+    with pytest.raises(UsageError):
+        site.days(date(2026, 11, 12), date(2026, 11, 9))
+
+
+def test_an_open_notebook_makes_no_purge_wait(demo_project: Path, week: vsd.Days) -> None:
+    assert len(week.hours)
+    with removal.removing(demo_project / "store", wait_s=5.0):
+        pass

@@ -1,0 +1,1 @@
+"""The Python API for analysts: open a project, choose days, read tables, maps and comparisons."""

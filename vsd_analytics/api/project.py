@@ -1,0 +1,157 @@
+"""A project as an analyst opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date, timedelta
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from vsd_analytics.api.days import Days
+from vsd_analytics.api.table import Table
+from vsd_analytics.config import find_project, load_site
+from vsd_analytics.errors import StoreError, UsageError
+from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.site.instants import parse_range, parse_week
+from vsd_analytics.site.model import Site
+from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.warehouse.stored_days import stored_extent
+from vsd_analytics.warehouse.warehouse import open_warehouse
+
+DaysAsked = str | date | tuple[date, date]
+
+
+def open_project(folder: str | Path = ".") -> OpenProject:
+    """Open a project: the folder of a `vsd.toml`, or one below it.
+
+    Args:
+        folder: The folder.
+
+    Raises:
+        ConfigError: There is no `vsd.toml`, or it has mistakes; all are listed.
+
+    Example:
+        >>> import vsd_analytics as vsd
+        >>> site = vsd.open("vsd-demo")  # doctest: +SKIP
+        >>> site.week("2026-W46").hours.df()  # doctest: +SKIP
+    """
+    return OpenProject(load_site(find_project(Path(folder))))
+
+
+class OpenProject:
+    """A site and its stored days.
+
+    Args:
+        site: The site as `vsd.toml` describes it.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self.site = site
+
+    def __repr__(self) -> str:
+        extent = stored_extent(self.site)
+        stored = "nothing stored yet" if extent is None else f"stored {extent.first_day} to {extent.last_day}"
+        return f"{self.site.name}: {len(self.site.cameras)} cameras, {len(self.site.areas)} areas, {stored}"
+
+    def week(self, week: str = "last") -> Days:
+        """Return an ISO week: "2026-W46", "last" (the last one with data) or "last-2".
+
+        Raises:
+            UsageError: E101, it is no week.
+            StoreError: E301, nothing is stored yet.
+        """
+        extent = stored_extent(self.site)
+        if extent is None:
+            raise StoreError("nothing is stored yet", code="E301", fix="vsd ingest FILES...")
+        monday = parse_week(week, last=extent.last_day - timedelta(days=extent.last_day.weekday()))
+        return Days(self.site, monday, monday + timedelta(days=6), name=f"{monday:%G-W%V}")
+
+    def days(self, first: DaysAsked, last: str | date | None = None) -> Days:
+        """Return a range of local days.
+
+        Args:
+            first: First day: a date, "2026-11-09", or a whole range "2026-11-09..2026-11-15".
+            last: Last day, inclusive; None = only the first, or what `first` names.
+
+        Raises:
+            UsageError: E101, they are no days.
+        """
+        begin, end = _range(first if last is None else (_range(first)[0], _range(last)[1]))
+        return Days(self.site, begin, end, name=f"{begin}..{end}")
+
+    def compare(
+        self, before: DaysAsked, after: DaysAsked, *, floor_id: str | None = None, area_ids: Sequence[str] = ()
+    ) -> Table:
+        """Return how a floor and its areas changed from one period to another, with intervals and verdicts.
+
+        Args:
+            before: Period: a week "2026-W45", a range "2026-11-02..2026-11-08", a day, or first and last date.
+            after: The other period.
+            floor_id: The floor; None where there is only one.
+            area_ids: Areas; none = all, and the rest of the floor.
+
+        Returns:
+            A row for the floor, each area and the rest of the floor: `kind`, `area_id`, `name`, and for violations per
+            open hour (M0) and the share of person-time too close (M6) the level before and after, `_change` (-0.2 =
+            20 % fewer), `_change_lo`, `_change_hi` and `_verdict`. No row where the periods cannot be compared; `note`
+            says why.
+
+        Raises:
+            UsageError: E101, a period, floor or area is unknown, or the periods have days in common.
+        """
+        from vsd_analytics.figures import compare as figures
+
+        a, b = _range(before), _range(after)
+        with open_warehouse(self.site, *figures.days_needed(self.site, a, b)) as warehouse:
+            found = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
+        rows = [
+            {
+                "kind": place.kind,
+                "area_id": place.area_id,
+                "name": place.name,
+                "violations_per_open_h_before": place.often_a.rate,
+                "violations_per_open_h_after": place.often_b.rate,
+                **_change("violations_per_open_h", place.split.often),
+                "close_share_before": place.close_share_a.rate,
+                "close_share_after": place.close_share_b.rate,
+                **_change("close_share", place.close_share),
+            }
+            for place in found.places
+        ]
+        title = f"{found.floor_name}, {_named(a)} and {_named(b)}"
+        return Table(pa.Table.from_pylist(rows), title=title, note=reason_text(found.reason))
+
+    @property
+    def changes(self) -> Table:
+        """Return the change log: `at`, `text`, `area_id`."""
+        from vsd_analytics.config.change_log import read_log
+
+        log = [{"at": e.at, "text": e.text, "area_id": e.area_id} for e in read_log(self.site)]
+        at = pa.timestamp("ms", tz=self.site.timezone)
+        schema = pa.schema([("at", at), ("text", pa.string()), ("area_id", pa.string())])
+        return Table(pa.Table.from_pylist(log, schema=schema), title="Change log")
+
+
+def _range(asked: DaysAsked) -> tuple[date, date]:
+    if isinstance(asked, str):
+        return parse_range(asked)
+    first, last = asked if isinstance(asked, tuple) else (asked, asked)
+    if first > last:
+        raise UsageError(f"{first} is after {last}", fix="name the first day first")
+    return first, last
+
+
+def _named(days: tuple[date, date]) -> str:
+    return f"{days[0]}..{days[1]}"
+
+
+def _change(name: str, found: ChangeEstimate) -> dict[str, Any]:
+    change, lo, hi = (None if v is None else v - 1 for v in (found.theta, found.lo, found.hi))
+    return {
+        f"{name}_change": change,
+        f"{name}_change_lo": lo,
+        f"{name}_change_hi": hi,
+        f"{name}_verdict": found.verdict,
+    }
