@@ -53,9 +53,9 @@ def beside_usual(often: str, position: str) -> page_model.WeekReport:
     return replace(report, trend=replace(sections.trend(report), usual_often=usual))
 
 
-def silent(n: int) -> page_model.WeekReport:
-    """Return a week in which so many of four cameras recorded nothing."""
-    report = pair("cannot_tell", "cannot_tell")
+def silent(n: int, report: page_model.WeekReport | None = None) -> page_model.WeekReport:
+    """Return a week in which so many of its cameras recorded nothing; None = a normal week of four."""
+    report = report or pair("cannot_tell", "cannot_tell")
     cameras = tuple(
         replace(c, is_silent=True, share=0.0) if i < n else c for i, c in enumerate(report.coverage.cameras)
     )
@@ -143,6 +143,7 @@ CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
     },
     "one-camera-silent": lambda: silent(1),
     "three-cameras-silent": lambda: silent(3),
+    "one-camera-silent-first-week": lambda: silent(1, weeks.first_week()),
     "unusual-hour": unusual_hour,
     "normal": weeks.normal,
     "after-quoted": quoted,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
@@ -10,7 +11,7 @@ from typing import get_args
 import pytest
 from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
-from report.words.golden_cases import beside_usual, silent, unusual_hour
+from report.words.golden_cases import CASES, beside_usual, silent, unusual_hour
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign, Usual
@@ -137,6 +138,21 @@ def test_a_camera_that_recorded_nothing_is_missing_in_the_headline_and_the_lead(
     assert one.headline == "No clear change in violations since last week, without camera “Entrance”"
     assert "Camera “Entrance” recorded nothing" in "".join(s.text for s in one.lead)
     assert three.headline.endswith("without 3 of 4 cameras")
+
+
+@pytest.mark.parametrize("case", [name for name in CASES if "silent" not in name and CASES[name]().state != "no_data"])
+def test_every_kind_of_headline_and_lead_names_a_camera_that_recorded_nothing(case: str) -> None:
+    story = story_of(silent(1, CASES[case]()))
+    assert story.headline.endswith(("without camera “Entrance”", "; camera “Entrance” recorded nothing"))
+    assert terms.n_words(story.headline) <= MAX_WORDS + terms.n_words("without camera “Entrance”")
+    lead = "".join(s.text for s in story.lead)
+    assert "Camera “Entrance” recorded nothing" in lead
+    assert re.search(r"[^ ] Camera “Entrance” recorded nothing[^.]*\.$", lead)
+
+
+def test_a_headline_of_a_week_compared_with_nothing_counts_many_silent_cameras() -> None:
+    assert story_of(silent(3, weeks.first_week())).headline.endswith("; 3 of 4 cameras recorded nothing")
+    assert story_of(silent(4, weeks.no_data())).headline == "We have no data for week 46"
 
 
 def test_the_least_likely_hour_is_named_beside_its_usual_count() -> None:

@@ -80,11 +80,24 @@ def often_key(report: WeekReport) -> str:
 
 
 def _headline(report: WeekReport) -> tuple[str, str]:
+    if report.state == "no_data":  # nothing was recorded anywhere, so no camera is named
+        texts = nothing(report)
+        return texts.rule, texts.headline
+    cameras = silent_cameras(report)
+    abnormal = _abnormal_headline(report)
+    if abnormal is None:
+        return _compared_headline(report, cameras)
+    rule, text = abnormal
+    if cameras:
+        named = _cameras(report, cameras)
+        text = say("headline.silent", plural=len(cameras), headline=text, cameras=named)
+    return rule, text
+
+
+def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
+    """Return the rule and headline of a week that is compared with nothing; None for a normal one."""
     week, often = report.week, report.level.often
     match report.state:
-        case "no_data":
-            texts = nothing(report)
-            return texts.rule, texts.headline
         case "too_incomplete":
             return "too_incomplete", say("headline.too_incomplete", week=week.number)
         case "empty":
@@ -98,13 +111,18 @@ def _headline(report: WeekReport) -> tuple[str, str]:
         case "settings_changed":
             return "settings_changed", _settings_headline(report)
         case _:
-            pass
+            return None
+
+
+def _compared_headline(report: WeekReport, cameras: Sequence[CameraRecord]) -> tuple[str, str]:
+    """Return the rule and headline of a normal week, in which these cameras recorded nothing."""
+    often = report.level.often
     keys = often_key(report), close_key(report)
     rule = "/".join(k.removeprefix("clear_") for k in keys)
     moved = terms.moved(often.change) if often.change is not None else say("headline.changed")
     plain = say(f"headline.pair.{keys[0]}.{keys[1]}", moved=moved)
     usual = report.trend.usual_often if report.trend is not None else None
-    entry, cameras = change_to_name(report), silent_cameras(report)
+    entry = change_to_name(report)
     choices: list[tuple[str, str]] = []
     if entry is not None:
         choices += [("/after", say("headline.after", headline=plain, entry=tail)) for tail in _after(entry)]
@@ -192,6 +210,18 @@ def _after(entry: LogLine) -> list[str]:
 
 
 def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    """Return the lead and notes of any week; a camera that recorded nothing is named at its end."""
+    spans, notes = _lead_of_all(report)
+    cameras = [] if report.state == "no_data" else silent_cameras(report)
+    if cameras:
+        named = terms.joined(terms.camera_name(c.name) for c in cameras)
+        missing = say("lead.camera_silent", plural=len(cameras), cameras=named)
+        spans = [*_trimmed(spans), Span(text=f" {missing}")]
+    return _trimmed(spans), notes
+
+
+def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
+    """Return the lead and notes as if all cameras had recorded."""
     coverage, rules = report.coverage, report.rules
     distance, pause = fmt.distance(rules.distance_m, rules.distance_unit), fmt.seconds(rules.episode_min_s)
     often = report.level.often
@@ -221,7 +251,7 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
             level = fmt.likely_level(often)
             tail = say("lead.first_week", level=say("lead.in_brackets", text=level) if level else "")
             spans = [_people_came(report), _times(report), Span(text=tail), *_close_spans(report)]
-            return _trimmed(spans), [say("lead.first_week_note")]
+            return spans, [say("lead.first_week_note")]
         case "settings_changed":
             return _settings_lead(report)
         case _:
@@ -267,9 +297,6 @@ def _normal_lead(report: WeekReport) -> list[Span]:
     if usual is not None:
         spans.append(Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi))))
     spans += _close_spans(report)
-    if cameras := silent_cameras(report):
-        named = terms.joined(terms.camera_name(c.name) for c in cameras)
-        spans.append(Span(text=say("lead.camera_silent", plural=len(cameras), cameras=named)))
     clear = [a for a in report.areas if a.often.verdict in CLEAR]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
     same_way = [a for a in same_way if a.is_material]
@@ -277,8 +304,7 @@ def _normal_lead(report: WeekReport) -> list[Span]:
     if same_way and len(clear) <= 3:
         areas = terms.joined(_with_change(a) for a in same_way)
         spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
-    spans += _unusual_hour(report)
-    return _trimmed(spans)
+    return spans + _unusual_hour(report)
 
 
 def _trimmed(spans: Sequence[Span]) -> list[Span]:
