@@ -38,6 +38,7 @@ from vsd_analytics.figures import before_after
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import redesigns
+from vsd_analytics.figures.week.change_outcome import WORKS_E, outcome
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.results import WeekRef
@@ -46,7 +47,6 @@ from vsd_analytics.report.model.site_changes import log_lines
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.headline import story_of
-from vsd_analytics.report.words.things_to_know import WORKS_E, is_shown_to_work
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.running_verdict import log_e_values
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -196,10 +196,9 @@ def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> Wee
 
 
 def said_of_changes(changes: Sequence[Redesign]) -> str | None:
-    """Return what is said of logged changes: "works", "moved", or None. All parts of a page ask `is_shown_to_work`."""
-    if any(is_shown_to_work(change) for change in changes):
-        return "works"
-    return "moved" if any(is_shown_to_work(change, wherever=True) for change in changes) else None
+    """Return what is said of logged changes: "works", "moved", or None. All parts of a page ask `outcome`."""
+    said = {outcome(change) for change in changes}
+    return next((name for name in ("works", "moved") if name in said), None)
 
 
 def said_of(report: WeekReport) -> str | None:
@@ -260,8 +259,8 @@ def changing_year(drawn: Drawn, site: int, folder: Path, *, seed: int) -> Year:
 def running_alone(world: World, n_sites: int, *, seed: int, least_e: float) -> tuple[float, float]:
     """Return how often a running verdict falsely says clear fall with so much evidence, of one change and of twelve.
 
-    Of all weeks that the change is on the page; without the other conditions of `is_shown_to_work`, and as if changes
-    of a year were independent: so not below what a page says.
+    Of all weeks that the change is on the page; without the other conditions of `outcome`, and as if changes of a year
+    were independent: so not below what a page says.
     """
     weeks = redesigns.SHOWN_DAYS // 7 - 1
     drawn = draw(replace(world, weeks_after=weeks), n_sites, seed)

@@ -249,7 +249,7 @@ class Redesign:
     reason: Reason | None = _f("In words, why not.", default=None)
 
 
-Outcome = Literal["works", "moved", "doubtful", "rose", "cannot_tell", "too_early", "alone", "site_wide"]
+Outcome = Literal["works", "moved", "doubtful", "rose", "about_same", "cannot_tell", "too_early", "alone", "site_wide"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,7 +264,7 @@ class LedgerLine:
     outcome: Outcome = _f(
         "What may be said: works only beside areas that were left alone, by the running verdict; moved: the "
         "rest of the floor took up most of it; doubtful: a fall that something else may have made; "
-        "alone: no area was left alone to compare with."
+        "about_same: its whole range lies near no change; alone: no area was left alone to compare with."
     )
     usual_min: float | None = _f(
         "Person-minutes too close in the area in a week before the change.",

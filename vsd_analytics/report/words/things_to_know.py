@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import Redesign
@@ -16,12 +17,6 @@ from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.reasons import reason_text
-
-WORKS_E: Final = 40.0
-"""Evidence (e-value) from which a page says that a change works: twice that of a clear verdict. A site that logs a
-change a month then reads it wrongly in fewer than one year of twenty (docs/statistics.md, "A year of pages")."""
-MOSTLY_MOVED: Final = 0.5
-"""A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 NEWS_WEEKS: Final = 2
 """For so many weeks the page explains the result of a change; then a shorter line does."""
@@ -51,26 +46,6 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         is_few = report.level.often.state != "not_measurable"
         return (replace(worked, text=say("things.few" if is_few else "things.no_means")), _distrust(report))
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
-
-
-def is_shown_to_work(change: Redesign, *, wherever: bool = False) -> bool:
-    """Tell whether a logged change may be said to work.
-
-    Its running verdict beside areas that were left alone is a clear fall with evidence of at least `WORKS_E`, nothing
-    speaks against the comparison, the floor as a whole did not clearly rise, and the rest of the floor did not take up
-    most of the fall (unless `wherever`).
-    """
-    return (
-        change.design == "beside"
-        and change.is_credible
-        and not change.doubts
-        and change.running is not None
-        and change.running.verdict == "clear_fall"
-        and (change.e_value or 0.0) >= WORKS_E
-        and change.net is not None
-        and change.net.verdict != "clear_rise"
-        and (wherever or (change.moved_elsewhere or 0.0) < MOSTLY_MOVED)
-    )
 
 
 def _change_that_works(change: Redesign, *, is_new: bool) -> Thing:
@@ -104,11 +79,8 @@ def _is_news(change: Redesign, report: WeekReport) -> bool:
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
     """Return the results of changes that may be said to work, or to have moved elsewhere, the latest first."""
     found = (c for c in reversed(report.redesigns) if _is_news(c, report) == is_new and _is_material(c, report))
-    return [
-        _change_that_works(c, is_new=is_new) if is_shown_to_work(c) else _change_that_moved(c, is_new=is_new)
-        for c in found
-        if is_shown_to_work(c, wherever=True)
-    ]
+    made = {"works": _change_that_works, "moved": _change_that_moved}
+    return [made[said](c, is_new=is_new) for c in found if (said := outcome(c)) in made]
 
 
 def _is_material(change: Redesign, report: WeekReport) -> bool:
