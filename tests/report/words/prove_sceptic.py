@@ -166,7 +166,11 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
 
     def said(place: str, key: str, name: str, **more: Any) -> Said:
         estimate = more.get("estimate")
-        shown = "" if estimate is None else f"{estimate.verdict}, {estimate.change} ({estimate.change_lo} to {estimate.change_hi})"
+        shown = (
+            ""
+            if estimate is None
+            else f"{estimate.verdict}, {estimate.change} ({estimate.change_lo} to {estimate.change_hi})"
+        )
         return Said(place=place, key=key, sentence=f"{name}: {shown}", report=report, **more)
 
     is_compared = report.state == "normal"
@@ -239,7 +243,11 @@ class Findings:
                     self.unjudged[said.key] += 1
                 continue
             is_allowed = judge(said, truth)
-            places = [self.worked] if is_about_worked(said.key) else [self.by_place[said.place], self.by_world[truth.tale.name]]
+            places = (
+                [self.worked]
+                if is_about_worked(said.key)
+                else [self.by_place[said.place], self.by_world[truth.tale.name]]
+            )
             for count in places:
                 count.sentences += 1
                 count.claims += is_allowed is not None

@@ -118,9 +118,7 @@ def position(where: str, usual: Usual | None, truth: Truth) -> bool | None:
         return False
     seen = [k for k in FLOOR if truth.counted(k) is not None]
     before = [
-        mean
-        for week in range(max(0, truth.week - 11), truth.week)
-        if (mean := _mean(truth, seen, week)) is not None
+        mean for week in range(max(0, truth.week - 11), truth.week) if (mean := _mean(truth, seen, week)) is not None
     ]
     now, then = _mean(truth, seen, truth.week), float(np.mean(before)) if before else None
     if now is None or then is None:
@@ -218,7 +216,10 @@ def busiest_recorded(said: Said, truth: Truth) -> bool | None:
 
 
 def share_of_violations(said: Said, truth: Truth) -> bool | None:
-    spot = next((a for a in said.report.areas if said.report.busiest_spot and a.area_id == said.report.busiest_spot.area_id), None)
+    spot = next(
+        (a for a in said.report.areas if said.report.busiest_spot and a.area_id == said.report.busiest_spot.area_id),
+        None,
+    )
     share = _share(said.values["share"])
     if spot is None or share is None:
         return None

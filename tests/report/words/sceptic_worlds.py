@@ -112,13 +112,19 @@ TALES: Final = (
     Tale(name="a closed week", world=of(SHOP), closed=frozenset(range(7)), weeks=(0, 1, 2)),
     Tale(name="all cameras dead for a week", world=of(SHOP), down=lambda c, d: 0 <= d < 7, weeks=(0, 1)),
     *(
-        Tale(name=f"a site that is {n} weeks old: {w.name}", world=of(w, weeks_before=n), weeks=(0,), entries=(3,) * (n > 0))
+        Tale(
+            name=f"a site that is {n} weeks old: {w.name}", world=of(w, weeks_before=n), weeks=(0,),
+            entries=(3,) if n else (),
+        )
         for w in (SHOP, MUSEUM)
         for n in (0, 1, 3)
     ),
     Tale(name="a first week with a dead camera", world=of(SHOP, weeks_before=0), weeks=(0,), down=lambda c, d: c == 1),
     Tale(name="another engine", world=of(SHOP), engine_since=0, weeks=(0, 1)),
-    Tale(name="a slow fall of one area, an entry does nothing", world=of(OFFICE, trend=-0.02), entries=(0,), weeks=(0, 5, 8)),
+    Tale(
+        name="a slow fall of one area, an entry does nothing", world=of(OFFICE, trend=-0.02), entries=(0,),
+        weeks=(0, 5, 8),
+    ),
     Tale(name="a slow rise of one area", world=of(SHOP, trend=0.03), weeks=(0, 4)),
 )  # fmt: skip
 
@@ -288,9 +294,7 @@ def _marts(truth: Truth) -> dict[str, list[dict[str, Any]]]:
             at = {"floor_id": "ground", "camera_id": camera, "hour_start_ms": start_ms}
             for k in own if is_recorded else []:
                 counts = {"n_violations_open": int(n[k, d]), "exposure_open_s": 3600 * seen_h[k, d]}
-                by_area.append(
-                    {**at, "area_id": f"place-{k}", **counts, "violation_open_s": 3600 * close_h[k, d]}
-                )
+                by_area.append({**at, "area_id": f"place-{k}", **counts, "violation_open_s": 3600 * close_h[k, d]})
                 by_cell.append({**at, "cx": 40 * k + 2, "cy": 2, **counts})
             hours.append(
                 {

@@ -11,17 +11,19 @@ from typing import get_args
 import pytest
 from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
-from report.words.golden_cases import CASES, beside_usual, silent, unusual_hour
+from report.words.golden_cases import CASES, after_a_gap, beside_usual, silent, unusual_hour
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.model.week_agenda import Agenda
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import terms
+from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words.catalogue import has
 from vsd_analytics.report.words.headline import CLOSE, MAX_WORDS, OFTEN, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.report.words.things_to_know import things
 from vsd_analytics.result import Verdict
 
 VERDICTS = get_args(Verdict)
@@ -153,6 +155,41 @@ def test_every_kind_of_headline_and_lead_names_a_camera_that_recorded_nothing(ca
 def test_a_headline_of_a_week_compared_with_nothing_counts_many_silent_cameras() -> None:
     assert story_of(silent(3, weeks.first_week())).headline.endswith("; 3 of 4 cameras recorded nothing")
     assert story_of(silent(4, weeks.no_data())).headline == "We have no data for week 46"
+
+
+def test_a_week_after_a_gap_is_not_called_the_first() -> None:
+    story = story_of(after_a_gap(is_usual=False))
+    said = all_words(story)
+    assert story.headline == "121 violations per open hour; last week has no figures to compare with"
+    assert "first week" not in said
+    assert "no earlier week" not in said
+    assert "Comparisons start again next week." in story.notes
+    usual = story_of(after_a_gap(is_usual=True))
+    assert usual.headline == "Violations are in their usual range"
+    assert "The usual range is 110 to 150." in "".join(s.text for s in usual.lead)
+    assert "no earlier week" not in render_html(after_a_gap(is_usual=True))
+
+
+def test_with_a_silent_camera_the_busiest_spot_is_that_of_what_was_recorded() -> None:
+    report = silent(1, weeks.first_week())
+    said = all_words(story_of(report))
+    assert "Checkout queue is the busiest spot that was recorded. 36% of the violations that were recorded." in said
+    assert "the level of this week where cameras recorded" in said
+    assert "of all violations" not in said
+    assert "busiest spot that was recorded" in figure_titles.where(report)
+    assert "busiest spot that was recorded" not in all_words(story_of(weeks.first_week()))
+
+
+def test_an_outage_nobody_logged_is_no_change_at_the_site_that_does_not_show() -> None:
+    report = weeks.normal()
+    areas = tuple(replace(a, often=replace(a.often, verdict="cannot_tell")) for a in report.areas)
+    report = replace(report, areas=areas)
+    outage = replace(report.log[1], kind="detected", area_id=None, area_name=None, since=None)
+    agenda = Agenda(places=(), asked=(), busiest_before=())
+    quiet = things(replace(report, log=(outage,), redesigns=(), agenda=agenda))
+    assert quiet[0].text == "Nothing was logged at the site in these weeks."
+    logged = things(replace(report, log=(replace(report.log[1], since=None),), redesigns=(), agenda=agenda))
+    assert logged[0].text.startswith("Changes at the site do not show")
 
 
 def test_the_least_likely_hour_is_named_beside_its_usual_count() -> None:

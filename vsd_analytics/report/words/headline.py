@@ -83,7 +83,7 @@ def _headline(report: WeekReport) -> tuple[str, str]:
     if report.state == "no_data":  # nothing was recorded anywhere, so no camera is named
         texts = nothing(report)
         return texts.rule, texts.headline
-    cameras = silent_cameras(report)
+    cameras = report.silent_cameras
     abnormal = _abnormal_headline(report)
     if abnormal is None:
         return _compared_headline(report, cameras)
@@ -107,11 +107,22 @@ def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
         case _ if often.value is None:
             return "few", say("headline.few", week=week.number)
         case "first_week":
-            return "first_week", say("headline.first_week", rate=fmt.number(often.value))
+            return _headline_without_week_before(report)
         case "settings_changed":
             return "settings_changed", _settings_headline(report)
         case _:
             return None
+
+
+def _headline_without_week_before(report: WeekReport) -> tuple[str, str]:
+    """Return the rule and headline of a first week, or of one after a week that was closed or has no data."""
+    rate = fmt.number(report.level.often.value)
+    usual = report.trend.usual_often if report.trend is not None else None
+    if not report.has_history:
+        return "first_week", say("headline.first_week", rate=rate)
+    if usual is None:
+        return "no_week_before", say("headline.no_week_before", rate=rate)
+    return f"no_week_before/{usual.position}", say(f"headline.usual.too_little_data.{usual.position}")
 
 
 def _compared_headline(report: WeekReport, cameras: Sequence[CameraRecord]) -> tuple[str, str]:
@@ -140,11 +151,6 @@ def _compared_headline(report: WeekReport, cameras: Sequence[CameraRecord]) -> t
         ]
     name, text = next((c for c in choices if terms.n_words(c[1]) <= MAX_WORDS), choices[-1])
     return rule + name, text
-
-
-def silent_cameras(report: WeekReport) -> list[CameraRecord]:
-    """Return the cameras that recorded nothing, so that the page does not know the floor that only they see."""
-    return [c for c in report.coverage.cameras if c.is_silent]
 
 
 def _cameras(report: WeekReport, cameras: Sequence[CameraRecord]) -> str:
@@ -212,8 +218,8 @@ def _after(entry: LogLine) -> list[str]:
 def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     """Return the lead and notes of any week; a camera that recorded nothing is named at its end."""
     spans, notes = _lead_of_all(report)
-    cameras = [] if report.state == "no_data" else silent_cameras(report)
-    if cameras:
+    cameras = report.silent_cameras
+    if cameras and report.state != "no_data":
         named = terms.joined(terms.camera_name(c.name) for c in cameras)
         missing = say("lead.camera_silent", plural=len(cameras), cameras=named)
         spans = [*_trimmed(spans), Span(text=f" {missing}")]
@@ -248,10 +254,10 @@ def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
         case _ if often.value is None:
             return _unknown_lead(report)
         case "first_week":
-            level = fmt.likely_level(often)
-            tail = say("lead.first_week", level=say("lead.in_brackets", text=level) if level else "")
-            spans = [_people_came(report), _times(report), Span(text=tail), *_close_spans(report)]
-            return spans, [say("lead.first_week_note")]
+            level, rule = fmt.likely_level(often), "no_week_before" if report.has_history else "first_week"
+            tail = say(f"lead.{rule}", level=say("lead.in_brackets", text=level) if level else "")
+            spans = [_people_came(report), _times(report), Span(text=tail), *_usual(report), *_close_spans(report)]
+            return spans, [say(f"lead.{rule}_note")]
         case "settings_changed":
             return _settings_lead(report)
         case _:
@@ -293,10 +299,7 @@ def _normal_lead(report: WeekReport) -> list[Span]:
             spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
             spans.append(Span(text=say("lead.unknown", since=since)))
-    usual = report.trend.usual_often if report.trend is not None else None
-    if usual is not None:
-        spans.append(Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi))))
-    spans += _close_spans(report)
+    spans += [*_usual(report), *_close_spans(report)]
     clear = [a for a in report.areas if a.often.verdict in CLEAR]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
     same_way = [a for a in same_way if a.is_material]
@@ -305,6 +308,13 @@ def _normal_lead(report: WeekReport) -> list[Span]:
         areas = terms.joined(_with_change(a) for a in same_way)
         spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
     return spans + _unusual_hour(report)
+
+
+def _usual(report: WeekReport) -> list[Span]:
+    usual = report.trend.usual_often if report.trend is not None else None
+    if usual is None:
+        return []
+    return [Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi)))]
 
 
 def _trimmed(spans: Sequence[Span]) -> list[Span]:

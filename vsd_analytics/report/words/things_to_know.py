@@ -41,10 +41,11 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
     if report.state == "normal" and report.level.often.value is not None:
         return _worked(report), _watch(report), _distrust(report)
-    worked = Thing(kind="worked", title=recorded, text=say("things.enough"), target="data")
+    part = "_part" if report.silent_cameras else ""
+    worked = Thing(kind="worked", title=recorded, text=say(f"things.enough{part}"), target="data")
     if report.level.often.value is None:
         is_few = report.level.often.state != "not_measurable"
-        return (replace(worked, text=say("things.few" if is_few else "things.no_means")), _distrust(report))
+        return (replace(worked, text=say(f"things.few{part}" if is_few else "things.no_means")), _distrust(report))
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
@@ -121,7 +122,8 @@ def _worked(report: WeekReport) -> Thing:
     old = _results(report, is_new=False)
     if old:
         return old[0]
-    is_quiet = report.agenda is not None and not report.log and not report.redesigns
+    is_logged = any(line.kind == "logged" for line in report.log)
+    is_quiet = report.agenda is not None and not is_logged and not report.redesigns
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
     return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
 
@@ -142,7 +144,12 @@ def _watch(report: WeekReport) -> Thing:
         text = _against(top.often, terms.week_before(report))
         return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
     spot = report.busiest_spot
-    if spot is not None and (weeks := _weeks_busiest(report)) >= KNOWN_WEEKS and report.state == "normal":
+    if (
+        spot is not None
+        and not report.silent_cameras
+        and (weeks := _weeks_busiest(report)) >= KNOWN_WEEKS
+        and report.state == "normal"
+    ):
         hour = _unusual_hour(report)
         if hour is not None:
             return hour
@@ -151,9 +158,10 @@ def _watch(report: WeekReport) -> Thing:
     if spot is not None:
         row = next((a for a in report.areas if a.area_id == spot.area_id), None)
         key = "things.busiest_share" if spot.floor_share is None else "things.busiest_floor"
+        key, name = ("things.busiest_share_recorded", "recorded") if report.silent_cameras else (key, "spot")
         text = terms.sentence(say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share)))
         own = _own_change(row) if report.state == "normal" else ""
-        title = say("things.busiest_spot", area=spot.name)
+        title = say(f"things.busiest_{name}", area=spot.name)
         return Thing(kind="watch", title=title, text=f"{text}{own}", target="where")
     busiest = report.busiest_hour
     if busiest is not None:
