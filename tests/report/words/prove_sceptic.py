@@ -1,6 +1,6 @@
-"""Proves what the pages say: every sentence of whole site-years of pages against a planted truth.
+"""Proves what the pages say: every sentence of the pages of some hundred weeks against a planted truth.
 
-Sites are drawn and pages made by `sceptic_worlds`; `sceptic_judges` says what each sentence claims and whether the truth
+`sceptic_worlds` draws sites and makes pages; `sceptic_judges` says what each sentence claims and whether the truth
 allows it. Sentences are those of headline, lead, things to know, question, key figures, areas, titles, cards, ledger of
 changes, answers and the planner's log. A claim that a change worked must never be wrong; of all others at most 5 % may
 be, as ranges are 95 % ranges.
@@ -23,9 +23,8 @@ from unittest import mock
 if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).parents[2] / name) for name in ("", "figures", "stats")]
 
-from change_worlds import draw
-from sceptic_judges import Said, claims_nothing, is_about_worked, judge_of
-from sceptic_worlds import TALES, Tale, Truth, weeks_of
+from sceptic_judges import UNJUDGED, Said, claims_nothing, is_about_worked, judge_of
+from sceptic_worlds import TALES, Tale, Truth, sites_of, weeks_of
 
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
@@ -37,7 +36,7 @@ from vsd_analytics.site.model import Area
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "headline": ("headline.", "nothing."),
-    "lead": ("lead.", "nothing."),
+    "lead": ("lead.", "nothing.", "reason."),
     "things to know": ("things.", "nothing."),
     "question": ("question.", "ask.", "again.", "nothing."),
     "key figures": ("tiles.",),
@@ -106,14 +105,14 @@ def said_on(report: WeekReport) -> tuple[list[Said], list[str]]:
         keys = {
             key: values
             for key, values, text in log
-            if key.startswith(PARTS[place]) and text.strip(" .,:;") and text.strip() in sentence
+            if key.startswith(PARTS[place]) and text.strip(" .,:;") and text.strip().casefold() in sentence.casefold()
         }
         if sentence and not keys:
             bare.append(f"{place}: {sentence}")
-        for key, values in keys.items():
-            found.append(Said(place=place, key=key, sentence=sentence, report=report, values=values, keys=frozenset(keys), **more))  # fmt: skip
+        one = Said(place=place, key="", sentence=sentence, report=report, keys=frozenset(keys), **more)
+        found.extend(replace(one, key=key, values=values) for key, values in keys.items())
         if place == "headline" or sentence == lead:
-            found.append(Said(place=place, key=f"{place}.names_missing", sentence=sentence, report=report, keys=frozenset(keys)))  # fmt: skip
+            found.append(replace(one, key=f"{place}.names_missing"))
 
     add("headline", story.headline)
     add("lead", lead)
@@ -165,13 +164,9 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
     """Yield what the page says by the word of a verdict, a range or a figure alone."""
 
     def said(place: str, key: str, name: str, **more: Any) -> Said:
-        estimate = more.get("estimate")
-        shown = (
-            ""
-            if estimate is None
-            else f"{estimate.verdict}, {estimate.change} ({estimate.change_lo} to {estimate.change_hi})"
-        )
-        return Said(place=place, key=key, sentence=f"{name}: {shown}", report=report, **more)
+        e = more["estimate"]
+        shown = f"{name}: {e.verdict}, {e.change} ({e.change_lo} to {e.change_hi})"
+        return Said(place=place, key=key, sentence=shown, report=report, **more)
 
     is_compared = report.state == "normal"
     for row in report.areas:
@@ -196,8 +191,9 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
         kinds = (("often", change.often), ("close", change.close), ("running", change.running), ("net", change.net))
         for kind, e in kinds:
             if e is not None and e.change is not None and change.state == "ok" and change.effect is not None:
-                yield said("redesigns", f"redesign.{kind}.{e.verdict}", f"{change.area_name} {kind}", estimate=e, change=change)  # fmt: skip
-                yield said("redesigns", f"redesign.{kind}.range", f"{change.area_name} {kind}", estimate=e, change=change)  # fmt: skip
+                name = f"{change.area_name} {kind}"
+                yield said("redesigns", f"redesign.{kind}.{e.verdict}", name, estimate=e, change=change)
+                yield said("redesigns", f"redesign.{kind}.range", name, estimate=e, change=change)
 
 
 @dataclass
@@ -243,15 +239,11 @@ class Findings:
                     self.unjudged[said.key] += 1
                 continue
             is_allowed = judge(said, truth)
-            places = (
-                [self.worked]
-                if is_about_worked(said.key)
-                else [self.by_place[said.place], self.by_world[truth.tale.name]]
-            )
-            for count in places:
+            others = [self.by_place[said.place], self.by_world[truth.tale.name]]
+            for count in [self.worked] if is_about_worked(said.key) else others:
                 count.sentences += 1
                 count.claims += is_allowed is not None
-                if is_allowed is False:
+                if is_allowed is not None and not is_allowed:
                     count.wrong.append((said, truth))
             self.keys[said.key] += is_allowed is not None
 
@@ -260,7 +252,7 @@ def findings(tales: Iterable[Tale], *, n_sites: int, seed: int, first: int = 0) 
     """Return what the pages of so many sites of each tale claim."""
     found = Findings()
     for tale in tales:
-        drawn = draw(tale.world, first + n_sites, seed)
+        drawn = sites_of(tale, first + n_sites, seed)
         for site in range(first, first + n_sites):
             with tempfile.TemporaryDirectory() as folder:
                 for truth, report in weeks_of(tale, drawn, site, Path(folder)):
@@ -314,6 +306,7 @@ def main() -> None:
         print(f"| {name} | {share(count)} |")
     print(f"\n{found.n_weeks} site-weeks; {len(found.keys)} kinds of sentences judged")
     print("nobody judged:", dict(found.unjudged) or "none")
+    print("cannot be judged here:", ", ".join(UNJUDGED))
     print("without a key:", dict(found.bare.most_common(20)) or "none")
     print("wrong by key:", dict(Counter(s.key for s, _ in [*found.others.wrong, *found.worked.wrong]).most_common()))
     print("judged by key:", dict(found.keys.most_common()))

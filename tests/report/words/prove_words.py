@@ -71,7 +71,7 @@ WORLDS: Final = (
 
 WORKED: Final = {
     "a change works": ("works",),
-    "a change works, or moved people on": ("works", "moved"),
+    "a change works, moved people on, or left less time too close": ("works", "moved", "fell"),
     "an area fell since an entry": ("fell since",),
 }
 """What may be said of a change, by words of the table."""
@@ -82,8 +82,8 @@ class Year:
     """What the pages of one site said in a year.
 
     Attributes:
-        worked: Weeks of which a page said that a change works, that time too close moved on, or that an area fell since
-            an entry, by which of these.
+        worked: Weeks of which a page said that a change works, that time too close moved on or fell after it, or that
+            an area fell since an entry, by which of these.
         same: Weeks called about the same though the floor's true rate changed by more than 15 %.
         n_changed: Weeks in which it did.
         n_same: Weeks called about the same.
@@ -196,13 +196,13 @@ def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> Wee
 
 
 def said_of_changes(changes: Sequence[Redesign]) -> str | None:
-    """Return what is said of logged changes: "works", "moved", or None. All parts of a page ask `outcome`."""
+    """Return what is said of logged changes: "works", "moved", "fell", or None. All parts of a page ask `outcome`."""
     said = {outcome(change) for change in changes}
-    return next((name for name in ("works", "moved") if name in said), None)
+    return next((name for name in ("works", "moved", "fell") if name in said), None)
 
 
 def said_of(report: WeekReport) -> str | None:
-    """Return what the page says worked: "works", "moved", "fell since"; None if it says no such thing."""
+    """Return what the page says worked: "works", "moved", "fell", "fell since"; None if it says no such thing."""
     if said := said_of_changes(report.redesigns):
         return said
     titles = {thing.title for thing in story_of(report).things if thing.kind == "worked"}

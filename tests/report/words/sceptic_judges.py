@@ -4,14 +4,14 @@
 allows the claim, False where the sentence claims more, None where this one claims nothing. `NO_CLAIM` lists the keys
 that never claim anything, with the reason. A key in neither is listed by the proof: nobody judged it.
 
-Keys that are not in the catalogue (`area.clear_fall`) name what a page says by a verdict's word or a range alone.
+Keys that are not in the catalogue (`area.clear_fall`, `SPOKEN`) name what a page says by a verdict's word or a range
+alone. `UNJUDGED` lists what these worlds cannot judge: tested hotspots need positions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import date
 from fnmatch import fnmatchcase
 from typing import Any, Final
 
@@ -114,11 +114,14 @@ def position(where: str, usual: Usual | None, truth: Truth) -> bool | None:
     """Judge where a week is said to lie beside the weeks before, which must have been counted alike."""
     if usual is None:
         return None
-    if truth.tale.engine_since is not None and truth.week >= truth.start // 7:
+    first = 0 if truth.tale.engine_since is None or truth.week < truth.start // 7 else truth.start // 7
+    if usual.n_weeks > truth.week - first:
         return False
     seen = [k for k in FLOOR if truth.counted(k) is not None]
     before = [
-        mean for week in range(max(0, truth.week - 11), truth.week) if (mean := _mean(truth, seen, week)) is not None
+        mean
+        for week in range(max(first, truth.week - 11), truth.week)
+        if (mean := _mean(truth, seen, week)) is not None
     ]
     now, then = _mean(truth, seen, truth.week), float(np.mean(before)) if before else None
     if now is None or then is None:
@@ -313,8 +316,10 @@ def not_compared(said: Said, truth: Truth) -> bool | None:
     return all(truth.counted(k, truth.week - 1) is None for k in FLOOR if camera_of(k) in cameras)
 
 
-def was_logged(said: Said, truth: Truth) -> bool | None:
-    return bool(truth.tale.entries)
+def nothing_shows(said: Said, truth: Truth) -> bool | None:
+    """Judge that something was logged, and that the same page shows no clear fall since."""
+    falls = [c for c in said.report.redesigns if c.running is not None and c.running.verdict == "clear_fall"]
+    return bool(truth.tale.entries) and not falls
 
 
 def nothing_logged(said: Said, truth: Truth) -> bool | None:
@@ -424,7 +429,8 @@ def against(said: Said, truth: Truth) -> bool | None:
 
 def shown_level(said: Said, truth: Truth) -> bool | None:
     """Judge the figure of an area: what was counted in recorded hours, and none where nothing was recorded."""
-    assert said.area is not None and said.estimate is not None
+    assert said.area is not None
+    assert said.estimate is not None
     true = rate(said.area, truth)
     if true is None:
         return said.estimate.value is None and said.estimate.change is None
@@ -453,10 +459,6 @@ def redesign_range(said: Said, truth: Truth) -> bool | None:
     if said.key.endswith("net.range"):
         return covers(said.estimate, truth.effect(None))
     return covers(said.estimate, beside_others(k, truth), truth.effect(k))
-
-
-def same_day(said: Said, truth: Truth) -> bool | None:
-    return date.fromordinal(truth.monday.toordinal()) == said.report.week.monday
 
 
 JUDGES: Final[Mapping[str, Judge]] = {
@@ -493,6 +495,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "lead.close_clear": lead_close,
     "lead.close_same": lead_close,
     "lead.setting_engine": other_engine,
+    "lead.setting_end": other_engine,
     "lead.setting_*": never,
     "lead.recorded": same_recorded,
     "nothing.closed*": closed,
@@ -501,22 +504,26 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "nothing.cause_*": no_data,
     "things.recorded": same_recorded,
     "things.enough": all_seen,
-    "things.few": few,
+    "things.few*": few,
     "things.works": works,
     "things.works_*": both_of(works, since_range),
     "things.moved*": moved,
+    "things.less": since("clear_fall"),
+    "things.fell_text": both_of(since("clear_fall"), since_range),
+    "things.fell_short": both_of(since("clear_fall"), since_range),
     "things.fell_since": of_area("clear_fall"),
     "things.worked_text": against,
     "things.fell": of_area("clear_fall"),
     "things.rose": of_area("clear_rise"),
     "things.floor_fell": lead_clear,
     "things.against": against,
-    "things.none_fell_text": was_logged,
+    "things.none_fell_text": nothing_shows,
+    "things.none_fell_doubtful": since("clear_fall"),
     "things.none_fell_quiet": nothing_logged,
     "things.busiest_recorded": busiest_recorded,
     "things.busiest_spot": busiest,
     "things.busiest_still": busiest,
-    "things.busiest_share": share_of_violations,
+    "things.busiest_share*": share_of_violations,
     "things.busiest_floor": share_of_violations,
     "things.busiest_again": share_of_violations,
     "things.busiest_hour": busiest_day,
@@ -558,6 +565,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "trend.one": is_first,
     "ledger.works": both_of(works, since_range),
     "ledger.moved": moved,
+    "ledger.fell": both_of(since("clear_fall"), since_range),
     "ledger.doubtful": both_of(since("clear_fall"), since_range),
     "ledger.rose": both_of(since("clear_rise"), since_range),
     "ledger.about_same": both_of(since("about_same"), since_range),
@@ -565,12 +573,14 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "ledger.floor_*": on_floor,
     "came_of.works": both_of(works, since_range),
     "came_of.moved": moved,
+    "came_of.fell": both_of(since("clear_fall"), since_range),
     "came_of.doubtful": both_of(since("clear_fall"), since_range),
     "came_of.rose": both_of(since("clear_rise"), since_range),
     "came_of.about_same": both_of(since("about_same"), since_range),
     "came_of.cannot_tell": since_range,
     "planner.log.works": works,
     "planner.log.moved": moved,
+    "planner.log.fell": since("clear_fall"),
     "planner.log.doubtful": since("clear_fall"),
     "planner.log.rose": since("clear_rise"),
     "planner.log.about_same": since("about_same"),
@@ -581,6 +591,17 @@ JUDGES: Final[Mapping[str, Judge]] = {
 WORKED: Final = ("*.works*", "*.moved*", "headline.after")
 """Keys that lay a change to what was done: none of these may claim too much."""
 
+SPOKEN: Final = (
+    "headline.names_missing",
+    "lead.names_missing",
+    "area.*",
+    "floor.*",
+    "tiles.*",
+    "spots.level",
+    "redesign.*",
+)
+"""Keys of `JUDGES` that are no entry of the catalogue, by how they begin."""
+
 _DEFINITION, _QUESTION, _ASKS = "says what is counted", "asks, and claims nothing", "says that nothing can be said"
 NO_CLAIM: Final[Mapping[str, str]] = {
     "headline.where": "joins two parts that are judged",
@@ -588,6 +609,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "headline.after_area": "part of `headline.after`, which is judged",
     "headline.since": "names the week before",
     "headline.on_day": "names a day",
+    "reason.*": "says why a figure is missing",
     "lead.people_came": _DEFINITION,
     "lead.close_share": _DEFINITION,
     "lead.close_other": _DEFINITION,
@@ -599,10 +621,39 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "lead.close_unknown": _ASKS,
     "lead.few_seen": _ASKS,
     "lead.in_view": "a mean of what was seen",
-    "lead.setting_end": _ASKS,
     "lead.area_change": "part of `lead.clear_fall_at`, which is judged",
     "lead.empty_note": "tells what to check",
     "lead.empty_seen": "a count of hours",
+    "lead.no_week_before_note": "says when comparisons go on",
+    "lead.fix_*": "tells what to do",
+    "lead.no_positions": _ASKS,
+    "lead.all_cameras": "a list of outages, made from what was recorded",
+    "headline.changed": "stands where no size is known",
+    "things.title_*": "a heading",
+    "things.enough_part": "says of which hours it speaks",
+    "ledger.title": "a heading",
+    "ledger.sub": _DEFINITION,
+    "spots.busiest_recorded": "names the cards",
+    "spots.title": "a heading",
+    "spots.read_*": _DEFINITION,
+    "spots.two": "a number",
+    "spots.three": "a number",
+    "spots.ask": "names a line",
+    "spots.picture*": "explains a picture",
+    "spots.floor_label": "explains a picture",
+    "trend.title*": "a heading",
+    "trend.read*": "explains a chart",
+    "trend.sub_*": _DEFINITION,
+    "trend.label_*": "explains a chart",
+    "trend.without": "says what is not compared",
+    "trend.*": "a table's words",
+    "planner.log.running": "names a row that is judged as `redesign.running`",
+    "planner.log.close": "names a row that is judged as `redesign.close`",
+    "planner.log.net": "names a row that is judged as `redesign.net`",
+    "planner.log.people": "names a row",
+    "planner.log.beside": "says what is compared",
+    "planner.log.all_hours": "says what is shown",
+    **{f"planner.log.{n}": "a table's words" for n in ("title", "site", "what", "span", "table", "figure", "likely")},
     "lead.missing": "a list of outages, made from what was recorded",
     "lead.outage*": "a list of outages, made from what was recorded",
     "things.too_incomplete": _ASKS,
@@ -662,6 +713,16 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "planner.log.refused": _ASKS,
     "planner.log.untold": _ASKS,
     "planner.log.alone": _ASKS,
+}  # fmt: skip
+
+
+_CELLS: Final = "tested hotspots need positions; tests/stats/prove_hotspots.py proves them"
+UNJUDGED: Final[Mapping[str, str]] = {
+    **{f"spots.{n}": _CELLS for n in ("tested", "sub_tested", "near", "on_the_rest", "this", "ratio*", "excess")},
+    "spots.here": _CELLS,
+    **{f"spots.{n}": _CELLS for n in ("more", "area_rate*", "no_change", "little", "new", "since*")},
+    "planner.log.elsewhere": "how much the rest of the floor took up has no range; tests/stats proves its bias",
+    "planner.log.cautions": "counts the cautions below it",
 }  # fmt: skip
 
 

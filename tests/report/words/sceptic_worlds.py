@@ -8,6 +8,7 @@ engine may count. Then the product makes its own model of the page, from planted
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
@@ -17,13 +18,13 @@ from unittest import mock
 
 import numpy as np
 import pyarrow as pa
-from change_worlds import MUSEUM, OFFICE, SHOP, Drawn, World
+from change_worlds import MUSEUM, OFFICE, SHOP, Drawn, World, draw
 from planted_changes import area
 from planted_marts import plant
 
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
-from vsd_analytics.report.model import assemble
+from vsd_analytics.report.model import assemble, site_changes
 from vsd_analytics.report.model.sections import with_more
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.headline import finish
@@ -82,7 +83,10 @@ TALES: Final = (
         for w in (OFFICE, MUSEUM)
     ),
     *(
-        Tale(name=f"a redesign that halves an area: {w.name}", world=of(w, effect=0.5), entries=(0,), weeks=(0, 2, 5, 8))
+        Tale(
+            name=f"a redesign that halves an area: {w.name}", world=of(w, effect=0.5), entries=(0,),
+            weeks=(0, 2, 5, 8),
+        )
         for w in (OFFICE, SHOP, MUSEUM)
     ),
     *(
@@ -90,6 +94,10 @@ TALES: Final = (
             name=f"a redesign that moves people on: {w.name}", world=of(w, effect=0.4, spill=(1.0, 2)), entries=(0,),
             weeks=(0, 2, 5, 8),
         )
+        for w in (OFFICE, SHOP)
+    ),
+    *(
+        Tale(name=f"a redesign that clears an area: {w.name}", world=of(w, effect=0.1), entries=(0,), weeks=(2, 5))
         for w in (OFFICE, SHOP)
     ),
     Tale(name="everything falls, an entry does nothing", world=of(SHOP, season=0.7), entries=(3,)),
@@ -127,6 +135,11 @@ TALES: Final = (
     ),
     Tale(name="a slow rise of one area", world=of(SHOP, trend=0.03), weeks=(0, 4)),
 )  # fmt: skip
+
+
+def sites_of(tale: Tale, n_sites: int, seed: int) -> Drawn:
+    """Return the sites of a tale, drawn apart from those of every other tale."""
+    return draw(tale.world, n_sites, seed + zlib.crc32(tale.name.encode()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +208,7 @@ class Truth:
             for d in self.days():
                 if d >= 7 and self.is_recorded(k, d) and self.is_recorded(k, d - 7):
                     now, before = now + expected[k, d], before + expected[k, d - 7]
-        return now / before if before else None
+        return float(now / before) if before else None
 
     def share_of_change(self, k: int) -> float:
         """Return the part of the floor's planted change that lies in an area."""
@@ -204,7 +217,7 @@ class Truth:
             sum(e[j, d] - e[j, d - 7] for d in self.days() if self.is_recorded(j, d) and self.is_recorded(j, d - 7))
             for j in range(N_AREAS)
         ]
-        return each[k] / sum(each) if abs(sum(each)) > 1e-9 else 0.0
+        return float(each[k] / sum(each)) if abs(sum(each)) > 1e-9 else 0.0
 
     def level(self, areas: Sequence[int], *, of: str = "given") -> float:
         """Return the mean rate per open hour of some areas over the week's recorded days, by camera, summed."""
@@ -270,12 +283,13 @@ def page_model(warehouse: Warehouse, truth: Truth) -> WeekReport:
     since = truth.tale.engine_since
 
     def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
-        day = (last - FIRST).days - truth.start
-        return ("acme 1.0",) if since is None or day < since else ("acme 2.0",)
+        new = None if since is None else FIRST + timedelta(days=truth.start + since)
+        old = ("acme 1.0",) if new is None or first < new else ()
+        return (*old, *(("acme 2.0",) if new is not None and last >= new else ()))
 
-    with mock.patch.object(assemble, "engines", engines):
+    with mock.patch.object(assemble, "engines", engines), mock.patch.object(site_changes, "engines", engines):
         report = assemble._report(data, data.floor, found, None)
-    report = finish(with_more(report, data, found))
+        report = finish(with_more(report, data, found))
     return replace(report, maps=())
 
 

@@ -23,12 +23,21 @@ from vsd_analytics.site.model import Area
 AT = datetime(2026, 10, 12, 6, 30, tzinfo=weeks.ROME)
 
 
+def floor(lo: float, hi: float, verdict: str) -> m.Estimate:
+    return m.Estimate(value=None, change=(lo + hi) / 2, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
+
+
+GONE = floor(-0.25, -0.11, "clear_fall")
+MOVED = floor(-0.05, 0.03, "about_same")
+UNKNOWN = floor(-0.3, 0.2, "cannot_tell")
+"""What became of the whole floor, of which the area's fall is 20 %."""
+
+
 def change(verdict: str, lo: float, hi: float, **more: Any) -> m.Redesign:
     middle = (lo + hi) / 2
     effect = m.Estimate(value=None, change=middle, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
-    net = m.Estimate(value=None, change=0.0, change_lo=-0.1, change_hi=0.1, verdict="about_same")
-    said: dict[str, Any] = {"running": effect, "net": net, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
-    said |= {"design": "beside", "is_credible": True, "e_value": 400.0}
+    said: dict[str, Any] = {"running": effect, "net": GONE, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
+    said |= {"design": "beside", "is_credible": True, "e_value": 400.0, "contribution": -0.2}
     return m.Redesign(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
 
 
@@ -45,7 +54,11 @@ def line(**more: Any) -> LedgerLine:
             "works",
             "So far it works: people there spend between 90% less and",
         ),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9), "moved", "There is less time too close there, but"),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=MOVED), "moved", "There is less time too close th"),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.0, net=UNKNOWN), "fell", "People there spend between 90% "),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=UNKNOWN), "fell", "People there spend between 90% "),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.6), "fell", "People there spend between 90% "),
+        (change("clear_fall", -0.9, -0.8, net=None), "doubtful", "There is less time too close there ("),
         (change("clear_fall", -0.9, -0.8, e_value=30.0), "doubtful", "There is less time too close there ("),
         (change("clear_fall", -0.9, -0.8, is_credible=False), "doubtful", "There is less time too close there ("),
         (change("clear_fall", -0.9, -0.8, doubts=(Reason("redesign.nobody_there"),)), "doubtful", "There is less time"),
@@ -67,7 +80,11 @@ def test_what_came_of_a_change_never_claims_more_than_its_running_verdict(
     ("made", "begins"),
     [
         (change("clear_fall", -0.9, -0.8), "It worked: time too close at Door fell by 85%"),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9), "Time too close at Door fell by 85%, but it moved"),
+        (
+            change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=MOVED),
+            "Time too close at Door fell by 85%, but it",
+        ),
+        (change("clear_fall", -0.9, -0.8, net=UNKNOWN), "Time too close at Door fell by 85%, compared with areas that"),
         (change("clear_fall", -0.9, -0.8, e_value=30.0), "Time too close at Door fell by 85%. Other things"),
         (change("about_same", -0.1, 0.05), "About the same: at Door"),
         (change("clear_rise", 0.2, 0.9), "Time too close at Door clearly rose, by 55%"),

@@ -270,7 +270,8 @@ def planted_redesign(**other: object) -> Redesign:
         running=effect,
         e_value=400.0,
         n_watched=6,
-        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="cannot_tell"),
+        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=-0.02),
+        contribution=-0.1,
         **other,  # type: ignore[arg-type]
     )
 
@@ -298,8 +299,28 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
         assert not any("work" in title for title in titles), doubtful
 
 
+def test_a_fall_that_may_have_moved_elsewhere_is_no_success() -> None:
+    unknown = Estimate(value=None, change=-0.05, change_lo=-0.2, change_hi=0.1, verdict="cannot_tell")
+    report = replace(weeks.normal(), redesigns=(replace(planted_redesign(), net=unknown),))
+    fell = story_of(report).things[0]
+    assert fell.title == "Less time too close at Checkout queue since the change"
+    assert fell.text.endswith("Whether it moved elsewhere is not known yet.")
+
+
+def test_a_fall_that_something_else_may_have_made_is_not_hidden() -> None:
+    report = weeks.normal()
+    areas = tuple(replace(a, often=replace(a.often, verdict="cannot_tell")) for a in report.areas)
+    doubtful = replace(planted_redesign(), is_credible=False)
+    told = story_of(replace(report, areas=areas, log=(), redesigns=(doubtful,))).things[0]
+    assert (
+        told.text
+        == "At Checkout queue there is less time too close since Wed 7 Oct, but something else may have done it."
+    )
+
+
 def test_a_fall_that_moved_elsewhere_is_called_a_move() -> None:
-    moved = replace(planted_redesign(), moved_elsewhere=1.2)
+    net = Estimate(value=None, change=0.02, change_lo=-0.03, change_hi=0.07, verdict="about_same")
+    moved = replace(planted_redesign(), moved_elsewhere=1.2, net=net)
     first = story_of(replace(weeks.normal(), redesigns=(moved,))).things[0]
     assert first.title == "Less time too close at Checkout queue, more elsewhere"
     assert "the rest of the floor took up 100% of what fell there" in first.text

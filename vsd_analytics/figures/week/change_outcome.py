@@ -16,9 +16,10 @@ MOSTLY_MOVED: Final = 0.5
 def outcome(change: Redesign) -> Outcome:
     """Return what may be said of a logged change of an area.
 
-    "works" and "moved" need a running verdict beside areas that were left alone: a clear fall with evidence of at least
-    `WORKS_E`, nothing that speaks against the comparison, and a whole floor that did not clearly rise. "moved" is such
-    a fall of which the rest of the floor took up most.
+    "works", "moved" and "fell" need a running verdict beside areas that were left alone: a clear fall with evidence of
+    at least `WORKS_E`, nothing that speaks against the comparison, and a whole floor that did not clearly rise. What
+    the rest of the floor took up follows from the net effect, and is as uncertain: the change works where the whole
+    floor clearly fell too, it moved where even the low end of what others took up is most of it; else it "fell".
     """
     running = change.running
     if change.state == "ok" and change.design == "alone":
@@ -26,10 +27,8 @@ def outcome(change: Redesign) -> Outcome:
     if change.state != "ok" or running is None or running.change is None:
         return "too_early"
     match running.verdict:
-        case "clear_fall" if _is_shown(change):
-            return "moved" if (change.moved_elsewhere or 0.0) >= MOSTLY_MOVED else "works"
         case "clear_fall":
-            return "doubtful"
+            return _of_a_fall(change)
         case "clear_rise":
             return "rose"
         case "about_same":
@@ -38,12 +37,12 @@ def outcome(change: Redesign) -> Outcome:
             return "cannot_tell"
 
 
-def _is_shown(change: Redesign) -> bool:
-    """Tell whether a clear fall beside other areas may be laid to the change."""
-    return (
-        change.is_credible
-        and not change.doubts
-        and (change.e_value or 0.0) >= WORKS_E
-        and change.net is not None
-        and change.net.verdict != "clear_rise"
-    )
+def _of_a_fall(change: Redesign) -> Outcome:
+    net, own = change.net, change.contribution or 0.0
+    is_shown = change.is_credible and not change.doubts and (change.e_value or 0.0) >= WORKS_E
+    if not is_shown or net is None or net.verdict == "clear_rise":
+        return "doubtful"
+    if own < 0 and net.change_lo is not None and (net.change_lo - own) / -own >= MOSTLY_MOVED:
+        return "moved"
+    is_gone = net.verdict == "clear_fall" and (change.moved_elsewhere or 0.0) < MOSTLY_MOVED
+    return "works" if is_gone else "fell"

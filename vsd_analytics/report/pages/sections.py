@@ -121,7 +121,7 @@ def trend(report: WeekReport) -> TrendView | None:
         if n >= 2:
             panels.append(_panel(report, measure))
     notes = []
-    if not panels:
+    if not panels and len(weeks) == 1:
         notes.append(say("trend.one"))
     elif found.state != "ok":
         notes.append(say("trend.too_few"))

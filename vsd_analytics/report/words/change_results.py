@@ -24,8 +24,8 @@ def came_of(change: Redesign | None) -> str:
         case "too_early":
             reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
             return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
-        case "works":
-            return say("came_of.works", likely=likely, areas=terms.joined(change.compared_with))
+        case "works" | "fell" as said:
+            return say(f"came_of.{said}", likely=likely, areas=terms.joined(change.compared_with))
         case "moved":
             return say("came_of.moved", share=fmt.percent(min(1.0, change.moved_elsewhere or 0.0)))
         case said:

@@ -49,12 +49,13 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
-def _change_that_works(change: Redesign, *, is_new: bool) -> Thing:
-    running = change.running
+def _change_that_fell(change: Redesign, *, is_new: bool) -> Thing:
+    """Return the thing to know of a change whose area fell: it works, or nobody can tell whether it moved elsewhere."""
+    running, said = change.running, outcome(change)
     if running is None:
-        raise AssertionError("a change that works has a running verdict")
+        raise AssertionError("a change that is shown to fall has a running verdict")
     text = say(
-        "things.works_text" if is_new else "things.works_short",
+        f"things.{said}_{'text' if is_new else 'short'}",
         plural=change.n_watched or 0,
         at=fmt.date_short(change.at.date()),
         weeks=change.n_watched or 0,
@@ -62,7 +63,7 @@ def _change_that_works(change: Redesign, *, is_new: bool) -> Thing:
         likely=fmt.likely_signed(running),
         areas=terms.joined(change.compared_with),
     )
-    title = say("things.works", area=change.area_name)
+    title = say("things.works" if said == "works" else "things.less", area=change.area_name)
     return Thing(kind="worked", title=title, text=text, target="changed")
 
 
@@ -78,9 +79,9 @@ def _is_news(change: Redesign, report: WeekReport) -> bool:
 
 
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
-    """Return the results of changes that may be said to work, or to have moved elsewhere, the latest first."""
+    """Return the results of changes after which there is clearly less time too close, the latest first."""
     found = (c for c in reversed(report.redesigns) if _is_news(c, report) == is_new and _is_material(c, report))
-    made = {"works": _change_that_works, "moved": _change_that_moved}
+    made = {"works": _change_that_fell, "fell": _change_that_fell, "moved": _change_that_moved}
     return [made[said](c, is_new=is_new) for c in found if (said := outcome(c)) in made]
 
 
@@ -122,6 +123,11 @@ def _worked(report: WeekReport) -> Thing:
     old = _results(report, is_new=False)
     if old:
         return old[0]
+    doubtful = [c for c in report.redesigns if outcome(c) == "doubtful" and _is_material(c, report)]
+    if doubtful:
+        change = doubtful[-1]
+        text = say("things.none_fell_doubtful", area=change.area_name, at=fmt.date_short(change.at.date()))
+        return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
     is_logged = any(line.kind == "logged" for line in report.log)
     is_quiet = report.agenda is not None and not is_logged and not report.redesigns
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
