@@ -126,7 +126,8 @@ def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData) 
     ("changed", "expected"),
     [
         ({}, "It worked: time too close at Door Shop fell by 40%"),
-        ({"moved_elsewhere": 0.9}, "but it moved to other parts of the floor"),
+        ({"moved_elsewhere": 0.9, "net": ("about_same", 0.0, -0.05, 0.05)}, "but it moved to other parts of the floor"),
+        ({"net": ("cannot_tell", -0.1, -0.3, 0.2)}, "Whether it moved to other parts of the floor is not known yet"),
         ({"is_credible": False}, "cannot tell whether the change did it"),
         ({"net": ("clear_rise", 0.2, 0.1, 0.3)}, "cannot tell whether the change did it"),
         ({"running": ("clear_rise", 0.4, 0.2, 0.7)}, "clearly rose, by 40%"),
@@ -148,7 +149,8 @@ def test_only_a_controlled_comparison_says_that_a_change_worked(
     assert isinstance(change.result, Redesign)
     sure = {
         "design": "beside", "is_credible": True, "doubts": (), "moved_elsewhere": 0.1, "e_value": 400.0,
-        "running": ("clear_fall", -0.4, -0.5, -0.3), "net": ("about_same", 0.0, -0.1, 0.1),
+        "running": ("clear_fall", -0.4, -0.5, -0.3), "net": ("clear_fall", -0.1, -0.15, -0.05),
+        "contribution": -0.2,
     } | changed  # fmt: skip
     made = {k: estimate(*v) if isinstance(v, tuple) and v else v for k, v in sure.items()}
     said = change_words(replace(change, result=replace(change.result, **made))).verdict

@@ -151,7 +151,7 @@ ROWS = {
     "no_data": ("\u2013", "No data", ["Nothing was received"], "0%"),
     "first_week": (
         "121",
-        "First week",
+        "No week before",
         ["comparisons start with the", "Busiest: Checkout queue, Sat 17:00"],
         "94%",
     ),

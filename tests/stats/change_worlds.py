@@ -65,12 +65,18 @@ MUSEUM = World("museum", day_sd=0.40, week_sd=0.22, lag=0.14, own_day_sd=0.25, o
 
 @dataclass(frozen=True)
 class Drawn:
-    """Many sites: violations, person-time in violation and person-hours, each (n_sites, n_areas, n_days)."""
+    """Many sites: violations, person-time in violation and person-hours, each (n_sites, n_areas, n_days).
+
+    `expected` is what violations would be without any shock: what is planted, and all that is true of a change. `given`
+    is what they would be on average over days, given the shocks of each week: what is true of a week's level.
+    """
 
     world: World
     n: np.ndarray
     violation_h: np.ndarray
     exposure_h: np.ndarray
+    expected: np.ndarray
+    given: np.ndarray
     net: np.ndarray
     """True ratio of the floor's expected violation time, after over before, shape (n_sites,)."""
 
@@ -97,16 +103,17 @@ def draw(world: World, n_sites: int, seed: int) -> Drawn:
     shared = innovations.copy()
     for day in range(1, len(days)):
         shared[:, day] = world.lag * shared[:, day - 1] + np.sqrt(1 - world.lag**2) * innovations[:, day]
-    shared += np.repeat(rng.normal(0, world.week_sd, (n_sites, n_weeks)), 7, axis=1)
+    shared_week = np.repeat(rng.normal(0, world.week_sd, (n_sites, n_weeks)), 7, axis=1)
+    shared += shared_week
     loading = np.exp(rng.normal(0, world.loading_sd, shape[:2]))
-    own = rng.normal(0, world.own_day_sd, shape) + np.repeat(
-        rng.normal(0, world.own_week_sd, (*shape[:2], n_weeks)), 7, axis=2
-    )
+    own = rng.normal(0, world.own_day_sd, shape)
+    own_week = np.repeat(rng.normal(0, world.own_week_sd, (*shape[:2], n_weeks)), 7, axis=2)
+    own += own_week
     base = np.exp(rng.normal(0, 0.3, shape[:2]))[..., None]
     profile = np.exp(rng.normal(0, 0.15, (*shape[:2], 7)))[..., days % 7] * BUSY[days % 7]
     expected = world.per_week / 7 * base * profile
     expected[:, 0] *= (1 + world.trend) ** ((days - cut) / 7)
-    before = expected[..., :cut].mean(axis=2).sum(axis=1)
+    before = expected[..., :cut].sum(axis=(1, 2)) / cut if cut else np.full(n_sites, np.nan)
     lost = expected[:, 0, cut:] * (1 - world.effect)
     expected[:, 0, cut:] *= world.effect
     share, n_into = world.spill
@@ -114,9 +121,11 @@ def draw(world: World, n_sites: int, seed: int) -> Drawn:
         expected[:, 1 : 1 + n_into, cut:] += (share * lost / n_into)[:, None]
     expected[..., cut:] *= world.season
     after = expected[..., cut:].mean(axis=2).sum(axis=1)
+    of_days = (loading[..., None] ** 2 * world.day_sd**2 + world.own_day_sd**2) / 2
+    given = expected * np.exp(loading[..., None] * shared_week[:, None] + own_week + of_days)
     n = rng.poisson(expected * np.exp(loading[..., None] * shared[:, None] + own)).astype(float)
     seen = n > 0
     violation_h = np.zeros(shape)
     violation_h[seen] = rng.gamma(n[seen] / DURATION_CV2, DURATION_CV2 * DURATION_H)
     exposure_h = 40 / 7 * BUSY[days % 7] * np.exp(0.5 * shared[:, None] + rng.normal(0, 0.1, shape))
-    return Drawn(world, n, violation_h, exposure_h, after / before)
+    return Drawn(world, n, violation_h, exposure_h, expected, given, after / before)

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.change_results import amount
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.report.words.things_to_know import is_shown_to_work
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,29 +87,13 @@ def _verdict(change: PlannerChange) -> str:
         return say("planner.log.whole_site")
     if result.state != "ok":
         return say("planner.log.refused", reason=reason_text(result.reason).rstrip("."))
-    running = result.running
-    if running is None:
-        return say("planner.log.alone", area=area)
-    size = fmt.percent(abs(running.change or 0.0))
-    if is_shown_to_work(result):
-        return say("planner.log.works", area=area, change=size)
-    if is_shown_to_work(result, wherever=True):
-        return say("planner.log.moved", area=area, change=size)
-    if running.verdict == "clear_fall":
-        return say("planner.log.fell", area=area, change=size)
-    if running.verdict == "clear_rise":
-        return say("planner.log.rose", area=area, change=size)
-    if running.verdict == "about_same":
-        return say("planner.log.same", area=area)
-    if running.change_lo is None or running.change_hi is None:
-        return say("planner.log.untold", area=area, reason=reason_text(running.reason).rstrip("."))
-    low, high = (_less_more(v) for v in (running.change_lo, running.change_hi))
-    return say("planner.log.cannot_tell", area=area, low=low, high=high)
-
-
-def _less_more(change: float) -> str:
-    """Write a change of time: 52% less, 73% more."""
-    return say("planner.log.less" if change < 0 else "planner.log.more", percent=fmt.percent(abs(change)))
+    running, said = result.running, outcome(result)
+    size = "" if running is None else fmt.percent(abs(running.change or 0.0))
+    if said != "too_early" and not (said == "cannot_tell" and (running is None or running.change_lo is None)):
+        low, high = ("", "") if running is None else (amount(e) for e in (running.change_lo, running.change_hi))
+        return say(f"planner.log.{said}", area=area, change=size, low=low, high=high)
+    reason = reason_text(result.reason if running is None else running.reason).rstrip(".")
+    return say("planner.log.untold", area=area, reason=reason) if reason else say("came_of.nothing")
 
 
 def _rows(result: Redesign) -> tuple[ChangeEffectRow, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 import shapely
@@ -47,6 +48,29 @@ def test_the_headline_and_the_lead_name_what_is_missing(silent: WeekReport) -> N
     assert silent.story is not None
     assert silent.story.headline.endswith("without camera 2")
     assert "Camera 2 recorded nothing" in "".join(s.text for s in silent.story.lead)
+
+
+@pytest.mark.parametrize(
+    ("count", "has_before", "begins"),
+    [(20, False, "25 violations"), (0, True, "No violations"), (1, True, "Very few violations")],
+    ids=["first-week", "empty", "few"],
+)
+def test_a_week_that_is_compared_with_nothing_names_it_too(
+    tmp_path: Path, count: int, has_before: bool, begins: str
+) -> None:
+    def counts(day: int, hour: int) -> dict[w.Place, int]:
+        return (
+            {} if not count or (count == 1 and (day or hour > 9)) else {w.QUEUE: count, **(THIRD if count > 1 else {})}
+        )
+
+    streams = [w.messages(counts), w.messages(w.steady({}), camera="cam-3")]
+    if has_before:
+        streams += [w.messages(w.steady(OWN), monday=w.BEFORE, camera=c) for c in ("cam-1", "cam-2", "cam-3")]
+    report = finish(w.report(w.world(tmp_path, w.toml(cameras=("cam-1", "cam-2", "cam-3")), *streams)))
+    assert report.story is not None
+    assert report.story.headline.startswith(begins)
+    assert report.story.headline.endswith("; camera 2 recorded nothing")
+    assert "Camera 2 recorded nothing" in "".join(s.text for s in report.story.lead)
 
 
 def test_its_floor_is_hatched_not_white(silent: WeekReport) -> None:

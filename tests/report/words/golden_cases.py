@@ -53,9 +53,9 @@ def beside_usual(often: str, position: str) -> page_model.WeekReport:
     return replace(report, trend=replace(sections.trend(report), usual_often=usual))
 
 
-def silent(n: int) -> page_model.WeekReport:
-    """Return a week in which so many of four cameras recorded nothing."""
-    report = pair("cannot_tell", "cannot_tell")
+def silent(n: int, report: page_model.WeekReport | None = None) -> page_model.WeekReport:
+    """Return a week in which so many of its cameras recorded nothing; None = a normal week of four."""
+    report = report or pair("cannot_tell", "cannot_tell")
     cameras = tuple(
         replace(c, is_silent=True, share=0.0) if i < n else c for i, c in enumerate(report.coverage.cameras)
     )
@@ -127,6 +127,14 @@ def recalibrated_one() -> page_model.WeekReport:
     return replace(report, coverage=replace(report.coverage, cameras=(apart, *rest)))
 
 
+def after_a_gap(*, is_usual: bool) -> page_model.WeekReport:
+    """Return a week after one that was closed, of a site with a longer history."""
+    report = weeks.first_week()
+    weekly = sections.trend(weeks.normal())
+    usual = m.Usual(lo=110.0, hi=150.0, n_weeks=8, position="within") if is_usual else None
+    return replace(report, trend=replace(weekly, usual_often=usual))
+
+
 def inferred() -> page_model.WeekReport:
     """Return a complete week of an engine that sends no heartbeat."""
     report = weeks.normal()
@@ -143,6 +151,7 @@ CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
     },
     "one-camera-silent": lambda: silent(1),
     "three-cameras-silent": lambda: silent(3),
+    "one-camera-silent-first-week": lambda: silent(1, weeks.first_week()),
     "unusual-hour": unusual_hour,
     "normal": weeks.normal,
     "after-quoted": quoted,
@@ -162,6 +171,8 @@ CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
     "empty": weeks.empty,
     "too-incomplete": weeks.too_incomplete,
     "first-week": weeks.first_week,
+    "after-a-gap": lambda: after_a_gap(is_usual=False),
+    "after-a-gap-usual": lambda: after_a_gap(is_usual=True),
     "no-data-all-at-once": weeks.no_data,
     "no-data-one-by-one": lambda: stopped(datetime(2026, 11, 6, 9, tzinfo=weeks.ROME), _AT, _AT, _AT),
     "no-data-never": lambda: stopped(None, None, None, None),

@@ -38,6 +38,7 @@ from vsd_analytics.figures import before_after
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import redesigns
+from vsd_analytics.figures.week.change_outcome import WORKS_E, outcome
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.results import WeekRef
@@ -46,7 +47,6 @@ from vsd_analytics.report.model.site_changes import log_lines
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.headline import story_of
-from vsd_analytics.report.words.things_to_know import WORKS_E, is_shown_to_work
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.running_verdict import log_e_values
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -71,7 +71,7 @@ WORLDS: Final = (
 
 WORKED: Final = {
     "a change works": ("works",),
-    "a change works, or moved people on": ("works", "moved"),
+    "a change works, moved people on, or left less time too close": ("works", "moved", "fell"),
     "an area fell since an entry": ("fell since",),
 }
 """What may be said of a change, by words of the table."""
@@ -82,8 +82,8 @@ class Year:
     """What the pages of one site said in a year.
 
     Attributes:
-        worked: Weeks of which a page said that a change works, that time too close moved on, or that an area fell since
-            an entry, by which of these.
+        worked: Weeks of which a page said that a change works, that time too close moved on or fell after it, or that
+            an area fell since an entry, by which of these.
         same: Weeks called about the same though the floor's true rate changed by more than 15 %.
         n_changed: Weeks in which it did.
         n_same: Weeks called about the same.
@@ -196,14 +196,13 @@ def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> Wee
 
 
 def said_of_changes(changes: Sequence[Redesign]) -> str | None:
-    """Return what is said of logged changes: "works", "moved", or None. All parts of a page ask `is_shown_to_work`."""
-    if any(is_shown_to_work(change) for change in changes):
-        return "works"
-    return "moved" if any(is_shown_to_work(change, wherever=True) for change in changes) else None
+    """Return what is said of logged changes: "works", "moved", "fell", or None. All parts of a page ask `outcome`."""
+    said = {outcome(change) for change in changes}
+    return next((name for name in ("works", "moved", "fell") if name in said), None)
 
 
 def said_of(report: WeekReport) -> str | None:
-    """Return what the page says worked: "works", "moved", "fell since"; None if it says no such thing."""
+    """Return what the page says worked: "works", "moved", "fell", "fell since"; None if it says no such thing."""
     if said := said_of_changes(report.redesigns):
         return said
     titles = {thing.title for thing in story_of(report).things if thing.kind == "worked"}
@@ -260,8 +259,8 @@ def changing_year(drawn: Drawn, site: int, folder: Path, *, seed: int) -> Year:
 def running_alone(world: World, n_sites: int, *, seed: int, least_e: float) -> tuple[float, float]:
     """Return how often a running verdict falsely says clear fall with so much evidence, of one change and of twelve.
 
-    Of all weeks that the change is on the page; without the other conditions of `is_shown_to_work`, and as if changes
-    of a year were independent: so not below what a page says.
+    Of all weeks that the change is on the page; without the other conditions of `outcome`, and as if changes of a year
+    were independent: so not below what a page says.
     """
     weeks = redesigns.SHOWN_DAYS // 7 - 1
     drawn = draw(replace(world, weeks_after=weeks), n_sites, seed)

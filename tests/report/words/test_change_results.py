@@ -10,21 +10,34 @@ import pytest
 from report import model_classes as m
 from report import sample_weeks as weeks
 
+from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_sections import LedgerLine
-from vsd_analytics.report.model.ledger import outcome
+from vsd_analytics.planner.change_words import change_words
+from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.report.pages.site_log import log_rows
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.change_results import came_of, ledger_words
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area
 
 AT = datetime(2026, 10, 12, 6, 30, tzinfo=weeks.ROME)
+
+
+def floor(lo: float, hi: float, verdict: str) -> m.Estimate:
+    return m.Estimate(value=None, change=(lo + hi) / 2, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
+
+
+GONE = floor(-0.25, -0.11, "clear_fall")
+MOVED = floor(-0.05, 0.03, "about_same")
+UNKNOWN = floor(-0.3, 0.2, "cannot_tell")
+"""What became of the whole floor, of which the area's fall is 20 %."""
 
 
 def change(verdict: str, lo: float, hi: float, **more: Any) -> m.Redesign:
     middle = (lo + hi) / 2
     effect = m.Estimate(value=None, change=middle, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
-    net = m.Estimate(value=None, change=0.0, change_lo=-0.1, change_hi=0.1, verdict="about_same")
-    said: dict[str, Any] = {"running": effect, "net": net, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
-    said |= {"design": "beside", "is_credible": True, "e_value": 400.0}
+    said: dict[str, Any] = {"running": effect, "net": GONE, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
+    said |= {"design": "beside", "is_credible": True, "e_value": 400.0, "contribution": -0.2}
     return m.Redesign(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
 
 
@@ -41,9 +54,15 @@ def line(**more: Any) -> LedgerLine:
             "works",
             "So far it works: people there spend between 90% less and",
         ),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9), "moved", "There is less time too close there, but"),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=MOVED), "moved", "There is less time too close th"),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.0, net=UNKNOWN), "fell", "People there spend between 90% "),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=UNKNOWN), "fell", "People there spend between 90% "),
+        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.6), "fell", "People there spend between 90% "),
+        (change("clear_fall", -0.9, -0.8, net=None), "doubtful", "There is less time too close there ("),
         (change("clear_fall", -0.9, -0.8, e_value=30.0), "doubtful", "There is less time too close there ("),
         (change("clear_fall", -0.9, -0.8, is_credible=False), "doubtful", "There is less time too close there ("),
+        (change("clear_fall", -0.9, -0.8, doubts=(Reason("redesign.nobody_there"),)), "doubtful", "There is less time"),
+        (change("about_same", -0.1, 0.05), "about_same", "Since then there is about as much time too close there (b"),
         (change("clear_rise", 0.2, 0.9), "rose", "Since then there is more time too close"),
         (change("cannot_tell", -0.3, 0.5), "cannot_tell", "Cannot tell yet: anything between 30% less and 50% more"),
         (change("clear_fall", -0.9, -0.8, design="alone"), "alone", "Cannot tell: no other area was left alone"),
@@ -55,6 +74,35 @@ def test_what_came_of_a_change_never_claims_more_than_its_running_verdict(
 ) -> None:
     assert outcome(made) == said
     assert came_of(made).startswith(begins)
+
+
+@pytest.mark.parametrize(
+    ("made", "begins"),
+    [
+        (change("clear_fall", -0.9, -0.8), "It worked: time too close at Door fell by 85%"),
+        (
+            change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=MOVED),
+            "Time too close at Door fell by 85%, but it",
+        ),
+        (change("clear_fall", -0.9, -0.8, net=UNKNOWN), "Time too close at Door fell by 85%, compared with areas that"),
+        (change("clear_fall", -0.9, -0.8, e_value=30.0), "Time too close at Door fell by 85%. Other things"),
+        (change("about_same", -0.1, 0.05), "About the same: at Door"),
+        (change("clear_rise", 0.2, 0.9), "Time too close at Door clearly rose, by 55%"),
+        (change("cannot_tell", -0.3, 0.5), "Cannot tell yet: at Door, anything from 30% less to 50% more time"),
+        (change("clear_fall", -0.9, -0.8, design="alone"), "Cannot tell: no other area was left alone"),
+        (change("clear_fall", -0.9, -0.8, running=None), "Cannot tell yet."),
+        (
+            change("clear_fall", -0.9, -0.8, state="not_enough_data", reason=Reason("redesign.nobody_there")),
+            "No result",
+        ),
+    ],
+)
+def test_the_planner_says_of_a_change_what_the_page_says(made: m.Redesign, begins: str) -> None:
+    door = Area("door", "Door", "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    logged = PlannerChange(
+        number=3, at=AT, text="Moved", area=door, result=made, before=None, after=None, why_no_weeks=None, hidden={}
+    )
+    assert change_words(logged).verdict.startswith(begins)
 
 
 def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
@@ -10,17 +11,19 @@ from typing import get_args
 import pytest
 from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
-from report.words.golden_cases import beside_usual, silent, unusual_hour
+from report.words.golden_cases import CASES, after_a_gap, beside_usual, silent, unusual_hour
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.model.week_agenda import Agenda
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import terms
+from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words.catalogue import has
 from vsd_analytics.report.words.headline import CLOSE, MAX_WORDS, OFTEN, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.report.words.things_to_know import things
 from vsd_analytics.result import Verdict
 
 VERDICTS = get_args(Verdict)
@@ -139,6 +142,56 @@ def test_a_camera_that_recorded_nothing_is_missing_in_the_headline_and_the_lead(
     assert three.headline.endswith("without 3 of 4 cameras")
 
 
+@pytest.mark.parametrize("case", [name for name in CASES if "silent" not in name and CASES[name]().state != "no_data"])
+def test_every_kind_of_headline_and_lead_names_a_camera_that_recorded_nothing(case: str) -> None:
+    story = story_of(silent(1, CASES[case]()))
+    assert story.headline.endswith(("without camera “Entrance”", "; camera “Entrance” recorded nothing"))
+    assert terms.n_words(story.headline) <= MAX_WORDS + terms.n_words("without camera “Entrance”")
+    lead = "".join(s.text for s in story.lead)
+    assert "Camera “Entrance” recorded nothing" in lead
+    assert re.search(r"[^ ] Camera “Entrance” recorded nothing[^.]*\.$", lead)
+
+
+def test_a_headline_of_a_week_compared_with_nothing_counts_many_silent_cameras() -> None:
+    assert story_of(silent(3, weeks.first_week())).headline.endswith("; 3 of 4 cameras recorded nothing")
+    assert story_of(silent(4, weeks.no_data())).headline == "We have no data for week 46"
+
+
+def test_a_week_after_a_gap_is_not_called_the_first() -> None:
+    story = story_of(after_a_gap(is_usual=False))
+    said = all_words(story)
+    assert story.headline == "121 violations per open hour; last week has no figures to compare with"
+    assert "first week" not in said
+    assert "no earlier week" not in said
+    assert "Comparisons start again next week." in story.notes
+    usual = story_of(after_a_gap(is_usual=True))
+    assert usual.headline == "Violations are in their usual range"
+    assert "The usual range is 110 to 150." in "".join(s.text for s in usual.lead)
+    assert "no earlier week" not in render_html(after_a_gap(is_usual=True))
+
+
+def test_with_a_silent_camera_the_busiest_spot_is_that_of_what_was_recorded() -> None:
+    report = silent(1, weeks.first_week())
+    said = all_words(story_of(report))
+    assert "Checkout queue is the busiest spot that was recorded. 36% of the violations that were recorded." in said
+    assert "the level of this week where cameras recorded" in said
+    assert "of all violations" not in said
+    assert "busiest spot that was recorded" in figure_titles.where(report)
+    assert "busiest spot that was recorded" not in all_words(story_of(weeks.first_week()))
+
+
+def test_an_outage_nobody_logged_is_no_change_at_the_site_that_does_not_show() -> None:
+    report = weeks.normal()
+    areas = tuple(replace(a, often=replace(a.often, verdict="cannot_tell")) for a in report.areas)
+    report = replace(report, areas=areas)
+    outage = replace(report.log[1], kind="detected", area_id=None, area_name=None, since=None)
+    agenda = Agenda(places=(), asked=(), busiest_before=())
+    quiet = things(replace(report, log=(outage,), redesigns=(), agenda=agenda))
+    assert quiet[0].text == "Nothing was logged at the site in these weeks."
+    logged = things(replace(report, log=(replace(report.log[1], since=None),), redesigns=(), agenda=agenda))
+    assert logged[0].text.startswith("Changes at the site do not show")
+
+
 def test_the_least_likely_hour_is_named_beside_its_usual_count() -> None:
     lead = "".join(s.text for s in story_of(unusual_hour()).lead)
     assert "Unusual: Monday 10:00, with 283 violations (usually 72)." in lead
@@ -217,7 +270,8 @@ def planted_redesign(**other: object) -> Redesign:
         running=effect,
         e_value=400.0,
         n_watched=6,
-        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="cannot_tell"),
+        net=replace(effect, change=-0.1, change_lo=-0.2, change_hi=-0.02),
+        contribution=-0.1,
         **other,  # type: ignore[arg-type]
     )
 
@@ -245,8 +299,28 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
         assert not any("work" in title for title in titles), doubtful
 
 
+def test_a_fall_that_may_have_moved_elsewhere_is_no_success() -> None:
+    unknown = Estimate(value=None, change=-0.05, change_lo=-0.2, change_hi=0.1, verdict="cannot_tell")
+    report = replace(weeks.normal(), redesigns=(replace(planted_redesign(), net=unknown),))
+    fell = story_of(report).things[0]
+    assert fell.title == "Less time too close at Checkout queue since the change"
+    assert fell.text.endswith("Whether it moved elsewhere is not known yet.")
+
+
+def test_a_fall_that_something_else_may_have_made_is_not_hidden() -> None:
+    report = weeks.normal()
+    areas = tuple(replace(a, often=replace(a.often, verdict="cannot_tell")) for a in report.areas)
+    doubtful = replace(planted_redesign(), is_credible=False)
+    told = story_of(replace(report, areas=areas, log=(), redesigns=(doubtful,))).things[0]
+    assert (
+        told.text
+        == "At Checkout queue there is less time too close since Wed 7 Oct, but something else may have done it."
+    )
+
+
 def test_a_fall_that_moved_elsewhere_is_called_a_move() -> None:
-    moved = replace(planted_redesign(), moved_elsewhere=1.2)
+    net = Estimate(value=None, change=0.02, change_lo=-0.03, change_hi=0.07, verdict="about_same")
+    moved = replace(planted_redesign(), moved_elsewhere=1.2, net=net)
     first = story_of(replace(weeks.normal(), redesigns=(moved,))).things[0]
     assert first.title == "Less time too close at Checkout queue, more elsewhere"
     assert "the rest of the floor took up 100% of what fell there" in first.text

@@ -261,7 +261,9 @@ class Redesign:
     reason: Reason | None = _f("In words, why not.", default=None)
 
 
-Outcome = Literal["works", "moved", "doubtful", "rose", "cannot_tell", "too_early", "alone", "site_wide"]
+Outcome = Literal[
+    "works", "moved", "fell", "doubtful", "rose", "about_same", "cannot_tell", "too_early", "alone", "site_wide"
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,9 +276,10 @@ class LedgerLine:
     area_id: str | None = _f("Area it concerns; None for the whole site.", default=None)
     area_name: str | None = _f("Its name; free text.", default=None)
     outcome: Outcome = _f(
-        "What may be said: works only beside areas that were left alone, by the running verdict; moved: the "
-        "rest of the floor took up most of it; doubtful: a fall that something else may have made; "
-        "alone: no area was left alone to compare with."
+        "What may be said: works only beside areas that were left alone, by the running verdict, where the whole "
+        "floor clearly fell too; moved: the rest of the floor clearly took up most of it; fell: a fall beside these "
+        "areas, of which nobody can tell whether it moved; doubtful: a fall that something else may have made; "
+        "about_same: its whole range lies near no change; alone: no area was left alone to compare with."
     )
     usual_min: float | None = _f(
         "Person-minutes too close in the area in a week before the change.",

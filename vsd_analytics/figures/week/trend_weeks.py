@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import date
 from string import ascii_uppercase
 from typing import Final
 
@@ -20,16 +21,18 @@ WEEKS: Final = 10
 """Points of the chart: what its width shows legibly."""
 
 
-def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
+def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engine_since: date | None = None) -> Trend:
     """Return the last ten weeks.
 
     The last of them is the week of the report itself, so that the page never has two values for one figure. A
-    week whose own report holds the floor's figures back has none here either.
+    week whose own report holds the floor's figures back has none here either. The usual range is made from weeks that
+    one engine counted.
 
     Args:
         data: The week.
         found: The weeks of the analysis room.
         level: The headline numbers, without what must be held back.
+        same_engine_since: Monday of the first week that the engine of this week counted; None = all weeks.
     """
     below = int(data.site.settings.mask_below)
     names = {a.area_id: a.name for a in data.areas}
@@ -47,6 +50,8 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
     first = shown[0].monday if shown else data.monday
     marks = [m for m in found.marks if m.at.astimezone(data.site.zone).date() >= first]
     confidence = float(data.site.settings.confidence)
+    since = same_engine_since or date.min
+    alike = [w for w in weeks if not w.missing and w.monday >= since]
     return Trend(
         weeks=shown,
         marks=tuple(
@@ -58,10 +63,8 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level) -> Trend:
             )
             for i, m in enumerate(marks)
         ),
-        usual_often=_usual([w.often for w in weeks if not w.missing], level.often, confidence=confidence),
-        usual_close=_usual(
-            [w.close for w in weeks if not w.missing], level.close_share, confidence=confidence, most=1.0
-        ),
+        usual_often=_usual([w.often for w in alike], level.often, confidence=confidence),
+        usual_close=_usual([w.close for w in alike], level.close_share, confidence=confidence, most=1.0),
         target_often=_target(data.floor.target_per_open_h, level.often),
         left_out=found.left_out,
         state=found.state,

@@ -122,7 +122,7 @@ def _known(week: TrendWeek, measure: Measure) -> Estimate | None:
 def _step(top: float) -> float:
     """Return a round step that makes two to five of the axis."""
     size = 10.0 ** math.floor(math.log10(top))
-    return next(f * size for f in (0.2, 0.5, 1.0, 2.0) if top / (f * size) <= 4.5)
+    return next(f * size for f in (0.2, 0.5, 1.0, 2.0, 5.0) if top / (f * size) <= 4.5)
 
 
 def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str = "axt", **more: str) -> Markup:

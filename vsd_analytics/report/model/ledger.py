@@ -12,12 +12,12 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_weeks import WATCHED_WEEKS
 from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LedgerLine, Outcome, Redesign
+from vsd_analytics.figures.week.model_sections import LedgerLine
 from vsd_analytics.figures.week.redesigns import is_held_back, redesign
-from vsd_analytics.report.words.things_to_know import is_shown_to_work
 from vsd_analytics.site.model import LogEntry
 
 
@@ -36,20 +36,6 @@ def ledger(data: WeekData, found: Findings) -> tuple[LedgerLine, ...]:
         )
         lines.append(line if number not in measured else _measured(data, line, measured[number]))
     return tuple(lines)
-
-
-def outcome(change: Redesign) -> Outcome:
-    """Return what may be said of a logged change."""
-    running = change.running
-    if change.state == "ok" and change.design == "alone":
-        return "alone"
-    if change.state != "ok" or running is None or running.change is None:
-        return "too_early"
-    if is_shown_to_work(change):
-        return "works"
-    if is_shown_to_work(change, wherever=True):
-        return "moved"
-    return {"clear_fall": "doubtful", "clear_rise": "rose"}.get(running.verdict or "", "cannot_tell")  # type: ignore[return-value]
 
 
 def _measured(data: WeekData, line: LedgerLine, found: BeforeAfterFigure) -> LedgerLine:

@@ -12,6 +12,7 @@ from vsd_analytics.figures.week.footsteps_and_views import footsteps, views
 from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.agenda import agenda
 from vsd_analytics.report.model.ledger import ledger
+from vsd_analytics.report.model.site_changes import same_engine_since
 from vsd_analytics.report.model.spot_words import with_words
 from vsd_analytics.report.model.week import WeekReport
 
@@ -23,7 +24,9 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
     """
     made = replace(
         report,
-        trend=trend_weeks.trend(data, found.trend, level=report.level),
+        trend=trend_weeks.trend(
+            data, found.trend, level=report.level, same_engine_since=same_engine_since(data, found)
+        ),
         outlook=outlook.outlook(found.outlook),
         selfcheck=self_check.section(found.self_check),
     )

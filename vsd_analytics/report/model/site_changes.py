@@ -14,12 +14,14 @@ from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
 from vsd_analytics.figures.week.contributions import share_of_change, verdict_without
 from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
 from vsd_analytics.figures.week.results import LogLine, SettingsChange
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.site.model import LogEntry
+from vsd_analytics.warehouse.provenance import engines
 
 DETECTED_MIN_H: Final = 2.0
 """A shorter outage is no line of the log."""
@@ -65,7 +67,7 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
     return tuple(sorted(lines, key=lambda line: line.at))
 
 
-def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str, ...]) -> SettingsChange | None:
+def settings_change(data: WeekData, sent: tuple[str, ...], before: tuple[str, ...]) -> SettingsChange | None:
     """Return the change inside the two weeks that forbids any comparison: calibrations, cameras, the engine, rules.
 
     A calibration does when it leaves no camera that can be compared, other cameras when none recorded both weeks. Hours
@@ -74,7 +76,7 @@ def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str,
 
     Args:
         data: The week.
-        engines: Engines of this week.
+        sent: Engines of this week.
         before: Engines of the week before.
     """
     start, (first_ms, end_ms) = data.midnight(data.monday), data.pair.span_ms
@@ -87,11 +89,26 @@ def settings_change(data: WeekData, engines: tuple[str, ...], before: tuple[str,
     if was and is_now and not was & is_now:
         names = [terms.joined(c.name for c in data.cameras if c.camera_id in ids) for ids in (was, is_now)]
         return SettingsChange(name="cameras", before=names[0], after=names[1])
-    if engines and before and engines != before:
-        return SettingsChange(name="engine", before=", ".join(before), after=", ".join(engines))
+    if sent and before and sent != before:
+        return SettingsChange(name="engine", before=", ".join(before), after=", ".join(sent))
     if comparable.has_other_rules(data.warehouse, first_ms=first_ms, end_ms=end_ms):
         return SettingsChange(name="rules", before=say("changed.rules_before"), after=say("changed.rules_after"))
     return None
+
+
+def same_engine_since(data: WeekData, found: Findings) -> date | None:
+    """Return the Monday of the first week of the trend that the engines of this week counted; None = all its weeks."""
+    weeks = [week.monday for week in found.trend.weeks]
+    now = engines(data.site, data.monday, data.sunday)
+    if not weeks or not now or set(engines(data.site, weeks[0], data.sunday)) <= set(now):
+        return None
+    since = data.monday
+    for monday in reversed(weeks):
+        sent = engines(data.site, monday, monday + timedelta(days=6))
+        if sent and sent != now:
+            break
+        since = monday
+    return since
 
 
 def _other_frame_rates(data: WeekData) -> list[LogLine]:

@@ -24,7 +24,7 @@ from vsd_analytics.figures.week.model_map import (
     MapViews,
     SpotPicture,
 )
-from vsd_analytics.figures.week.model_recording import Coverage
+from vsd_analytics.figures.week.model_recording import CameraRecord, Coverage
 from vsd_analytics.figures.week.model_sections import (
     Causes,
     LedgerLine,
@@ -133,6 +133,17 @@ class WeekReport:
     figures: Mapping[str, Figure] = _f("Keyed M0 to M34; absent keys are not in this version.")
     agenda: Agenda | None = _f("What may be asked, and what earlier weeks asked.", default=None)
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)
+
+    @property
+    def silent_cameras(self) -> tuple[CameraRecord, ...]:
+        """Return the cameras that recorded nothing, so that the page does not know the floor that only they see."""
+        return tuple(c for c in self.coverage.cameras if c.is_silent)
+
+    @property
+    def has_history(self) -> bool:
+        """Tell whether any week before this one has a figure, be it the week before or an earlier one."""
+        weeks = () if self.trend is None else self.trend.weeks[:-1]
+        return any(w.often is not None and w.often.value is not None for w in weeks)
 
     @property
     def language(self) -> str:

@@ -121,7 +121,7 @@ def trend(report: WeekReport) -> TrendView | None:
         if n >= 2:
             panels.append(_panel(report, measure))
     notes = []
-    if not panels:
+    if not panels and len(weeks) == 1:
         notes.append(say("trend.one"))
     elif found.state != "ok":
         notes.append(say("trend.too_few"))
@@ -366,8 +366,7 @@ def _cause(found: Causes, distance: str) -> str:
         largest = say(f"causes.mostly_{name}_{'fell' if size < 0 else 'rose'}")
     if abs(close) < SMALL_MOVE:
         return say("causes.sentence_same", distance=distance, largest=say("causes.nothing") if not name else largest)
-    change = say("causes.less" if close < 0 else "causes.more", percent=fmt.percent(abs(close)))
-    return say("causes.sentence", change=change, distance=distance, largest=largest)
+    return say("causes.sentence", change=fmt.less_more(close), distance=distance, largest=largest)
 
 
 def _measured(found: Redesign) -> list[tuple[str, Estimate]]:

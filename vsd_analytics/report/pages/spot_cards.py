@@ -89,7 +89,7 @@ def cards(report: WeekReport) -> Cards | None:
         first, last = (fmt.date_short(d) if d is not None else "" for d in (found.first, found.last))
         sub = say("spots.sub_tested", first=first, last=last)
     else:
-        title = say("spots.busiest", plural=n, n=number)
+        title = say("spots.busiest_recorded" if report.silent_cameras else "spots.busiest", plural=n, n=number)
         why = reason_text(found.reason).rstrip(".")
         sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
     made = tuple(_card(c, report) for c in found.cards)

@@ -32,7 +32,7 @@ from vsd_analytics.report.pages.spot_cards import Cards, cards
 from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
-from vsd_analytics.report.words.headline import finish, silent_cameras
+from vsd_analytics.report.words.headline import finish
 from vsd_analytics.report.words.languages import html_tag, in_its_language
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
@@ -296,7 +296,7 @@ def _messages(report: WeekReport) -> str:
 
 def not_recorded(report: WeekReport) -> str:
     """Return what hatched floor of a map means: no camera sees it, or the one that does recorded nothing."""
-    cameras = terms.joined(terms.camera_name(c.name) for c in silent_cameras(report))
+    cameras = terms.joined(terms.camera_name(c.name) for c in report.silent_cameras)
     return say("where.no_recording", cameras=cameras) if cameras else say("where.no_camera")
 
 
@@ -315,7 +315,7 @@ def _why_not_compared(report: WeekReport) -> str:
         case _ if report.level.often.state == "not_measurable":
             return say("changed.why_not_measurable")
         case "first_week":
-            return say("changed.why_first_week")
+            return say("changed.why_no_week_before" if report.has_history else "changed.why_first_week")
         case "settings_changed":
             change = report.settings_change
             is_cameras = change is not None and change.name == "cameras"

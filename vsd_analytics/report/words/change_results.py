@@ -1,18 +1,17 @@
 """What came of a logged change, in one sentence: it worked, it moved elsewhere, it rose, or nobody can tell yet.
 
-Only a running verdict beside areas that were left alone may say that a change worked (`is_shown_to_work`).
+Which of these may be said is `change_outcome.outcome`.
 """
 
 from __future__ import annotations
 
+from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.languages import separated
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.report.words.things_to_know import is_shown_to_work
 
 
 def came_of(change: Redesign | None) -> str:
@@ -20,19 +19,17 @@ def came_of(change: Redesign | None) -> str:
     if change is None:
         return say("came_of.nothing")
     running = change.running
-    if change.state == "ok" and change.design == "alone":
-        return say("came_of.alone")
-    if change.state != "ok" or running is None or running.change is None:
-        reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
-        return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
-    likely = between(running)
-    if is_shown_to_work(change):
-        return say("came_of.works", likely=likely, areas=terms.joined(change.compared_with))
-    if is_shown_to_work(change, wherever=True):
-        return say("came_of.moved", share=fmt.percent(min(1.0, change.moved_elsewhere or 0.0)))
-    if running.verdict == "clear_fall":
-        return say("came_of.doubtful", likely=likely)
-    return say("came_of.rose" if running.verdict == "clear_rise" else "came_of.open", likely=likely)
+    likely = "" if running is None else between(running)
+    match outcome(change):
+        case "too_early":
+            reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
+            return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
+        case "works" | "fell" as said:
+            return say(f"came_of.{said}", likely=likely, areas=terms.joined(change.compared_with))
+        case "moved":
+            return say("came_of.moved", share=fmt.percent(min(1.0, change.moved_elsewhere or 0.0)))
+        case said:
+            return say(f"came_of.{said}", likely=likely)
 
 
 def ledger_words(line: LedgerLine) -> str:
@@ -92,7 +89,4 @@ def between(estimate: Estimate) -> str:
 
 def amount(change: float | None) -> str:
     """Return a change of time in words: 14% less, 8% more, as much as before."""
-    points = 0 if change is None else round(change * 100)
-    if points == 0:
-        return say("came_of.same")
-    return say("causes.less" if points < 0 else "causes.more", percent=separated(f"{abs(points):,}%"))
+    return say("came_of.same") if round((change or 0.0) * 100) == 0 else fmt.less_more(change)

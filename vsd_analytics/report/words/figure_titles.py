@@ -27,7 +27,7 @@ def where(report: WeekReport) -> str:
         return say("titles.where_incomplete")
     if spot is None:
         return say("titles.where_unranked")
-    return say("titles.where", area=spot.name)
+    return say("titles.where_recorded" if report.silent_cameras else "titles.where", area=spot.name)
 
 
 def when(report: WeekReport) -> str:

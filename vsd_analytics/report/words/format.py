@@ -125,8 +125,8 @@ def likely_change(estimate: Estimate, *, is_counted: bool = True) -> str:
     if low < 0 and high < 0:
         return say(
             "format.likely_fewer" if is_counted else "format.likely_less",
-            low=separated(f"{-high:,}%"),
-            high=separated(f"{-low:,}%"),
+            low=_points(-high),
+            high=_points(-low),
         )
     if low > 0 and high > 0:
         return say("format.likely_more", low=_points(low), high=_points(high))

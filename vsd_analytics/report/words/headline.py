@@ -80,11 +80,24 @@ def often_key(report: WeekReport) -> str:
 
 
 def _headline(report: WeekReport) -> tuple[str, str]:
+    if report.state == "no_data":  # nothing was recorded anywhere, so no camera is named
+        texts = nothing(report)
+        return texts.rule, texts.headline
+    cameras = report.silent_cameras
+    abnormal = _abnormal_headline(report)
+    if abnormal is None:
+        return _compared_headline(report, cameras)
+    rule, text = abnormal
+    if cameras:
+        named = _cameras(report, cameras)
+        text = say("headline.silent", plural=len(cameras), headline=text, cameras=named)
+    return rule, text
+
+
+def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
+    """Return the rule and headline of a week that is compared with nothing; None for a normal one."""
     week, often = report.week, report.level.often
     match report.state:
-        case "no_data":
-            texts = nothing(report)
-            return texts.rule, texts.headline
         case "too_incomplete":
             return "too_incomplete", say("headline.too_incomplete", week=week.number)
         case "empty":
@@ -94,17 +107,33 @@ def _headline(report: WeekReport) -> tuple[str, str]:
         case _ if often.value is None:
             return "few", say("headline.few", week=week.number)
         case "first_week":
-            return "first_week", say("headline.first_week", rate=fmt.number(often.value))
+            return _headline_without_week_before(report)
         case "settings_changed":
             return "settings_changed", _settings_headline(report)
         case _:
-            pass
+            return None
+
+
+def _headline_without_week_before(report: WeekReport) -> tuple[str, str]:
+    """Return the rule and headline of a first week, or of one after a week that was closed or has no data."""
+    rate = fmt.number(report.level.often.value)
+    usual = report.trend.usual_often if report.trend is not None else None
+    if not report.has_history:
+        return "first_week", say("headline.first_week", rate=rate)
+    if usual is None:
+        return "no_week_before", say("headline.no_week_before", rate=rate)
+    return f"no_week_before/{usual.position}", say(f"headline.usual.too_little_data.{usual.position}")
+
+
+def _compared_headline(report: WeekReport, cameras: Sequence[CameraRecord]) -> tuple[str, str]:
+    """Return the rule and headline of a normal week, in which these cameras recorded nothing."""
+    often = report.level.often
     keys = often_key(report), close_key(report)
     rule = "/".join(k.removeprefix("clear_") for k in keys)
     moved = terms.moved(often.change) if often.change is not None else say("headline.changed")
     plain = say(f"headline.pair.{keys[0]}.{keys[1]}", moved=moved)
     usual = report.trend.usual_often if report.trend is not None else None
-    entry, cameras = change_to_name(report), silent_cameras(report)
+    entry = change_to_name(report)
     choices: list[tuple[str, str]] = []
     if entry is not None:
         choices += [("/after", say("headline.after", headline=plain, entry=tail)) for tail in _after(entry)]
@@ -122,11 +151,6 @@ def _headline(report: WeekReport) -> tuple[str, str]:
         ]
     name, text = next((c for c in choices if terms.n_words(c[1]) <= MAX_WORDS), choices[-1])
     return rule + name, text
-
-
-def silent_cameras(report: WeekReport) -> list[CameraRecord]:
-    """Return the cameras that recorded nothing, so that the page does not know the floor that only they see."""
-    return [c for c in report.coverage.cameras if c.is_silent]
 
 
 def _cameras(report: WeekReport, cameras: Sequence[CameraRecord]) -> str:
@@ -192,6 +216,18 @@ def _after(entry: LogLine) -> list[str]:
 
 
 def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+    """Return the lead and notes of any week; a camera that recorded nothing is named at its end."""
+    spans, notes = _lead_of_all(report)
+    cameras = report.silent_cameras
+    if cameras and report.state != "no_data":
+        named = terms.joined(terms.camera_name(c.name) for c in cameras)
+        missing = say("lead.camera_silent", plural=len(cameras), cameras=named)
+        spans = [*_trimmed(spans), Span(text=f" {missing}")]
+    return _trimmed(spans), notes
+
+
+def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
+    """Return the lead and notes as if all cameras had recorded."""
     coverage, rules = report.coverage, report.rules
     distance, pause = fmt.distance(rules.distance_m, rules.distance_unit), fmt.seconds(rules.episode_min_s)
     often = report.level.often
@@ -218,10 +254,10 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
         case _ if often.value is None:
             return _unknown_lead(report)
         case "first_week":
-            level = fmt.likely_level(often)
-            tail = say("lead.first_week", level=say("lead.in_brackets", text=level) if level else "")
-            spans = [_people_came(report), _times(report), Span(text=tail), *_close_spans(report)]
-            return _trimmed(spans), [say("lead.first_week_note")]
+            level, rule = fmt.likely_level(often), "no_week_before" if report.has_history else "first_week"
+            tail = say(f"lead.{rule}", level=say("lead.in_brackets", text=level) if level else "")
+            spans = [_people_came(report), _times(report), Span(text=tail), *_usual(report), *_close_spans(report)]
+            return spans, [say(f"lead.{rule}_note")]
         case "settings_changed":
             return _settings_lead(report)
         case _:
@@ -263,13 +299,7 @@ def _normal_lead(report: WeekReport) -> list[Span]:
             spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
             spans.append(Span(text=say("lead.unknown", since=since)))
-    usual = report.trend.usual_often if report.trend is not None else None
-    if usual is not None:
-        spans.append(Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi))))
-    spans += _close_spans(report)
-    if cameras := silent_cameras(report):
-        named = terms.joined(terms.camera_name(c.name) for c in cameras)
-        spans.append(Span(text=say("lead.camera_silent", plural=len(cameras), cameras=named)))
+    spans += [*_usual(report), *_close_spans(report)]
     clear = [a for a in report.areas if a.often.verdict in CLEAR]
     same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
     same_way = [a for a in same_way if a.is_material]
@@ -277,8 +307,14 @@ def _normal_lead(report: WeekReport) -> list[Span]:
     if same_way and len(clear) <= 3:
         areas = terms.joined(_with_change(a) for a in same_way)
         spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
-    spans += _unusual_hour(report)
-    return _trimmed(spans)
+    return spans + _unusual_hour(report)
+
+
+def _usual(report: WeekReport) -> list[Span]:
+    usual = report.trend.usual_often if report.trend is not None else None
+    if usual is None:
+        return []
+    return [Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi)))]
 
 
 def _trimmed(spans: Sequence[Span]) -> list[Span]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import Redesign
@@ -16,12 +17,6 @@ from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.reasons import reason_text
-
-WORKS_E: Final = 40.0
-"""Evidence (e-value) from which a page says that a change works: twice that of a clear verdict. A site that logs a
-change a month then reads it wrongly in fewer than one year of twenty (docs/statistics.md, "A year of pages")."""
-MOSTLY_MOVED: Final = 0.5
-"""A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 NEWS_WEEKS: Final = 2
 """For so many weeks the page explains the result of a change; then a shorter line does."""
@@ -46,39 +41,21 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
     if report.state == "normal" and report.level.often.value is not None:
         return _worked(report), _watch(report), _distrust(report)
-    worked = Thing(kind="worked", title=recorded, text=say("things.enough"), target="data")
+    part = "_part" if report.silent_cameras else ""
+    worked = Thing(kind="worked", title=recorded, text=say(f"things.enough{part}"), target="data")
     if report.level.often.value is None:
         is_few = report.level.often.state != "not_measurable"
-        return (replace(worked, text=say("things.few" if is_few else "things.no_means")), _distrust(report))
+        return (replace(worked, text=say(f"things.few{part}" if is_few else "things.no_means")), _distrust(report))
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
-def is_shown_to_work(change: Redesign, *, wherever: bool = False) -> bool:
-    """Tell whether a logged change may be said to work.
-
-    Its running verdict beside areas that were left alone is a clear fall with evidence of at least `WORKS_E`, nothing
-    speaks against the comparison, the floor as a whole did not clearly rise, and the rest of the floor did not take up
-    most of the fall (unless `wherever`).
-    """
-    return (
-        change.design == "beside"
-        and change.is_credible
-        and not change.doubts
-        and change.running is not None
-        and change.running.verdict == "clear_fall"
-        and (change.e_value or 0.0) >= WORKS_E
-        and change.net is not None
-        and change.net.verdict != "clear_rise"
-        and (wherever or (change.moved_elsewhere or 0.0) < MOSTLY_MOVED)
-    )
-
-
-def _change_that_works(change: Redesign, *, is_new: bool) -> Thing:
-    running = change.running
+def _change_that_fell(change: Redesign, *, is_new: bool) -> Thing:
+    """Return the thing to know of a change whose area fell: it works, or nobody can tell whether it moved elsewhere."""
+    running, said = change.running, outcome(change)
     if running is None:
-        raise AssertionError("a change that works has a running verdict")
+        raise AssertionError("a change that is shown to fall has a running verdict")
     text = say(
-        "things.works_text" if is_new else "things.works_short",
+        f"things.{said}_{'text' if is_new else 'short'}",
         plural=change.n_watched or 0,
         at=fmt.date_short(change.at.date()),
         weeks=change.n_watched or 0,
@@ -86,7 +63,7 @@ def _change_that_works(change: Redesign, *, is_new: bool) -> Thing:
         likely=fmt.likely_signed(running),
         areas=terms.joined(change.compared_with),
     )
-    title = say("things.works", area=change.area_name)
+    title = say("things.works" if said == "works" else "things.less", area=change.area_name)
     return Thing(kind="worked", title=title, text=text, target="changed")
 
 
@@ -102,13 +79,10 @@ def _is_news(change: Redesign, report: WeekReport) -> bool:
 
 
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
-    """Return the results of changes that may be said to work, or to have moved elsewhere, the latest first."""
+    """Return the results of changes after which there is clearly less time too close, the latest first."""
     found = (c for c in reversed(report.redesigns) if _is_news(c, report) == is_new and _is_material(c, report))
-    return [
-        _change_that_works(c, is_new=is_new) if is_shown_to_work(c) else _change_that_moved(c, is_new=is_new)
-        for c in found
-        if is_shown_to_work(c, wherever=True)
-    ]
+    made = {"works": _change_that_fell, "fell": _change_that_fell, "moved": _change_that_moved}
+    return [made[said](c, is_new=is_new) for c in found if (said := outcome(c)) in made]
 
 
 def _is_material(change: Redesign, report: WeekReport) -> bool:
@@ -149,7 +123,13 @@ def _worked(report: WeekReport) -> Thing:
     old = _results(report, is_new=False)
     if old:
         return old[0]
-    is_quiet = report.agenda is not None and not report.log and not report.redesigns
+    doubtful = [c for c in report.redesigns if outcome(c) == "doubtful" and _is_material(c, report)]
+    if doubtful:
+        change = doubtful[-1]
+        text = say("things.none_fell_doubtful", area=change.area_name, at=fmt.date_short(change.at.date()))
+        return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
+    is_logged = any(line.kind == "logged" for line in report.log)
+    is_quiet = report.agenda is not None and not is_logged and not report.redesigns
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
     return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
 
@@ -170,7 +150,12 @@ def _watch(report: WeekReport) -> Thing:
         text = _against(top.often, terms.week_before(report))
         return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
     spot = report.busiest_spot
-    if spot is not None and (weeks := _weeks_busiest(report)) >= KNOWN_WEEKS and report.state == "normal":
+    if (
+        spot is not None
+        and not report.silent_cameras
+        and (weeks := _weeks_busiest(report)) >= KNOWN_WEEKS
+        and report.state == "normal"
+    ):
         hour = _unusual_hour(report)
         if hour is not None:
             return hour
@@ -179,9 +164,10 @@ def _watch(report: WeekReport) -> Thing:
     if spot is not None:
         row = next((a for a in report.areas if a.area_id == spot.area_id), None)
         key = "things.busiest_share" if spot.floor_share is None else "things.busiest_floor"
+        key, name = ("things.busiest_share_recorded", "recorded") if report.silent_cameras else (key, "spot")
         text = terms.sentence(say(key, share=fmt.percent(spot.share), floor=fmt.percent(spot.floor_share)))
         own = _own_change(row) if report.state == "normal" else ""
-        title = say("things.busiest_spot", area=spot.name)
+        title = say(f"things.busiest_{name}", area=spot.name)
         return Thing(kind="watch", title=title, text=f"{text}{own}", target="where")
     busiest = report.busiest_hour
     if busiest is not None:
