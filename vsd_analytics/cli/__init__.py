@@ -18,7 +18,8 @@ from vsd_analytics.cli.project import Project
 from vsd_analytics.version import VERSION
 
 COMMANDS = (
-    *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "quarantine", "listen", "alarms"),
+    *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
+    *("listen", "alarms"),
     *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "selfcheck", "forecast"),
     *("report", "planner", "site", "export", "purge", "sql", "schema", "verify", "doctor", "explain"),
 )

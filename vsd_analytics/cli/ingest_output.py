@@ -129,6 +129,7 @@ def result_as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) 
         "sources": [
             {
                 "source": s.source,
+                "import_id": s.import_id or None,
                 "format": s.format,
                 "records": dict(s.n_records),
                 "quarantined": dict(s.n_rejected),

@@ -8,13 +8,14 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
 from vsd_analytics.ingest.adapters import adapter, formats
+from vsd_analytics.ingest.import_identity import import_id
 from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
@@ -25,6 +26,7 @@ from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult, Store
+from vsd_analytics.store.imports import ImportLine, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
@@ -52,6 +54,7 @@ class SourceResult:
         days: Records by UTC day number.
         card: What was understood of it; None when nothing could be read.
         is_new_shape: Whether the project has imported no file with such columns before.
+        import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
     """
 
     source: str
@@ -67,6 +70,7 @@ class SourceResult:
     days: Counter[int] = field(default_factory=Counter)
     card: SourceCard | None = None
     is_new_shape: bool = False
+    import_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,10 +180,11 @@ def ingest(
     normaliser = Normaliser(site, now=now, keys=keys)
     results = []
     days = store.days()
+    run = next_run(store.root)
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for path in paths:
             source = Source(path, settings=site.settings, shown=(shown or {}).get(path))
-            result = _Ingest(site, source, options, normaliser, target, now, is_dry_run, on_bytes, on_card).run()
+            result = _Ingest(site, source, options, normaliser, target, now, is_dry_run, on_bytes, on_card, run).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
             results.append(result)
@@ -209,6 +214,7 @@ class _Ingest:
     is_dry_run: bool
     on_bytes: Callable[[int], None] | None
     on_card: Callable[[SourceResult], None] | None
+    run_number: int
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -217,18 +223,21 @@ class _Ingest:
         folder = None if self.is_dry_run else self.site.root / "quarantine"
         quarantine = Quarantine(folder, source=self.source.name, at=self.now)
         try:
+            import_id = ""
             for batch in self.batches(result):
+                import_id = import_id or self.noted(result)
                 stated = batch if options.zone is None else without_zones(batch)
                 clean = self.normaliser.normalise(stated, n_whole=quarantine.room)
                 engines = batch.engines or ([options.engine] if options.engine else [])
-                quarantine.add(clean.rejected, reading=SourceReading(result.format, options, batch.first_line, engines))
+                reading = SourceReading(result.format, options, batch.first_line, engines, import_id)
+                quarantine.add(clean.rejected, reading=reading)
                 result.n_dropped.update(clean.n_dropped)
                 result.notes += [n for n in batch.notes if n not in result.notes]
                 for name in reversed(TABLES):  # a frame is stored after the persons it counts
                     rows = clean.tables.get(name)
                     if rows is None or not rows.num_rows:
                         continue
-                    self.store.append(name, rows, engines=engines)
+                    self.store.append(name, rows, engines=engines, import_id=import_id)
                     result.n_records[name] += rows.num_rows
                     _note_times(result, rows["ts"])
             if not result.n_records and not quarantine.counts and not result.notes:
@@ -242,6 +251,22 @@ class _Ingest:
         quarantine.close()
         result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
         return result
+
+    def noted(self, result: SourceResult) -> str:
+        """Note the source in the list of imports, before anything of it is stored, and return its id; "" = dry run."""
+        if self.is_dry_run:
+            return ""
+        found = import_id(self.site, self.source, self.options, kind=result.format)
+        line = ImportLine(
+            id=found,
+            at=self.now.astimezone(UTC),
+            run=self.run_number,
+            source=self.source.name.encode("utf-8", "backslashreplace").decode(),
+            format=result.format,
+        )
+        note_import(self.store.root, line)
+        result.import_id = found
+        return found
 
     def batches(self, result: SourceResult) -> Iterator[RawBatch]:
         """Read the source with its adapter, but nothing of it where its head is almost surely understood wrongly.

@@ -39,12 +39,14 @@ class SourceReading:
         options: What the user says.
         first_line: See `RawBatch.first_line`; None = single lines cannot be read again.
         engines: Engine names and versions.
+        import_id: The import of the source; "" = none, such as a broker.
     """
 
     format: str
     options: IngestOptions = _DEFAULTS
     first_line: str | None = None
     engines: Sequence[str] = ()
+    import_id: str = ""
 
     @property
     def user_options(self) -> dict[str, Any]:
@@ -83,6 +85,7 @@ class Quarantine:
         self._held_bytes = 0
         self._n_taken = 0
         self._not_kept: Counter[str] = Counter()
+        self._import_id = ""
         self.counts: Counter[str] = Counter()
         self.examples: dict[str, Rejected] = {}
 
@@ -106,6 +109,7 @@ class Quarantine:
             self.examples.setdefault(record.reason, record)
         if self._folder is None:
             return
+        self._import_id = self._import_id if reading is None else reading.import_id
         single = [r for r in rejected if r.n == 1]
         n_stored = len(single) if self._is_live else min(len(single), self.room)
         self._n_taken += n_stored
@@ -152,6 +156,7 @@ class Quarantine:
                 reason=reason,
                 detail=detail,
                 is_live=self._is_live,
+                import_id=self._import_id,
                 n_not_kept=n,
             )
             self._held.append(entry)
@@ -180,6 +185,7 @@ def entry_of(
         "detail": _encodable(record.detail),
         "is_live": is_live,
         "engines": () if reading is None else tuple(reading.engines),
+        "import_id": "" if reading is None else reading.import_id,
     }
     if record.row is not None:
         row = msgspec.json.decode(record.row)
