@@ -50,7 +50,7 @@ def taken_back(root: Path, import_id: str) -> None:
 
 
 def some_frames(seed: int) -> list[dict[str, Any]]:
-    """Return frame messages of a few seconds of two hours: most also come with other seeds, a few say something else."""
+    """Return frame messages of a few seconds of two hours: most come with other seeds too, a few with other places."""
     draw = random.Random(seed)
     found = []
     for k in range(24):
@@ -172,9 +172,10 @@ def test_more_than_half_of_the_store_needs_force(tmp_path: Path) -> None:
     file = write(tmp_path / "f.jsonl", messages(camera="cam-1", day=DAYS[0]))
     vsd(root, "ingest", str(file))
     (only,) = holdings(Store(root / "store", site_id="shop"))
-    assert "E310" in vsd(root, "purge", "--import", only, code=2)
+    with pytest.raises(StoreError, match="1,050 of 1,050 stored records would be removed"):
+        vsd(root, "purge", "--import", only)
     assert "450 frames removed" in vsd(root, "purge", "--import", only, "--force")
-    assert "no import is stored" in vsd(root, "imports")
+    assert vsd(root, "imports") == ""
     assert "taken back" in vsd(root, "imports", "--all")
 
 
@@ -208,7 +209,7 @@ def test_quarantined_records_of_the_import_go_and_others_stay(tmp_path: Path) ->
     two = write(tmp_path / "two.jsonl", messages(camera="attic", day=DAYS[1], hours=(9,)))
     vsd(root, "ingest", str(one), str(two), code=1)
     vsd(root, "purge", "--import", next(iter(imports_of(root / "store"))), "--force")
-    listed = vsd(root, "quarantine", "list")
+    listed = vsd(root, "quarantine", "list", code=1)
     assert "two.jsonl" in listed
     assert "one.jsonl" not in listed
 
@@ -277,9 +278,8 @@ def test_crash_anywhere_and_the_same_command_again_is_the_same_end(tmp_path: Pat
     expected = rows_of(unharmed)
     for at in range(len(calls)):
         root = Path(shutil.copytree(start, tmp_path / f"crash-{at}"))
-        with watched(at):
-            with pytest.raises(Crash):
-                taken_back(root, a)
+        with watched(at), pytest.raises(Crash):
+            taken_back(root, a)
         taken_back(root, a)
         assert rows_of(root) == expected, at
         assert [p.name for p in (root / "store" / "again").rglob("*.parquet")] == [

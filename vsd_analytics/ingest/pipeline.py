@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
 from vsd_analytics.ingest.adapters import adapter, formats
@@ -35,6 +36,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ENGINE_MAX_CHARS = 200
+
+_OF_PROFILE = (
+    *("format", "camera", "columns", "unit", "zone", "time_format", "where", "size_px", "period_s", "fps", "engine"),
+)
+"""Options that a `[[source]]` states; beside them its `map`."""
 
 
 @dataclass
@@ -174,7 +180,7 @@ def ingest(
         StoreError: E302, the store is damaged; what was read stays acknowledged.
         DiskError: E304 to E306, the disk refused; what was acknowledged before stays.
     """
-    options = with_site(site, options)
+    with_site(site, options)  # a mistake in the options is one of all files
     store = store or Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
@@ -184,7 +190,8 @@ def ingest(
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for path in paths:
             source = Source(path, settings=site.settings, shown=(shown or {}).get(path))
-            result = _Ingest(site, source, options, normaliser, target, now, is_dry_run, on_bytes, on_card, run).run()
+            read = options_for(site, source, options)
+            result = _Ingest(site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
             results.append(result)
@@ -328,6 +335,21 @@ def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]
     except VsdError as error:  # the batches before it count
         return found, error
     return found, None
+
+
+def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOptions:
+    """Return the options of one source: the user's, then those of its `[[source]]` of vsd.toml, then of the site.
+
+    Raises:
+        UsageError: E101, as `with_site`.
+    """
+    profile = profile_of(source.name, site.sources)
+    if profile is None:
+        return with_site(site, options)
+    stated = {name: getattr(profile, name) for name in _OF_PROFILE}
+    missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
+    merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.profile_id)
+    return with_site(site, merged)
 
 
 def with_site(site: Site, options: IngestOptions) -> IngestOptions:

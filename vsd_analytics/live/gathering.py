@@ -45,7 +45,7 @@ class GatheringStore(Store):
         for table, batches in held.items():
             if batches:
                 engines = sorted({engine for _, names in batches for engine in names})
-                self.spool(table, pa.concat_tables([rows for rows, _ in batches]), engines=engines)
+                super().append(table, pa.concat_tables([rows for rows, _ in batches]), engines=engines)
 
     def forget(self) -> None:
         """Drop the rows held: their sources will be read again."""

@@ -108,7 +108,7 @@ class Store:
 
         Args:
             table: Table of the rows.
-            rows: Rows in `SCHEMAS[table]`.
+            rows: Rows in `SCHEMAS[table]`, perhaps with their owners (`owners.owned_by`).
             engines: Engine names and versions the rows came from, noted in the file's metadata.
             import_id: The import that brings them; "" = none, such as a broker.
 
@@ -120,13 +120,10 @@ class Store:
         """
         if rows.num_rows == 0:
             return 0
-        self.spool(table, owned_by(import_id, rows), engines=engines)
-        return int(rows.num_rows)
-
-    def spool(self, table: TableName, rows: pa.Table, *, engines: Sequence[str]) -> None:
-        """Put rows with their owners (`owners.owned_by`) into the spool; see `append`."""
-        data = segment_bytes(table, rows, sorted(set(engines)))
+        owned = rows if OWNER in rows.column_names else owned_by(import_id, rows)
+        data = segment_bytes(table, owned, sorted(set(engines)))
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
+        return int(rows.num_rows)
 
     def fold(self, *, on_rows: Callable[[int], None] | None = None) -> FoldResult:
         """Move the spool into parts.
@@ -313,7 +310,8 @@ class Store:
     ) -> tuple[pa.Table, pa.Table, int, int]:
         """Return the rows of a span that the table lacks, its repeats, the rows read, and the second sightings.
 
-        Rows and repeats are sorted by hour and have the column `owners.OWNER`. Of several rows with one key the least by its columns is taken, so the order of files changes nothing.
+        Rows and repeats are sorted by hour and have the column `owners.OWNER`. Of several rows with one key the least
+        by its columns is taken, so the order of files changes nothing.
         """
         import duckdb
 

@@ -1,8 +1,8 @@
 """Taking an import back: its records leave the parts.
 
-What other imports brought of the same records takes their place. The steps are those of a removal (`store.removal`): each of them can be done twice, and none loses a record that stays.
-Parts of the tables come first. Only then the notes of repeats are rewritten, because a step that is done again needs
-them until its part is right.
+What other imports brought of the same records takes their place. The steps are those of a removal (`store.removal`):
+each of them can be done twice, and none loses a record that stays. Parts of the tables come first. Only then the notes
+of repeats are rewritten, because a step that is done again needs them until its part is right.
 """
 
 from __future__ import annotations
