@@ -115,6 +115,7 @@ class IngestOptions:
         zone: IANA zone of times without an offset, as the user states it; it takes the place of all clocks.
         time_format: How a table writes its times, in the words of strptime.
         size_px: Width and height of the picture, for positions given as shares of it (0 to 1).
+        pictures: Width and height of the picture by camera, from vsd.toml, for the same.
         is_sure: The user says that the file is right, whatever looks wrong about it.
         profile: Id of the `[[source]]` of vsd.toml that gave some of them; None = none fits.
     """
@@ -144,6 +145,7 @@ class IngestOptions:
     zone: str | None = None
     time_format: str | None = None
     size_px: tuple[int, int] | None = None
+    pictures: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     is_sure: bool = False
     profile: str | None = None
 

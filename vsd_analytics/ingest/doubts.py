@@ -224,6 +224,8 @@ def _classes(case: Case) -> Iterator[Doubt]:
     """W222: rows that are no people."""
     if case.head is None or case.sample.is_pairs:
         return
+    if any(letters(column) not in VAGUE for column in named_like(case.head.plan.compared, "class")):
+        return  # who filters by the class's name need not filter by its number as well
     for column in named_like(case.head.values, "class"):
         values = case.head.values[column]
         others = [value for value in values if not _is_person(value)]

@@ -382,6 +382,7 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
         site_map={**site.ingest_map, **options.site_map},
         frame_zone=options.zone or (zones.pop() if len(zones) == 1 else options.frame_zone),
         clocks={**{name: options.zone or c.clock for name, c in known.items()}, **options.clocks},
+        pictures={name: c.picture_px for name, c in known.items() if c.picture_px is not None},
         line_max_bytes=int(site.settings.line_max_bytes),
         persons_max=int(site.settings.persons_max),
         pairs_max=int(site.settings.pairs_max),

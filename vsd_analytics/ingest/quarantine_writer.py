@@ -25,7 +25,18 @@ CHUNK = 10_000
 CHUNK_BYTES = 16 << 20
 _ENTRY_BYTES = 300
 _OF_THE_SITE = frozenset(
-    {"format", "site_map", "frame_zone", "clocks", "line_max_bytes", "persons_max", "pairs_max", "is_sure", "profile"}
+    {
+        "format",
+        "site_map",
+        "frame_zone",
+        "clocks",
+        "pictures",
+        "line_max_bytes",
+        "persons_max",
+        "pairs_max",
+        "is_sure",
+        "profile",
+    }
 )
 _DEFAULTS = IngestOptions()
 
