@@ -174,7 +174,8 @@ def onvif(people: list[list[Person]], *, per_document: int = 1, in_pixels: bool 
         for k in range(first, min(first + per_document, len(people))):
             move = f'<tt:Translate x="-1" y="1"/><tt:Scale x="{2 / SIZE[0]:.9f}" y="{-2 / SIZE[1]:.9f}"/>'
             objects = [_object(track, x, y, k, in_pixels=in_pixels) for track, x, y in people[k]]
-            car = '<tt:Object ObjectId="900"><tt:Appearance><tt:Class><tt:Type Likelihood="0.9">Vehicle</tt:Type></tt:Class></tt:Appearance></tt:Object>'
+            kind = '<tt:Class><tt:Type Likelihood="0.9">Vehicle</tt:Type></tt:Class>'
+            car = f'<tt:Object ObjectId="900"><tt:Appearance>{kind}</tt:Appearance></tt:Object>'
             transformation = f"<tt:Transformation>{move}</tt:Transformation>" if in_pixels else ""
             body.append(f'<tt:Frame UtcTime="{iso(k)}">{transformation}{"".join(objects)}{car}</tt:Frame>')
         documents.append(

@@ -186,7 +186,7 @@ def ingest(
     normaliser = Normaliser(site, now=now, keys=keys)
     results = []
     days = store.days()
-    run = next_run(store.root)
+    run = next_run(site.root / "store")
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for path in paths:
             source = Source(path, settings=site.settings, shown=(shown or {}).get(path))
@@ -271,7 +271,7 @@ class _Ingest:
             source=self.source.name.encode("utf-8", "backslashreplace").decode(),
             format=result.format,
         )
-        note_import(self.store.root, line)
+        note_import(self.site.root / "store", line)
         result.import_id = found
         return found
 

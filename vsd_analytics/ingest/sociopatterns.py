@@ -45,10 +45,14 @@ class SocioPatterns:
         columns: dict[str, list[object]] = {"ts_ms": [], "track_a": [], "track_b": [], "line": []}
         bad: list[Rejected] = []
         frames: dict[int, int] = {}
+        start_ms: int | None = None
         with source.open() as stream:
             for number, line in bounded_lines(stream, max_bytes=options.line_max_bytes):
                 try:
-                    found = _contact(line, source, options)
+                    found = _contact(line)
+                    if found is not None:
+                        start_ms = _start_ms(found[0], source, options) if start_ms is None else start_ms
+                        found = _placed(found, start_ms)
                 except BadRowError as error:
                     bad.append(rejected(number, reason=error.args[0], detail=error.args[1], record=line or b""))
                     continue
@@ -66,8 +70,8 @@ class SocioPatterns:
         yield _batch(columns, frames, bad, options, source.size_bytes)
 
 
-def _contact(line: bytes | None, source: Source, options: IngestOptions) -> tuple[int, str, str] | None:
-    """Return UTC milliseconds and both ids of a line; None for a blank one."""
+def _contact(line: bytes | None) -> tuple[int, str, str] | None:
+    """Return seconds and both ids of a line; None for a blank one."""
     if line is None:
         raise BadRowError("line-too-long", "the line is longer than any contact")
     cells = line.split()
@@ -76,23 +80,35 @@ def _contact(line: bytes | None, source: Source, options: IngestOptions) -> tupl
     if len(cells) < 3:
         raise BadRowError("too-few-columns", f"a contact is t i j; found {len(cells)} columns")
     try:
-        t_s = int(cells[0])
-        one, other = cells[1].decode(), cells[2].decode()
+        t_s, one, other = int(cells[0]), cells[1].decode(), cells[2].decode()
     except ValueError:
-        raise BadRowError(
-            "not-a-number", f"{cells[0][:40].decode('utf-8', 'replace')!r} is no number of seconds"
-        ) from None
-    if t_s < EPOCH_LEAST_S and options.start is None:
-        raise InputError(
-            f"{source.file_name} has times in seconds since a start that it does not say",
-            code="E207",
-            where=Where(source.name),
-            why=f"its times are smaller than {EPOCH_LEAST_S:,}, so they are not unix seconds",
-            fix="give the start, for example --start 2009-06-29T00:00:00+02:00",
-        )
-    start_ms = 0 if t_s >= EPOCH_LEAST_S else options.start or 0
-    if abs(t_s) > 10**11:
+        shown = cells[0][:40].decode("utf-8", "replace")
+        raise BadRowError("not-a-number", f"{shown!r} is no number of seconds") from None
+    if not 0 <= t_s < 10**10:
         raise BadRowError("not-a-time", f"{t_s} seconds is no time")
+    return t_s, one, other
+
+
+def _start_ms(t_s: int, source: Source, options: IngestOptions) -> int:
+    """Return the instant that times count from, by the first of them: 1970, or the start that the user says."""
+    if t_s >= EPOCH_LEAST_S:
+        return 0
+    if options.start is not None:
+        return options.start
+    raise InputError(
+        f"{source.file_name} has times in seconds since a start that it does not say",
+        code="E207",
+        where=Where(source.name),
+        why=f"its times are smaller than {EPOCH_LEAST_S:,}, so they are not unix seconds",
+        fix="give the start, for example --start 2009-06-29T00:00:00+02:00",
+    )
+
+
+def _placed(found: tuple[int, str, str], start_ms: int) -> tuple[int, str, str]:
+    """Return a contact with UTC milliseconds; a time that counts from another start than the first is none."""
+    t_s, one, other = found
+    if (t_s >= EPOCH_LEAST_S) != (start_ms == 0):
+        raise BadRowError("not-a-time", f"{t_s} seconds count from another start than the first time of the file")
     return start_ms + t_s * 1000, one, other
 
 

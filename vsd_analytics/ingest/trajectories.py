@@ -22,6 +22,8 @@ _FPS = re.compile(rb"^#.*?frame\s*rate\D{0,20}?(\d+(?:\.\d+)?)", re.IGNORECASE |
 _UNIT = re.compile(
     rb"^#.*?\bx\s*(?:/|\[\s*(?:in\s*)?|\(\s*(?:in\s*)?|\s+in\s+)\s*(mm|cm|dm|m)\b", re.IGNORECASE | re.MULTILINE
 )
+_NUMBER = re.compile(rb"[+-]?[\d.eE+-]+")
+_LOOKED_AT = 20
 _BOUNDS = (1 / 3600, 1000.0)
 _HEADER_BYTES = 65_536
 
@@ -33,12 +35,13 @@ class Trajectories:
     coordinates = "floor metres, or the unit that the header says"
 
     def detects(self, source: Source) -> bool:
-        """Return whether the file begins with `#` lines that say a frame rate, and four or five numbers follow."""
+        """Return whether the file begins with `#` lines that say a frame rate, and then mostly numbers."""
         head = source.head(_HEADER_BYTES)
         if not head.startswith((b"#", b"\xef\xbb\xbf#")) or _FPS.search(head) is None:
             return False
-        first = next((line for line in head.split(b"\n") if line.strip() and not line.startswith(b"#")), b"")
-        return 4 <= len(first.split()) <= 9 and all(re.fullmatch(rb"[+-]?[\d.eE+-]+", c) for c in first.split()[:4])
+        found = [line.split() for line in head.split(b"\n") if line.strip() and not line.startswith(b"#")][:_LOOKED_AT]
+        n_fitting = sum(4 <= len(cells) <= 9 and all(map(_NUMBER.fullmatch, cells[:4])) for cells in found)
+        return n_fitting > len(found) / 2
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the positions, then a frame for every number from the first to the last.
