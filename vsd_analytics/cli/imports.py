@@ -18,7 +18,7 @@ _SHOWN_DIGITS = 8
 
 
 @click.command()
-@click.option("--all", "is_all", is_flag=True, help="Also imports of which nothing is stored any more.")
+@click.option("--all", "is_all", is_flag=True, help="Also imports whose records are all gone.")
 @json_option
 @pass_project
 def imports(project: Project, is_all: bool, as_json: bool) -> None:

@@ -19,7 +19,7 @@ _TOKEN: Final = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class RowCondition:
     """One comparison of a column with a value.
 
     Attributes:
@@ -45,7 +45,7 @@ class FilterError(ValueError):
         self.fix = fix
 
 
-def parse_filter(text: str) -> tuple[Comparison, ...]:
+def parse_filter(text: str) -> tuple[RowCondition, ...]:
     """Return the comparisons of a filter.
 
     Raises:
@@ -65,7 +65,7 @@ def parse_filter(text: str) -> tuple[Comparison, ...]:
             raise FilterError(f"{value} is neither a number nor a text in single quotes", fix=f"'{value}'")
         is_number = value_kind == "number"
         name = column.strip('"') if kind == "quoted" else column
-        found.append(Comparison(name, sign, float(value) if is_number else value[1:-1].replace("''", "'").strip()))
+        found.append(RowCondition(name, sign, float(value) if is_number else value[1:-1].replace("''", "'").strip()))
     if not found or len(tokens) % 4 == 0:
         raise FilterError("a comparison is missing")
     return tuple(found)

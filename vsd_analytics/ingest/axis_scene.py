@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, inner, listed
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
-from vsd_analytics.ingest.sightings import Seen, Sightings, finite, id_of, instant_of
 
 OTHERS = "not a person"
 UNKNOWN = "object without a class"
@@ -30,7 +30,7 @@ class AxisScene(JsonMessages):
     engine: ClassVar = "AXIS Scene Metadata"
     marks: ClassVar = ("observations", "timestamp")
 
-    def take(self, message: Mapping[str, Any], frames: Sightings, options: IngestOptions, number: int) -> None:
+    def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: the humans of its observations."""
         frame = inner(message, "data") or message
         frame = inner(frame, "frame") or frame
@@ -44,7 +44,9 @@ class AxisScene(JsonMessages):
                 box = inner(found, "bounding_box")
                 left, right, bottom = (_share(box.get(side)) for side in ("left", "right", "bottom"))
                 width, height = size_of(options, None)
-                seen.append(Seen(id_of(found.get("track_id")), None, ((left + right) / 2 * width, bottom * height)))
+                seen.append(
+                    SeenPerson(id_of(found.get("track_id")), None, ((left + right) / 2 * width, bottom * height))
+                )
             else:
                 others[OTHERS if kind else UNKNOWN] += 1
         frames.add(None, at, seen, line=number)

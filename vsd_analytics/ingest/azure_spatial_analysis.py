@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, inner, listed, text
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
-from vsd_analytics.ingest.sightings import Seen, Sightings, finite, instant_of
 from vsd_analytics.schema import METRES
 
 OTHERS = "not a person"
@@ -31,7 +31,7 @@ class AzureSpatialAnalysis(JsonMessages):
     engine: ClassVar = "Azure Spatial Analysis"
     marks: ClassVar = ("sourceInfo", "detections")
 
-    def take(self, message: Mapping[str, Any], frames: Sightings, options: IngestOptions, number: int) -> None:
+    def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add the frame of one message; messages of one frame have the same records, which are stored once."""
         source = inner(message, "sourceInfo")
         at = instant_of(source.get("timestamp"))
@@ -49,7 +49,7 @@ class AzureSpatialAnalysis(JsonMessages):
                 n_others += 1
                 continue
             floor = _ground(found) if is_calibrated and options.coordinates != "image" else None
-            seen.append(Seen(None, floor, _foot(found, source, options, camera) if floor is None else None))
+            seen.append(SeenPerson(None, floor, _foot(found, source, options, camera) if floor is None else None))
         frames.add(camera, at, seen, line=number)
         frames.dropped[OTHERS] += n_others
 

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from vsd_analytics.config.row_filter import Comparison
+from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.cell_values import is_number
@@ -49,7 +49,7 @@ class ColumnPlan:
     theirs: Mapping[str, int]
     names: Mapping[str, str]
     units: Mapping[str, str] = field(default_factory=dict)
-    where: tuple[Comparison, ...] = ()
+    where: tuple[RowCondition, ...] = ()
     compared: Mapping[str, int] = field(default_factory=dict)
     time_format: str | None = None
 
@@ -169,12 +169,27 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
             (names[n] for w in wanted for names, n in ((exact, w), (loose, w.strip().lower())) if n in names), None
         )
         if at is not None:
+            _refuse_same_names(source, header, at)
             found[ours] = at
         elif ours == "ts" and (both := _date_and_time(wanted[0], exact, loose)) is not None:
             found["ts"], found[TIME_OF_DAY] = both
         elif ours in options.map:
             raise _missing(source, wanted[0], header, f"--map says that it is our {ours}", ours=ours)
     return found
+
+
+def _refuse_same_names(source: Source, header: Header, at: int) -> None:
+    """Raise InputError (E203) when two columns have the name of one that is read: nobody knows which is meant."""
+    name = header.names[at].strip().lower()
+    same = [i + 1 for i, other in enumerate(header.names) if other.strip().lower() == name]
+    if len(same) > 1 and not header.names[at].startswith("_"):
+        raise InputError(
+            f"{source.file_name} has more than one column {header.names[at]!r}: {', '.join(map(str, same[:5]))}",
+            code="E203",
+            where=Where(source.name, header.line, header.text),
+            why="the two may differ, and only one can be read",
+            fix="rename the one you do not mean, or read another with --map",
+        )
 
 
 def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, int]) -> tuple[int, int] | None:

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
+from vsd_analytics.ingest.frame_rows import FrameRows
 from vsd_analytics.ingest.raw import BadRowError
-from vsd_analytics.ingest.sightings import Sightings
 from vsd_analytics.ingest.text_lines import line_blocks
 
 READ_BYTES = 1 << 20
@@ -42,7 +42,7 @@ class JsonMessages:
         Raises:
             InputError: E205, a file that is not written line by line is damaged; what came before is stored.
         """
-        frames = Sightings(options, engine=self.engine)
+        frames = FrameRows(options, engine=self.engine)
         damage: InputError | None = None
         done = 0
         try:
@@ -64,7 +64,7 @@ class JsonMessages:
         if damage is not None:
             raise damage
 
-    def take(self, message: Mapping[str, Any], frames: Sightings, options: IngestOptions, number: int) -> None:
+    def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add what one message says.
 
         Raises:

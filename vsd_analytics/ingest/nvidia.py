@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, inner, listed, text
 from vsd_analytics.ingest.raw import BadRowError
-from vsd_analytics.ingest.sightings import Seen, Sightings, finite, id_of, instant_of
 from vsd_analytics.ingest.telling_names import PERSON
 
 CLUSTERS = "cluster of the engine"
@@ -29,7 +29,7 @@ class Nvidia(JsonMessages):
     engine: ClassVar = "nvidia nvschema"
     marks: ClassVar = ("sensorId", "objects")
 
-    def take(self, message: Mapping[str, Any], frames: Sightings, options: IngestOptions, number: int) -> None:
+    def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: its persons, with the best position that the message has of them."""
         camera = text(message, "sensorId") or options.camera
         at = instant_of(message.get("timestamp", message.get("@timestamp")))
@@ -51,14 +51,14 @@ def _whole(found: Any, options: IngestOptions) -> tuple[str, Any]:
     if not isinstance(found, dict):
         raise BadRowError("bad-message", f"an object is {str(found)[:40]!r}")
 
-    def person() -> Seen:
+    def person() -> SeenPerson:
         info = inner(found, "info")
         floor, picture = None, None
         if options.coordinates != "image":
             floor = _of_text(info.get("footLocation3D")) or _of_floor(inner(found, "coordinate"))
         if floor is None:
             picture = _of_text(info.get("footLocation2D")) or _foot(inner(found, "bbox"))
-        return Seen(id_of(found.get("id")), floor, picture)
+        return SeenPerson(id_of(found.get("id")), floor, picture)
 
     return text(found, "type"), person
 
@@ -69,9 +69,9 @@ def _minimal(line: str) -> tuple[str, Any]:
     if len(cells) < 6:
         raise BadRowError("bad-message", f"an object is {line[:40]!r}, not id|left|top|right|bottom|type")
 
-    def person() -> Seen:
+    def person() -> SeenPerson:
         left, _, right, bottom = (finite(cell) for cell in cells[1:5])
-        return Seen(id_of(cells[0].strip()), None, ((left + right) / 2, bottom))
+        return SeenPerson(id_of(cells[0].strip()), None, ((left + right) / 2, bottom))
 
     return cells[5].strip(), person
 

@@ -17,9 +17,9 @@ from xml.parsers import expat
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
+from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, instant_of
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
-from vsd_analytics.ingest.sightings import Seen, Sightings, finite, instant_of
 
 READ_BYTES = 1 << 16
 OTHERS, UNKNOWN, PARTS = "not a person", "object without a class", "part of a person"
@@ -57,7 +57,7 @@ class Onvif:
         Raises:
             InputError: E205, E206, the compressed file is damaged.
         """
-        frames = Sightings(options, engine="ONVIF")
+        frames = FrameRows(options, engine="ONVIF")
         documents = _Documents(frames, options)
         damage: InputError | None = None
         with source.open() as stream:
@@ -82,7 +82,7 @@ def _pieces(stream: IO[bytes]) -> Iterator[bytes]:
 class _Documents:
     """Feeds documents to a parser of their own each."""
 
-    def __init__(self, frames: Sightings, options: IngestOptions) -> None:
+    def __init__(self, frames: FrameRows, options: IngestOptions) -> None:
         self._frames, self._options = frames, options
         self._held = b""
         self._reader: _Reader | None = None
@@ -120,7 +120,7 @@ class _Documents:
 class _Reader:
     """Reads one document."""
 
-    def __init__(self, frames: Sightings, options: IngestOptions, classes: dict[str, str], n_frames: int) -> None:
+    def __init__(self, frames: FrameRows, options: IngestOptions, classes: dict[str, str], n_frames: int) -> None:
         self._frames, self._options, self._classes = frames, options, classes
         self.n_frames = n_frames
         self._is_bad = False
@@ -230,7 +230,7 @@ class _Reader:
                 if each.parent is not None:
                     others[PARTS] += 1
                 elif kind in PERSONS:
-                    seen.append(Seen(each.object_id, None, self._foot(each)))
+                    seen.append(SeenPerson(each.object_id, None, self._foot(each)))
                 else:
                     others[OTHERS if kind else UNKNOWN] += 1
             self._frames.add(self._camera, self._at, seen, line=self.n_frames)

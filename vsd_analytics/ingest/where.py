@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.config.row_filter import EXAMPLE as FILTER
-from vsd_analytics.config.row_filter import Comparison, FilterError, parse_filter
+from vsd_analytics.config.row_filter import FilterError, RowCondition, parse_filter
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.cell_values import ids, numbers
 
@@ -24,7 +24,7 @@ _OPERATORS: Final[dict[str, Callable[[Any, Any], Any]]] = {
 
 
 @cache
-def parse_where(text: str) -> tuple[Comparison, ...]:
+def parse_where(text: str) -> tuple[RowCondition, ...]:
     """Return the comparisons of a filter.
 
     Raises:
@@ -41,7 +41,7 @@ def parse_where(text: str) -> tuple[Comparison, ...]:
 
 
 def rows_where(
-    comparisons: Sequence[Comparison], cells: Mapping[str, pa.Array], *, decimal_comma: bool = False
+    comparisons: Sequence[RowCondition], cells: Mapping[str, pa.Array], *, decimal_comma: bool = False
 ) -> np.ndarray:
     """Return for which rows all comparisons hold; `cells` are the columns by the names of the comparisons."""
     first, *others = comparisons
@@ -51,7 +51,7 @@ def rows_where(
     return holds
 
 
-def _holds(comparison: Comparison, cells: pa.Array, *, decimal_comma: bool) -> np.ndarray:
+def _holds(comparison: RowCondition, cells: pa.Array, *, decimal_comma: bool) -> np.ndarray:
     """Return for which cells it holds; for a missing cell, and a text compared with a number, it does not."""
     compare = _OPERATORS[comparison.sign]
     if isinstance(comparison.value, float):

@@ -23,7 +23,7 @@ _MS = timedelta(milliseconds=1)
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenPerson:
     """One person in a frame.
 
     Attributes:
@@ -37,7 +37,7 @@ class Seen:
     picture_px: tuple[float, float] | None = None
 
 
-class Sightings:
+class FrameRows:
     """Turns frame after frame into raw tables.
 
     Args:
@@ -52,7 +52,7 @@ class Sightings:
 
     def _clear(self) -> None:
         self._frames: list[tuple[str | None, int, str | None, int, int]] = []  # camera, ms, zone, persons, line
-        self._seen: list[Seen] = []
+        self._seen: list[SeenPerson] = []
         self._rejected: list[Rejected] = []
         self.dropped: Counter[str] = Counter()
         self.n_rows = 0
@@ -62,7 +62,7 @@ class Sightings:
         self.n_rows += 1 + len(record) // 256  # bad records stay in memory whole
         self._rejected.append(rejected(line, reason=reason, detail=detail, record=record))
 
-    def add(self, camera: str | None, at: datetime, seen: Sequence[Seen], *, line: int) -> None:
+    def add(self, camera: str | None, at: datetime, seen: Sequence[SeenPerson], *, line: int) -> None:
         """Add one frame, also one without people.
 
         Raises:
