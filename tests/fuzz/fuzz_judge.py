@@ -75,10 +75,10 @@ class MemoryStore:
         """Return no day: nothing was stored before."""
         return set()
 
-    def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = ()) -> int:
+    def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = (), import_id: str = "") -> int:
         """Keep rows in the stored schema."""
         self.tables.append((table, rows.select(SCHEMAS[table].names).cast(SCHEMAS[table])))
-        "".join(engines).encode()
+        "".join([*engines, import_id]).encode()
         return int(rows.num_rows)
 
     def fold(self, **more: object) -> FoldResult:

@@ -15,6 +15,7 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from ingest import engine_files
 
 from vsd_analytics.simulate.frame_messages import frame_message
 from vsd_analytics.simulate.small import START_MS, make_empty, make_pair, make_walk, merge
@@ -212,6 +213,7 @@ def worlds() -> list[World]:
     logs = {"hall/objects_log/2026-11-09.csv": object_log(), "hall/objects_log/2026-11-10.csv": object_log()}
     sequences = {**sequence(), **sequence("HALL-02")}
     person = frozenset({"person"})
+    walked, shares = engine_files.frames(12), engine_files.frames(12, width=1.0, height=1.0)
     return [
         World("frames: JSONL", "a.jsonl", text, pack=same),
         World("frames: JSONL gz", "a.jsonl.gz", text, pack=gzip.compress),
@@ -241,6 +243,21 @@ def worlds() -> list[World]:
               options={"camera": "cam-1", "format": "wildtrack", **clock}),
         World("wildtrack: tar.gz", "a.tar.gz", files=annotations(), pack=lambda f: gzip.compress(tarred(f), mtime=0),
               options={"camera": "cam-1", **clock}),
+        World("nvidia: JSONL", "a.jsonl", _lines(engine_files.lines(engine_files.nvidia(walked))), pack=same),
+        World("nvidia: array", "a.json", files={"": json.dumps(engine_files.nvidia(walked)).encode()},
+              pack=lambda files: b"".join(files.values())),
+        World("axis-scene", "a.jsonl", _lines(engine_files.lines(engine_files.axis(shares))), pack=same,
+              options={"camera": "cam-1", "size_px": engine_files.SIZE}),
+        World("azure-spatial-analysis", "a.jsonl.gz", _lines(engine_files.lines(engine_files.azure(walked))),
+              pack=gzip.compress),
+        World("onvif", "a.xml", files={"": engine_files.onvif(shares, per_document=3, in_pixels=True)},
+              pack=lambda files: b"".join(files.values()), options={"camera": "cam-1"}),
+        World("sociopatterns", "a.dat", _lines(engine_files.contacts(walked)), pack=same,
+              options={"camera": "cam-1", "format": "sociopatterns"}, tables=("pairs",)),
+        World("trajectories", "a.txt", _lines(engine_files.trajectories(walked)), pack=same,
+              options={"camera": "cam-1", **clock}, tables=("observations",), first=3),
+        World("supervision: CSV", "a.csv", _lines(engine_files.supervision_csv(shares).replace(b"\r\n", b"\n")),
+              pack=same, options={"camera": "cam-1", "fps": 1.0, **clock}),
         World("vsd.toml", "", _lines(CONFIG.encode())),
     ]  # fmt: skip
 

@@ -23,7 +23,7 @@ from queue import Empty
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
 
 import fuzz_mutations as mutations  # noqa: E402
 from fuzz_cases import WORLDS, run_case  # noqa: E402

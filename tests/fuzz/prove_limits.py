@@ -30,7 +30,7 @@ from pathlib import Path
 from unittest import mock
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent.parent)]
+sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
 
 import pyarrow as pa  # noqa: E402
 from fuzz_bombs import BOMBS, make_bomb  # noqa: E402

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import duckdb
 import pytest
+from hostile_tables import HOSTILE
 from odd_files import ODD, WORKBOOKS, Odd, Row
 from walks import project
 
@@ -81,3 +82,17 @@ def test_a_workbook_without_the_extra_is_refused_with_the_way_to_install_it(
         return folder / "a.xlsx"
 
     check(Odd("workbook", write, says="vsd-analytics[xlsx]"), tmp_path, capsys)
+
+
+@pytest.mark.parametrize("odd", HOSTILE, ids=lambda odd: odd.name)
+def test_a_table_of_many_hands_is_stored_right_or_what_is_wrong_is_said(
+    odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "project", *odd.cameras, more=odd.more)
+    with (root / "vsd.toml").open("a", encoding="utf-8") as toml:
+        toml.write("[privacy]\npseudonyms = false\n")
+    code = run(cli, ["-C", str(root), "--now", "2025-12-01", "ingest", str(odd.write(tmp_path)), *odd.options])
+    said = "".join(capsys.readouterr())
+    assert by_identity(in_store(root)) == by_identity(list(odd.rows or ())), said
+    assert odd.says in said
+    assert code == 0 if odd.rows is not None and not odd.says else code in (1, 2), said

@@ -18,7 +18,8 @@ from vsd_analytics.site.instants import instant
 from vsd_analytics.version import VERSION
 
 COMMANDS = (
-    *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "quarantine", "listen", "alarms"),
+    *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
+    *("listen", "alarms"),
     *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "selfcheck", "forecast"),
     *("today", "report", "planner", "site", "export", "purge", "sql", "schema", "verify", "doctor", "explain"),
 )

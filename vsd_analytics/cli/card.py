@@ -46,6 +46,8 @@ def local_time(project: Project, ms: int) -> str:
 
 def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
     lines = []
+    if card.profile is not None:
+        lines.append(("profile", f"{card.profile} ([[source]] in vsd.toml)"))
     if card.columns:
         uses = [f"{c.ours} <- {c.theirs[:40]}{_unit(c.unit)}" for c in card.columns]
         lines.append(("columns", ", ".join(uses)))
@@ -95,7 +97,12 @@ def _beside(bounds: Extent | None) -> str:
 def _zone(card: SourceCard) -> str:
     if card.zone is None:
         return "every time has an offset"
-    says = {"--zone": "as --zone says", "clock": "as clock in vsd.toml says", "assumed": "assumed"}
+    says = {
+        "--zone": "as --zone says",
+        "profile": "as its profile says",
+        "clock": "as clock in vsd.toml says",
+        "assumed": "assumed",
+    }
     return f"times without an offset are {card.zone}, {says[card.zone_from or 'assumed']}"
 
 

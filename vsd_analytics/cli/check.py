@@ -2,26 +2,73 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
 
-from vsd_analytics.cli.file_options import file_options
+from vsd_analytics.cli.file_options import file_options, ingest_options
 from vsd_analytics.cli.ingest import read_files
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import UsageError
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @file_options
+@click.option(
+    "--save", metavar="NAME", help="Write the options and the format of one file into vsd.toml, as a profile."
+)
 @json_option
 @pass_project
-def check(project: Project, /, files: tuple[str, ...], as_json: bool, **given: Any) -> int:
+def check(project: Project, /, files: tuple[str, ...], save: str | None, as_json: bool, **given: Any) -> int:
     """Validate files and change nothing: format, columns, times, cameras, numbers.
+
+    With --save, a file that can be read gets a profile: a [[source]] of vsd.toml, appended at its end. From then on
+    check and ingest read files of such a name in the same way. Options of the command win over a profile.
 
     \b
     Example:
       vsd check export/*.csv
+      vsd check till-2026-11-09.csv --map ts=time --unit mm --save tills
     """
-    return read_files(project, files, given, is_dry_run=True, as_json=as_json)
+    if save is None:
+        return read_files(project, files, given, is_dry_run=True, as_json=as_json)
+    from vsd_analytics.config.new_source import refuse_name
+
+    if len(files) != 1 or files[0] == "-":
+        raise UsageError(
+            "--save takes one file, by whose name the profile is chosen", fix=f"--save {save} with one FILE"
+        )
+    refuse_name(project.site, save)
+    formats: list[str] = []
+    code = read_files(project, files, given, is_dry_run=True, as_json=as_json, read_as=formats)
+    if not formats:
+        project.say("no profile was saved: first correct what is said above")
+        return code
+    _save(project, save, Path(files[0]).name, formats[0], given)
+    return code
+
+
+def _save(project: Project, name: str, file_name: str, kind: str, given: dict[str, Any]) -> None:
+    from vsd_analytics.config.new_source import save_source
+    from vsd_analytics.config.source_profiles import NewProfile
+
+    options = ingest_options(project, given)
+    stated = {
+        "format": kind,
+        "camera": options.camera,
+        "columns": options.columns,
+        "map": options.map or None,
+        "unit": options.unit,
+        "zone": options.zone,
+        "time_format": options.time_format,
+        "where": options.where,
+        "size": options.size_px,
+        "period_s": options.period_s,
+        "fps": options.fps,
+        "engine": options.engine,
+    }
+    written = save_source(project.site, NewProfile(name, file_name, stated))
+    project.say(f"saved in vsd.toml:\n{written.rstrip()}")

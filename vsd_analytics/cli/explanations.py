@@ -163,6 +163,10 @@ Fix: widen the range to whole UTC hours there, as the message shows, or leave th
 A file below sealed/ is damaged or gone: the facts of a day whose records were purged, or the note that names them.
 Nothing can compute them again, so they are not guessed. Common causes: a failing disk, a file changed by hand.
 Fix: restore the folder sealed from a backup.""",
+    "E314": """\
+An import cannot be taken back, because some hours it brought records of were purged by age. Only sums of these hours
+are stored, and a sum does not say which file it came from.
+Fix: remove the import's cameras from the sums of these hours with the command of the message, then take it back.""",
     "E400": """\
 A calibration cannot be used. Fix: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\

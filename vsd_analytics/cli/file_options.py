@@ -12,7 +12,7 @@ from vsd_analytics.cli.options import F
 from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.adapters import formats
-from vsd_analytics.ingest.units import METRES
+from vsd_analytics.schema import FILE_COLUMNS, METRES
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
@@ -177,18 +177,17 @@ def renames_of(given: Sequence[str]) -> dict[str, str]:
         UsageError: E101, one is not OURS=THEIRS, or no column of ours is called so.
     """
     from vsd_analytics.config.reader import nearest
-    from vsd_analytics.ingest.columns import KNOWN
 
     renames = {}
     for text in (part for r in given for part in r.split(",")):
         ours, equals, theirs = text.partition("=")
         if not equals or not ours.strip() or not theirs.strip():
             raise UsageError(f"--map {text!r} is not OURS=THEIRS", fix="--map ts=time")
-        if ours.strip() not in KNOWN:
-            near = nearest(ours.strip(), KNOWN)
+        if ours.strip() not in FILE_COLUMNS:
+            near = nearest(ours.strip(), FILE_COLUMNS)
             raise UsageError(
                 f"--map {text!r}: no column of ours is called {ours.strip()!r}",
-                why=f"ours: {', '.join(KNOWN)}",
+                why=f"ours: {', '.join(FILE_COLUMNS)}",
                 fix=f"--map {near or 'ts'}={theirs.strip()}",
             )
         renames[ours.strip()] = theirs.strip()

@@ -66,9 +66,18 @@ def ingest(
 
 
 def read_files(
-    project: Project, files: tuple[str, ...], given: dict[str, Any], *, is_dry_run: bool, as_json: bool
+    project: Project,
+    files: tuple[str, ...],
+    given: dict[str, Any],
+    *,
+    is_dry_run: bool,
+    as_json: bool,
+    read_as: list[str] | None = None,
 ) -> int:
-    """Read files into the store, or only check them, print the result and return the exit code."""
+    """Read files into the store, or only check them, print the result and return the exit code.
+
+    The formats of files that could be read, and are not almost surely understood wrongly, are added to `read_as`.
+    """
     from vsd_analytics.ingest.pipeline import ingest as ingest_files
 
     options = ingest_options(project, given)
@@ -101,6 +110,9 @@ def read_files(
         for source in result.sources:
             print_source(project, source, has_card=is_dry_run)
         print_total(result, is_dry_run=is_dry_run)
+    if read_as is not None:
+        is_right = [s for s in result.sources if not s.error and s.card is not None and not s.card.sure_doubts]
+        read_as += [s.format for s in is_right if s.n_records]
     if any(s.error for s in result.sources):
         return 2
     warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)

@@ -39,7 +39,8 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
             ("frames", "frame"),
         )
         parts = [count(n[table], name) for table, name in names if n[table]]
-        click.echo(plain(f"{source.source}  [{source.format}]  {', '.join(parts) or 'no records'}"))
+        profile = "" if source.card is None or source.card.profile is None else f" by profile {source.card.profile}"
+        click.echo(plain(f"{source.source}  [{source.format}]{profile}  {', '.join(parts) or 'no records'}"))
         if source.first_ms is not None and source.last_ms is not None:
             first, last = (local_time(project, ms) for ms in (source.first_ms, source.last_ms))
             click.echo(f"    from {first} to {last}")
@@ -129,6 +130,7 @@ def result_as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) 
         "sources": [
             {
                 "source": s.source,
+                "import_id": s.import_id or None,
                 "format": s.format,
                 "records": dict(s.n_records),
                 "quarantined": dict(s.n_rejected),

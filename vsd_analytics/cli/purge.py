@@ -1,4 +1,4 @@
-"""`vsd purge`: delete records by age, or of a camera and time."""
+"""`vsd purge`: delete records by age, of a camera and time, or of one import."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import count, emit_json, facts_progress
+from vsd_analytics.cli.output import count, emit_json, facts_progress, plain
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.record_selection import RECORD_NAMES, camera_id_of, parse_span
 from vsd_analytics.errors import UsageError
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 )
 @click.option("--range", "span", metavar="RANGE", help="Local days or times: 2026-11-09T10:00..2026-11-09T12:00.")
 @click.option("--camera", metavar="ID", help="With --range: this camera only.")
+@click.option("--import", "import_id", metavar="ID", help="What one import alone brought; vsd imports lists them.")
 @click.option("--forget-keys", is_flag=True, help="Destroy the keys of pseudonyms of days whose records are purged.")
 @click.option("--dry-run", is_flag=True, help="Print what would be deleted, delete nothing.")
 @click.option("--force", is_flag=True, help="Allow to delete more than half of what is stored.")
@@ -38,30 +39,33 @@ def purge(
     age: str | None,
     span: str | None,
     camera: str | None,
+    import_id: str | None,
     forget_keys: bool,
     dry_run: bool,
     force: bool,
     reason: str | None,
     as_json: bool,
 ) -> None:
-    """Delete records for good: by age, or of a camera and time. purge.jsonl logs what was deleted.
+    """Delete records for good: by age, of a camera and time, or of one import. purge.jsonl logs what was deleted.
 
     By age, the figures of the deleted hours are sealed first and remain; records of these hours are refused from then
     on. By camera and time, everything is deleted as if it had never come: to undo a wrong ingest, or because somebody
     asked for it. Records in quarantine are deleted too, also those that may be meant because their camera or time is
-    unreadable.
+    unreadable. By import, what one file alone brought is deleted; what others brought as well stays.
 
     \b
     Example:
+      vsd purge --import 3f9c21ab --dry-run
       vsd purge --older-than 30d --dry-run
       vsd purge --older-than retention --forget-keys
       vsd purge --camera cam-1 --range 2026-11-09T10:00..2026-11-09T12:00 --reason "wrong camera named"
     """
-    from vsd_analytics.retention import purge
+    from vsd_analytics.retention import purge, purge_import
 
-    if (age is None) == (span is None) and (age is not None or not forget_keys):
+    n_ways = sum(way is not None for way in (age, span, import_id))
+    if n_ways > 1 or (not n_ways and not forget_keys):
         raise UsageError(
-            "say what to delete: either --older-than, or --range",
+            "say what to delete: either --older-than, or --range, or --import",
             fix="vsd purge --older-than 30d --dry-run, or vsd purge --camera ID --range A..B --dry-run",
         )
     if camera is not None and span is None:
@@ -77,6 +81,7 @@ def purge(
             on_hours=on_hours,
         )
         found: dict[str, Purged] = {}
+        source = ""
         before = None if age is None else _before(project, age)
         if before is not None:
             found["older_than"] = purge.purge_older(project.site, before=before, terms=terms)
@@ -85,6 +90,9 @@ def purge(
             found["range"] = purge.purge_range(
                 project.site, camera_id=camera_id_of(project, camera), first_ms=first_ms, after_ms=after_ms, terms=terms
             )
+        elif import_id is not None:
+            listed, found["import"] = purge_import.purge_import(project.site, import_id, terms=terms)
+            source = "" if listed is None else listed.source
         if forget_keys:
             found["keys"] = purge.forget_keys(project.site, purged=before, terms=terms)
     if as_json:
@@ -92,6 +100,8 @@ def purge(
         return
     if before is not None:
         click.echo(f"before {before} (UTC days):")
+    if source:
+        click.echo(plain(f"import of {source}:"))
     for purged in found.values():
         for line in _lines(purged, is_dry_run=dry_run):
             click.echo(line)
@@ -122,6 +132,10 @@ def _lines(purged: Purged, *, is_dry_run: bool) -> list[str]:
     lines = [f"{count(n, RECORD_NAMES[t])} {would}removed" for t, n in purged.records.items() if n]
     if purged.n_days:
         lines.append(f"of {count(purged.n_days, 'UTC day')}, {purged.first} to {purged.last}")
+    if purged.n_staying:
+        lines.append(f"{count(purged.n_staying, 'record')} of it came from elsewhere too: not removed")
+    if purged.n_again:
+        lines.append(f"{count(purged.n_again, 'record')} of it came from elsewhere first: not removed")
     if purged.n_sealed:
         lines.append(f"sealed facts of {count(purged.n_sealed, 'hour')} {would}written")
     if purged.n_quarantined:
@@ -142,5 +156,7 @@ def _as_dict(purged: Purged) -> dict[str, Any]:
         "sealed_hours": purged.n_sealed,
         "quarantined": purged.n_quarantined,
         "doubtful": purged.n_doubtful,
+        "staying": purged.n_staying,
+        "belonging_to_others": purged.n_again,
         "forgotten_days": [d.isoformat() for d in purged.keys],
     }

@@ -13,6 +13,7 @@ from vsd_analytics.config.mail_route import read_base_url, read_chromium, read_m
 from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
 from vsd_analytics.config.site_settings import read_settings
+from vsd_analytics.config.source_profiles import read_sources
 from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
@@ -138,6 +139,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     engine = read_engine(root)
     mail = read_mail(root)
     alarms = read_alarms(root, areas=areas, cameras=cameras)
+    sources = read_sources(root, cameras=cameras)
     root.close()
     if mistakes.all or site_id is None or name is None:
         return None
@@ -163,6 +165,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         language=language,
         settings=Settings().with_values(settings.values),
         ingest_map=ingest_map,
+        sources=sources,
         setting_sources=settings.sources,
     )
 

@@ -110,12 +110,14 @@ class IngestOptions:
         threshold_m: smart-social-distancing: distance under which its pairs were counted.
         engine: Engine name and version to note when the file does not say.
         per_camera: wildtrack: each view is a camera of its own, instead of the positions fused from all.
-        unit: Unit of positions and distances whose column does not name one, a key of `units.METRES`.
+        unit: Unit of positions and distances whose column does not name one, a key of `schema.METRES`.
         where: Which rows of a table are read, see `vsd_analytics.ingest.where`.
         zone: IANA zone of times without an offset, as the user states it; it takes the place of all clocks.
         time_format: How a table writes its times, in the words of strptime.
         size_px: Width and height of the picture, for positions given as shares of it (0 to 1).
+        pictures: Width and height of the picture by camera, from vsd.toml, for the same.
         is_sure: The user says that the file is right, whatever looks wrong about it.
+        profile: Id of the `[[source]]` of vsd.toml that gave some of them; None = none fits.
     """
 
     format: str | None = None
@@ -143,7 +145,9 @@ class IngestOptions:
     zone: str | None = None
     time_format: str | None = None
     size_px: tuple[int, int] | None = None
+    pictures: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     is_sure: bool = False
+    profile: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

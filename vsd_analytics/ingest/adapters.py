@@ -24,6 +24,13 @@ SPECIFIC = {
     "smart-social-distancing": "vsd_analytics.ingest.smart_social_distancing:SmartSocialDistancing",
     "motchallenge": "vsd_analytics.ingest.motchallenge:MotChallenge",
     "wildtrack": "vsd_analytics.ingest.wildtrack:Wildtrack",
+    "supervision": "vsd_analytics.ingest.supervision:Supervision",
+    "nvidia": "vsd_analytics.ingest.nvidia:Nvidia",
+    "axis-scene": "vsd_analytics.ingest.axis_scene:AxisScene",
+    "azure-spatial-analysis": "vsd_analytics.ingest.azure_spatial_analysis:AzureSpatialAnalysis",
+    "onvif": "vsd_analytics.ingest.onvif:Onvif",
+    "sociopatterns": "vsd_analytics.ingest.sociopatterns:SocioPatterns",
+    "trajectories": "vsd_analytics.ingest.trajectories:Trajectories",
 }
 """Formats of one engine or data set, the most particular first. They look at a file before plug-ins and tables do."""
 

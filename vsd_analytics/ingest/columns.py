@@ -6,19 +6,15 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.table_file import Header
 from vsd_analytics.ingest.telling_names import named_like
-from vsd_analytics.ingest.units import LENGTHS, METRES, unit_in_name
-from vsd_analytics.ingest.where import Condition, parse_where
-from vsd_analytics.schema import TableName
-
-NUMBERS = ("x_m", "y_m", "u_px", "v_px", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
-BOX = ("left", "top", "right", "bottom", "width", "height")
-TEXTS = ("camera_id", "track_id", "track_a", "track_b")
-KNOWN = ("ts", "frame", *TEXTS, *NUMBERS, *BOX)
+from vsd_analytics.ingest.units import LENGTHS, unit_in_name
+from vsd_analytics.ingest.where import parse_where
+from vsd_analytics.schema import FILE_COLUMNS, METRES, TableName
 
 _FLOOR: tuple[str, ...] = ("x_m", "y_m")
 _PIXELS: tuple[str, ...] = ("u_px", "v_px")
@@ -43,7 +39,7 @@ class ColumnPlan:
         kind: "observations" or "pairs".
         theirs: Number of the file's column for each of our names that is read.
         names: Their names, by ours.
-        units: Unit of each of our columns in metres that is not in metres, see `units.METRES`.
+        units: Unit of each of our columns in metres that is not in metres, see `schema.METRES`.
         where: Comparisons that a row must fulfil.
         compared: Number of the file's column for each column of `where`.
         time_format: How texts in `ts` are written, in the words of strptime; None = ISO 8601.
@@ -53,7 +49,7 @@ class ColumnPlan:
     theirs: Mapping[str, int]
     names: Mapping[str, str]
     units: Mapping[str, str] = field(default_factory=dict)
-    where: tuple[Condition, ...] = ()
+    where: tuple[RowCondition, ...] = ()
     compared: Mapping[str, int] = field(default_factory=dict)
     time_format: str | None = None
 
@@ -167,18 +163,33 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
     exact = {n: i for i, n in enumerate(header.names)}
     loose = {n.strip().lower(): i for i, n in reversed(list(enumerate(header.names)))}
     found = {}
-    for ours in KNOWN:
+    for ours in FILE_COLUMNS:
         wanted = (options.map[ours],) if ours in options.map else (options.site_map.get(ours, ours), ours)
         at = next(
             (names[n] for w in wanted for names, n in ((exact, w), (loose, w.strip().lower())) if n in names), None
         )
         if at is not None:
+            _refuse_same_names(source, header, at)
             found[ours] = at
         elif ours == "ts" and (both := _date_and_time(wanted[0], exact, loose)) is not None:
             found["ts"], found[TIME_OF_DAY] = both
         elif ours in options.map:
             raise _missing(source, wanted[0], header, f"--map says that it is our {ours}", ours=ours)
     return found
+
+
+def _refuse_same_names(source: Source, header: Header, at: int) -> None:
+    """Raise InputError (E203) when two columns have the name of one that is read: nobody knows which is meant."""
+    name = header.names[at].strip().lower()
+    same = [i + 1 for i, other in enumerate(header.names) if other.strip().lower() == name]
+    if len(same) > 1 and not header.names[at].startswith("_"):
+        raise InputError(
+            f"{source.file_name} has more than one column {header.names[at]!r}: {', '.join(map(str, same[:5]))}",
+            code="E203",
+            where=Where(source.name, header.line, header.text),
+            why="the two may differ, and only one can be read",
+            fix="rename the one you do not mean, or read another with --map",
+        )
 
 
 def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, int]) -> tuple[int, int] | None:
@@ -204,7 +215,7 @@ def _missing(
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
     # a column with one of our names is not another one under a wrong name, so it is no suggestion
-    free = shown if ours is not None else [n for n in shown if n.lower() not in KNOWN]
+    free = shown if ours is not None else [n for n in shown if n.lower() not in FILE_COLUMNS]
     near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if fix is None else None
     at = header.text.find(near) + 1 if header.text and near else 0
     if fix is None and header.line is None and header.text is not None:

@@ -12,12 +12,12 @@ import numpy as np
 
 from vsd_analytics.geometry.picture_size import picture_size
 from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.columns import BOX
 from vsd_analytics.ingest.instants import utc_to_local
 from vsd_analytics.ingest.sample import Sample
 from vsd_analytics.ingest.table_head import TableHead
 from vsd_analytics.ingest.telling_names import OBJECTS, PERSON, VAGUE, letters, named_like
-from vsd_analytics.ingest.units import LENGTHS, METRES, PIXELS, unit_in_name
+from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
+from vsd_analytics.schema import FILE_BOX, METRES
 from vsd_analytics.site.model import Camera, Site
 
 SPEED_MAX_M_S: Final = 8.0
@@ -133,7 +133,7 @@ def _units(case: Case) -> Iterator[Doubt]:
                 "--map u_px=...,v_px=... for points of the picture; the camera needs a calibration",
                 is_sure=True,
             )
-        elif (ours in BOX or ours in ("u_px", "v_px")) and unit in METRES:
+        elif (ours in FILE_BOX or ours in ("u_px", "v_px")) and unit in METRES:
             yield Doubt(
                 "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names a unit of length",
@@ -224,6 +224,8 @@ def _classes(case: Case) -> Iterator[Doubt]:
     """W222: rows that are no people."""
     if case.head is None or case.sample.is_pairs:
         return
+    if any(letters(column) not in VAGUE for column in named_like(case.head.plan.compared, "class")):
+        return  # who filters by the class's name need not filter by its number as well
     for column in named_like(case.head.values, "class"):
         values = case.head.values[column]
         others = [value for value in values if not _is_person(value)]

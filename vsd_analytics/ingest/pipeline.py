@@ -8,13 +8,15 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
 from vsd_analytics.ingest.adapters import adapter, formats
+from vsd_analytics.ingest.import_identity import import_id
 from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
@@ -25,6 +27,7 @@ from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult, Store
+from vsd_analytics.store.imports import ImportLine, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
@@ -33,6 +36,11 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ENGINE_MAX_CHARS = 200
+
+_OF_PROFILE = (
+    *("format", "camera", "columns", "unit", "zone", "time_format", "where", "size_px", "period_s", "fps", "engine"),
+)
+"""Options that a `[[source]]` states; beside them its `map`."""
 
 
 @dataclass
@@ -52,6 +60,7 @@ class SourceResult:
         days: Records by UTC day number.
         card: What was understood of it; None when nothing could be read.
         is_new_shape: Whether the project has imported no file with such columns before.
+        import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
     """
 
     source: str
@@ -67,6 +76,7 @@ class SourceResult:
     days: Counter[int] = field(default_factory=Counter)
     card: SourceCard | None = None
     is_new_shape: bool = False
+    import_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,16 +180,18 @@ def ingest(
         StoreError: E302, the store is damaged; what was read stays acknowledged.
         DiskError: E304 to E306, the disk refused; what was acknowledged before stays.
     """
-    options = with_site(site, options)
+    with_site(site, options)  # a mistake in the options is one of all files
     store = store or Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
     results = []
     days = store.days()
+    run = next_run(site.root / "store")
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for path in paths:
             source = Source(path, settings=site.settings, shown=(shown or {}).get(path))
-            result = _Ingest(site, source, options, normaliser, target, now, is_dry_run, on_bytes, on_card).run()
+            read = options_for(site, source, options)
+            result = _Ingest(site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
             results.append(result)
@@ -209,6 +221,7 @@ class _Ingest:
     is_dry_run: bool
     on_bytes: Callable[[int], None] | None
     on_card: Callable[[SourceResult], None] | None
+    run_number: int
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -217,18 +230,21 @@ class _Ingest:
         folder = None if self.is_dry_run else self.site.root / "quarantine"
         quarantine = Quarantine(folder, source=self.source.name, at=self.now)
         try:
+            import_id = ""
             for batch in self.batches(result):
+                import_id = import_id or self.noted(result)
                 stated = batch if options.zone is None else without_zones(batch)
                 clean = self.normaliser.normalise(stated, n_whole=quarantine.room)
                 engines = batch.engines or ([options.engine] if options.engine else [])
-                quarantine.add(clean.rejected, reading=SourceReading(result.format, options, batch.first_line, engines))
+                reading = SourceReading(result.format, options, batch.first_line, engines, import_id)
+                quarantine.add(clean.rejected, reading=reading)
                 result.n_dropped.update(clean.n_dropped)
                 result.notes += [n for n in batch.notes if n not in result.notes]
                 for name in reversed(TABLES):  # a frame is stored after the persons it counts
                     rows = clean.tables.get(name)
                     if rows is None or not rows.num_rows:
                         continue
-                    self.store.append(name, rows, engines=engines)
+                    self.store.append(name, rows, engines=engines, import_id=import_id)
                     result.n_records[name] += rows.num_rows
                     _note_times(result, rows["ts"])
             if not result.n_records and not quarantine.counts and not result.notes:
@@ -242,6 +258,22 @@ class _Ingest:
         quarantine.close()
         result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
         return result
+
+    def noted(self, result: SourceResult) -> str:
+        """Note the source in the list of imports, before anything of it is stored, and return its id; "" = dry run."""
+        if self.is_dry_run:
+            return ""
+        found = import_id(self.site, self.source, self.options, kind=result.format)
+        line = ImportLine(
+            id=found,
+            at=self.now.astimezone(UTC),
+            run=self.run_number,
+            source=self.source.name.encode("utf-8", "backslashreplace").decode(),
+            format=result.format,
+        )
+        note_import(self.site.root / "store", line)
+        result.import_id = found
+        return found
 
     def batches(self, result: SourceResult) -> Iterator[RawBatch]:
         """Read the source with its adapter, but nothing of it where its head is almost surely understood wrongly.
@@ -305,6 +337,21 @@ def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]
     return found, None
 
 
+def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOptions:
+    """Return the options of one source: the user's, then those of its `[[source]]` of vsd.toml, then of the site.
+
+    Raises:
+        UsageError: E101, as `with_site`.
+    """
+    profile = profile_of(source.name, site.sources)
+    if profile is None:
+        return with_site(site, options)
+    stated = {name: getattr(profile, name) for name in _OF_PROFILE}
+    missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
+    merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.profile_id)
+    return with_site(site, merged)
+
+
 def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     """Return options completed from vsd.toml: the only camera, clocks, `[ingest]`.
 
@@ -335,6 +382,7 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
         site_map={**site.ingest_map, **options.site_map},
         frame_zone=options.zone or (zones.pop() if len(zones) == 1 else options.frame_zone),
         clocks={**{name: options.zone or c.clock for name, c in known.items()}, **options.clocks},
+        pictures={name: c.picture_px for name, c in known.items() if c.picture_px is not None},
         line_max_bytes=int(site.settings.line_max_bytes),
         persons_max=int(site.settings.persons_max),
         pairs_max=int(site.settings.pairs_max),

@@ -52,7 +52,7 @@ class Rereader:
             options = replace(msgspec.convert(entry.options, IngestOptions), **changes)
         except msgspec.ValidationError as error:
             raise InputError("an entry of the quarantine was changed by hand", why=str(error)) from None
-        return SourceReading(options.format or entry.format, options, entry.first_line, entry.engines)
+        return SourceReading(options.format or entry.format, options, entry.first_line, entry.engines, entry.import_id)
 
     def batches(
         self, group: Sequence[QuarantineEntry], reading: SourceReading | None, *, reader: Adapter | None = None

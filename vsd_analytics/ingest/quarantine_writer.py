@@ -25,7 +25,18 @@ CHUNK = 10_000
 CHUNK_BYTES = 16 << 20
 _ENTRY_BYTES = 300
 _OF_THE_SITE = frozenset(
-    {"format", "site_map", "frame_zone", "clocks", "line_max_bytes", "persons_max", "pairs_max", "is_sure"}
+    {
+        "format",
+        "site_map",
+        "frame_zone",
+        "clocks",
+        "pictures",
+        "line_max_bytes",
+        "persons_max",
+        "pairs_max",
+        "is_sure",
+        "profile",
+    }
 )
 _DEFAULTS = IngestOptions()
 
@@ -39,12 +50,14 @@ class SourceReading:
         options: What the user says.
         first_line: See `RawBatch.first_line`; None = single lines cannot be read again.
         engines: Engine names and versions.
+        import_id: The import of the source; "" = none, such as a broker.
     """
 
     format: str
     options: IngestOptions = _DEFAULTS
     first_line: str | None = None
     engines: Sequence[str] = ()
+    import_id: str = ""
 
     @property
     def user_options(self) -> dict[str, Any]:
@@ -83,6 +96,7 @@ class Quarantine:
         self._held_bytes = 0
         self._n_taken = 0
         self._not_kept: Counter[str] = Counter()
+        self._import_id = ""
         self.counts: Counter[str] = Counter()
         self.examples: dict[str, Rejected] = {}
 
@@ -106,6 +120,7 @@ class Quarantine:
             self.examples.setdefault(record.reason, record)
         if self._folder is None:
             return
+        self._import_id = self._import_id if reading is None else reading.import_id
         single = [r for r in rejected if r.n == 1]
         n_stored = len(single) if self._is_live else min(len(single), self.room)
         self._n_taken += n_stored
@@ -152,6 +167,7 @@ class Quarantine:
                 reason=reason,
                 detail=detail,
                 is_live=self._is_live,
+                import_id=self._import_id,
                 n_not_kept=n,
             )
             self._held.append(entry)
@@ -180,6 +196,7 @@ def entry_of(
         "detail": _encodable(record.detail),
         "is_live": is_live,
         "engines": () if reading is None else tuple(reading.engines),
+        "import_id": "" if reading is None else reading.import_id,
     }
     if record.row is not None:
         row = msgspec.json.decode(record.row)

@@ -12,6 +12,7 @@ UNKNOWN_FIELD: Final = "unknown field"
 """What a frame message has beside the fields of its format; it is left out and counted."""
 
 FIXES: Final[Mapping[str, str]] = {
+    "bad-xml": "look at the document: it was cut off, or it is not XML; export it again",
     "bad-json": "look at the line: it was cut off, or it is not JSON; export it again",
     "bad-message": "compare it with the format: vsd schema frame",
     "bad-quotes": 'quote cells as "a""b", without line breaks inside, or leave such columns out of the export',
@@ -22,6 +23,7 @@ FIXES: Final[Mapping[str, str]] = {
     "no-camera": "--camera ID, or a column camera_id",
     "no-distance": "export distance_m, or both positions",
     "no-position": "export x_m y_m, or u_px v_px",
+    "no-size": "--size WIDTHxHEIGHT, or picture of the camera in vsd.toml",
     "no-time": "export an ISO time with offset, or unix seconds",
     "not-a-number": "correct the export; an empty cell is missing, a text or NaN is not",
     "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds",

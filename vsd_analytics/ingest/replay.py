@@ -165,7 +165,7 @@ class _Attempt:
                     rows = clean.tables.get(name)
                     if rows is not None and rows.num_rows:
                         if self.store is not None:
-                            self.store.append(name, rows, engines=first.engines)
+                            self.store.append(name, rows, engines=first.engines, import_id=first.import_id)
                         self.result.n_records[name] += rows.num_rows
         except DiskError:
             raise
@@ -182,7 +182,7 @@ class _Attempt:
 
 def _alike(entry: QuarantineEntry) -> str:
     """Return the same text for entries that may be tried together."""
-    return msgspec.json.encode([entry.at, entry.is_live, entry.engines, how_read(entry)]).decode()
+    return msgspec.json.encode([entry.at, entry.is_live, entry.engines, entry.import_id, how_read(entry)]).decode()
 
 
 def _renewed(entry: QuarantineEntry, bad: Rejected, reading: SourceReading | None) -> QuarantineEntry:

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from vsd_analytics.ingest.cell_values import trimmed
-from vsd_analytics.ingest.columns import KNOWN, ColumnPlan, beside
+from vsd_analytics.ingest.columns import ColumnPlan, beside
 from vsd_analytics.ingest.table_file import TableFile
 from vsd_analytics.ingest.telling_names import Role, named_like
+from vsd_analytics.schema import FILE_COLUMNS
 
 HEAD_ROWS = 50_000
 VALUES_MAX = 200
@@ -51,7 +52,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     free = [i for i in range(len(names)) if i not in read]
     ignored = [names[i] for i in free if names[i] != f"_{i}"]
     telling = {names[i] for role in _ROLES for i in free if named_like([names[i]], role)}
-    telling -= set(KNOWN) - {"camera_id", "track_id"}
+    telling -= set(FILE_COLUMNS) - {"camera_id", "track_id"}
     watched = {name: i for i, name in enumerate(names) if name in telling and file.can_read(i)}
     wanted = {**plan.theirs, **{beside(name): i for name, i in watched.items()}}
     values: dict[str, Counter[str]] = {name: Counter() for name in watched}

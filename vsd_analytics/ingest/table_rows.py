@@ -10,11 +10,11 @@ import pyarrow.compute as pc
 
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers, trimmed
-from vsd_analytics.ingest.columns import BOX, NUMBERS, TIME_OF_DAY, ColumnPlan, beside
+from vsd_analytics.ingest.columns import TIME_OF_DAY, ColumnPlan, beside
 from vsd_analytics.ingest.instants import Instants, parse_instants
 from vsd_analytics.ingest.raw import raw_table, rejected
-from vsd_analytics.ingest.units import METRES
 from vsd_analytics.ingest.where import rows_where
+from vsd_analytics.schema import FILE_BOX, FILE_NUMBERS, METRES
 
 _MAX_MS = 2.0**53
 LEFT_OUT = "by --where"
@@ -44,7 +44,7 @@ def raw_batch(
     columns, lines, n_left_out = _chosen(plan, columns, lines, decimal_comma=decimal_comma)
     bad = _BadRows(plan, columns, lines)
     values: dict[str, np.ndarray] = {}
-    for name in (c for c in columns if c in NUMBERS or c in BOX or c == "frame"):
+    for name in (c for c in columns if c in FILE_NUMBERS or c in FILE_BOX or c == "frame"):
         values[name], is_wrong = numbers(columns[name], decimal_comma=decimal_comma)
         bad.add(is_wrong, name, reason="not-a-number", what="a number")
     camera = ids(columns.get("camera_id"), default=options.camera, length=len(lines))

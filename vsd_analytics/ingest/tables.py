@@ -15,7 +15,7 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest import arrow_file
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.archive import archive_kind
-from vsd_analytics.ingest.columns import KNOWN, ColumnPlan, plan_columns
+from vsd_analytics.ingest.columns import ColumnPlan, plan_columns
 from vsd_analytics.ingest.json_table import JsonTable
 from vsd_analytics.ingest.parquet import ParquetTable
 from vsd_analytics.ingest.raw import BadRowError
@@ -26,7 +26,7 @@ from vsd_analytics.ingest.table_rows import raw_batch
 from vsd_analytics.ingest.text_table import TextTable, as_text, delimiter_of, split_by
 from vsd_analytics.ingest.time_formats import time_format
 from vsd_analytics.ingest.workbook import Workbook
-from vsd_analytics.schema import TableName
+from vsd_analytics.schema import FILE_COLUMNS, TableName
 
 _PARQUET = b"PAR1"
 _ZIP = b"PK\x03\x04"
@@ -70,7 +70,7 @@ class Tables:
             names = [name.strip().lower() for name in split_by(delimiter_of(first))(first)]
         except BadRowError:
             names = []
-        return bool(set(source.suffixes) & _SUFFIXES) or any(name in KNOWN for name in names)
+        return bool(set(source.suffixes) & _SUFFIXES) or any(name in FILE_COLUMNS for name in names)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the rows of a file, or of all files of a folder or archive; see `Adapter.read`."""

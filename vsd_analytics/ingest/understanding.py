@@ -60,13 +60,14 @@ class SourceCard:
         life_s: Median seconds from the first to the last record of an id.
         interval_s: Median seconds between frames.
         zone: Zone in which times without an offset are read; None = all have one.
-        zone_from: Who says so: "--zone", "clock" (vsd.toml) or "assumed".
+        zone_from: Who says so: "--zone", "profile", "clock" (vsd.toml) or "assumed".
         time_format: How times are written, in the words of strptime; None = ISO 8601 or numbers.
         first_ms, last_ms: First and last instant of the sample, UTC milliseconds.
         n_second: Records that would be left out as second sightings.
         n_rejected: Records that cannot be used.
         n_dropped: Records left out on purpose, by reason.
         rows: The first rows: `line`, `theirs` (cells by column) and `ours`.
+        profile: The `[[source]]` of vsd.toml that says how it is read; None = none.
         doubts: What looks wrong.
     """
 
@@ -94,6 +95,7 @@ class SourceCard:
     n_rejected: int = 0
     n_dropped: Mapping[str, int] = field(default_factory=dict)
     rows: Sequence[Mapping[str, Any]] = ()
+    profile: str | None = None
     doubts: tuple[Doubt, ...] = ()
 
     @property
@@ -186,6 +188,7 @@ def _card(case: Case, name: str) -> SourceCard:
         n_rejected=sample.n_rejected,
         n_dropped=dict(sample.n_dropped),
         rows=_rows(sample, head),
+        profile=case.options.profile,
         doubts=doubts_of(case),
     )
 
@@ -200,7 +203,9 @@ def _zone(case: Case) -> tuple[str | None, str | None]:
     if not zones:
         return None, None
     if case.options.zone is not None:
-        return case.options.zone, "--zone"
+        profile = next((p for p in case.site.sources if p.profile_id == case.options.profile), None)
+        says_profile = profile is not None and profile.zone == case.options.zone
+        return case.options.zone, "profile" if says_profile else "--zone"
     is_stated = all(c.has_clock for c in case.cameras)
     return ", ".join(zones), "clock" if is_stated and case.cameras else "assumed"
 

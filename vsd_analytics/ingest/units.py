@@ -8,9 +8,6 @@ from typing import Final
 LENGTHS: Final = ("x_m", "y_m", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
 """Our columns in metres."""
 
-METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "km": 1000.0, "ft": 0.3048, "in": 0.0254}
-"""Metres of one unit."""
-
 PIXELS: Final = "px"
 
 _WORDS: Final = {
@@ -34,7 +31,7 @@ def unit_in_name(name: str) -> str | None:
         name: The name as the file gives it.
 
     Returns:
-        A key of `METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`.
+        A key of `schema.METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`.
     """
     if joined := _AXIS.fullmatch(name.strip()):
         return _WORDS[joined[1].lower()]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import Store
+from vsd_analytics.store.owners import owned_by
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -23,9 +24,9 @@ class GatheringStore(Store):
         self._held: dict[TableName, list[tuple[pa.Table, Sequence[str]]]] = {t: [] for t in reversed(TABLES)}
         self._n_held = 0
 
-    def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = ()) -> int:
+    def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = (), import_id: str = "") -> int:
         """Hold a batch; see `Store.append`. Nothing is acknowledged before `commit`."""
-        self._held[table].append((rows, engines))
+        self._held[table].append((owned_by(import_id, rows), engines))
         self._n_held += rows.num_rows
         if self._n_held >= HELD_ROWS:
             self.commit()

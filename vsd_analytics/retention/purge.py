@@ -1,7 +1,7 @@
 """`vsd purge`: removal of records by age (their facts are sealed), by camera and time, and of pseudonym keys.
 
-This module decides what to remove, seals facts first, and refuses to remove more than half of the store without
-`--force`. How removal survives a crash is the job of `store.removal`.
+`retention.purge_import` takes a single import back. This module decides what to remove, seals facts first, and refuses
+to remove more than half of the store without `--force`. How removal survives a crash is the job of `store.removal`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable, quarantine
 from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour, list_parts
+from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.part_files import engines_of
 from vsd_analytics.store.removal import Intent, RecordScope, remove_records, removing, rows_in_scope
 from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
@@ -50,6 +51,8 @@ class Purged:
         n_quarantined: Records removed from quarantine.
         n_doubtful: Those of n_quarantined whose camera or time cannot be read.
         keys: Site days whose keys were destroyed.
+        n_staying: Of an import, records that stay because another import or a broker brought them as well.
+        n_again: Of an import, noted records that belong to others: only the note is removed.
     """
 
     records: Mapping[TableName, int] = field(default_factory=dict)
@@ -60,11 +63,14 @@ class Purged:
     n_quarantined: int = 0
     n_doubtful: int = 0
     keys: Sequence[date] = ()
+    n_staying: int = 0
+    n_again: int = 0
 
     @property
     def is_nothing(self) -> bool:
         """Return whether there was nothing to remove."""
-        return not (any(self.records.values()) or self.n_sealed or self.n_quarantined or self.keys)
+        of_import = self.n_staying or self.n_again
+        return not (any(self.records.values()) or self.n_sealed or self.n_quarantined or self.keys or of_import)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,10 +123,10 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         is_old = _came_before(cutoff)
         n_old = _n_quarantined(site.root / quarantine.FOLDER, is_old)
         days = sorted({p.hour // 24 for p in going})
-        _guard(len(days), len({p.hour // 24 for p in every}), "days", terms)
+        guard(len(days), len({p.hour // 24 for p in every}), "days", terms)
         sealer = _Sealer(site, store, edge)
         found = Purged(
-            records=_n_records(store, last_hour=edge - 1),
+            records=n_records(store, last_hour=edge - 1),
             n_days=len(days),
             first=date_of_hour(days[0] * 24) if days else None,
             last=date_of_hour(days[-1] * 24) if days else None,
@@ -133,9 +139,10 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
             sealer.seal(days, on=terms.now.astimezone(UTC).date())
         if n_old:
             quarantine.drop(site.root / quarantine.FOLDER, lambda _, entry: entry is not None and is_old(entry))
-        unlink = [*(p.path for p in going), *_facts_of(site, sealer.sealed_now(edge))]
-        entry = _entry(terms, found, {"older_than": before.isoformat()})
-        remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=_below(site.root, unlink)))
+        again = [p.path for t in TABLES for p in store.repeats(t, last_hour=edge - 1)]
+        unlink = [*(p.path for p in going), *again, *facts_of(site, sealer.sealed_now(edge))]
+        entry = audit_line(terms, found, {"older_than": before.isoformat()})
+        remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
         return found
 
 
@@ -164,17 +171,21 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
     with removing(store.root, on_wait=terms.on_wait), store.reporting_damage():
         store.fold_held()
         rewrite: dict[TableName, list[Part]] = {}
+        again: dict[TableName, list[Part]] = {}
         records: dict[TableName, int] = {}
+        first_hour, last_hour = first_ms // HOUR_MS, (after_ms - 1) // HOUR_MS
         for table in TABLES:
-            parts = store.parts(table, first_hour=first_ms // HOUR_MS, last_hour=(after_ms - 1) // HOUR_MS)
+            parts = store.parts(table, first_hour=first_hour, last_hour=last_hour)
             store.refuse_damaged(parts)
             counts = {p: n for p in parts if (n := rows_in_scope(p.path, which))}
             rewrite[table], records[table] = list(counts), sum(counts.values())
+            noted = store.repeats(table, first_hour=first_hour, last_hour=last_hour)
+            again[table] = [p for p in noted if rows_in_scope(p.path, which)]
         sealed = _sealed_hours(site, which)
         in_quarantine = quarantined_in_scope(site, which)
         hours = sorted({p.hour for parts in rewrite.values() for p in parts})
         days = sorted({h // 24 for h in (*hours, *sealed)})
-        _guard(sum(records.values()), sum(_n_records(store).values()), "records", terms)
+        guard(sum(records.values()), sum(n_records(store).values()), "records", terms)
         found = Purged(
             records=records,
             n_days=len(days),
@@ -189,10 +200,14 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
         what = {"camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
         intent = Intent(
             site_id=site.site_id,
-            entry=_entry(terms, found, what),
-            unlink=_below(site.root, _facts_of(site, hours)),
+            entry=audit_line(terms, found, what),
+            unlink=below(site.root, facts_of(site, hours)),
             which=which,
-            rewrite={t: _below(site.root, [p.path for p in parts]) for t, parts in rewrite.items() if parts},
+            rewrite={
+                t: below(site.root, [p.path for p in (*parts, *again[t])])
+                for t, parts in rewrite.items()
+                if parts or again[t]
+            },
             unseal=tuple(sealed),
             quarantined=tuple(sorted(map(durable.digest, in_quarantine.lines))),
         )
@@ -221,7 +236,9 @@ def forget_keys(site: Site, *, before: date | None = None, purged: date | None =
             days = [d for d in keys.days() if _site_day_end_ms(site, d) <= _iso_ms(before)]
         found = Purged(keys=days)
         if not terms.is_dry_run and days:
-            remove_records(store.root, Intent(site_id=site.site_id, entry=_entry(terms, found, {}), forget=tuple(days)))
+            remove_records(
+                store.root, Intent(site_id=site.site_id, entry=audit_line(terms, found, {}), forget=tuple(days))
+            )
         return found
 
 
@@ -278,11 +295,13 @@ class _Sealer:
         records: dict[str, int] = {}
         engines: dict[str, tuple[tuple[str, ...], ...]] = {}
         last_ms: dict[str, int] = {}
+        imports: set[str] = set()
         for table in TABLES:
             parts = self._store.parts(table, first_hour=hour, last_hour=hour)
             records[table] = sum(pq.read_metadata(p.path).num_rows for p in parts)
             engines[table] = tuple(tuple(engines_of(p.path)) for p in parts)
             for part in parts:
+                imports.update(brought_by(part.path))
                 for camera_id, ms in _last_ms(part.path):
                     last_ms[camera_id] = max(ms, last_ms.get(camera_id, ms))
         cameras = tuple(sorted(last_ms))
@@ -293,6 +312,7 @@ class _Sealer:
             engines=engines,
             last_ms=last_ms,
             cameras=cameras,
+            imports=tuple(sorted(imports)),
         )
 
     def _unit(self, names: Sequence[str], hour: int, fingerprint: str) -> UnitSeal:
@@ -308,7 +328,8 @@ def _parts(store: Store) -> list[Part]:
     return [p for t in TABLES for p in store.parts(t)]
 
 
-def _n_records(store: Store, *, last_hour: int | None = None) -> dict[TableName, int]:
+def n_records(store: Store, *, last_hour: int | None = None) -> dict[TableName, int]:
+    """Return the number of stored records by table, up to a UTC hour number; None = all."""
     return {t: sum(pq.read_metadata(p.path).num_rows for p in store.parts(t, last_hour=last_hour)) for t in TABLES}
 
 
@@ -340,7 +361,7 @@ def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
     return hours
 
 
-def _facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
+def facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
     """Return the fact files of some hours, of the UTC days they lie in, and the day files computed from them."""
     root, wanted = site.root / "facts", set(hours)
     days = {h // 24 for h in wanted}
@@ -353,7 +374,8 @@ def _facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
     return [*found, *day_files_around(site, wanted)]
 
 
-def _guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:
+def guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:
+    """Raise StoreError E310 when more than `LARGEST_SHARE` of what is stored would go and nobody forced it."""
     if terms.is_forced or terms.is_dry_run or n_going <= LARGEST_SHARE * n_stored:
         return
     raise StoreError(
@@ -398,7 +420,7 @@ def _site_day_end_ms(site: Site, day: date) -> int:
     return round(midnight.replace(tzinfo=site.zone).timestamp() * 1000)
 
 
-def _entry(terms: Terms, found: Purged, what: Mapping[str, Any]) -> dict[str, Any]:
+def audit_line(terms: Terms, found: Purged, what: Mapping[str, Any]) -> dict[str, Any]:
     """Return the audit line."""
     entry: dict[str, Any] = {"at": terms.now.astimezone(UTC).isoformat(timespec="seconds"), **what}
     entry["records"] = dict(found.records)
@@ -411,7 +433,8 @@ def _entry(terms: Terms, found: Purged, what: Mapping[str, Any]) -> dict[str, An
     return entry
 
 
-def _below(root: Path, paths: Sequence[Path]) -> tuple[str, ...]:
+def below(root: Path, paths: Sequence[Path]) -> tuple[str, ...]:
+    """Return paths as an intent names them: below the project folder."""
     return tuple(str(p.relative_to(root)) for p in paths)
 
 

@@ -321,6 +321,43 @@ class EngineError:
     distance_sd_m: float | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceProfile:
+    """How files of one kind are read: a `[[source]]` of `vsd.toml`.
+
+    Attributes:
+        profile_id: Its id.
+        files: Patterns of file names, such as "till-*.csv"; with a slash they are compared with the end of the path.
+        format: Name of an adapter; None = detected.
+        camera: Camera of records that name none, by any of its names.
+        columns: Names of the columns of a headerless table, in order.
+        map: Our column names to theirs.
+        unit: Unit of positions and distances whose column names none.
+        zone: IANA zone of times without an offset.
+        time_format: How times are written, in the words of strptime.
+        where: Rows to read.
+        size_px: Width and height of the picture, for positions given as shares of it.
+        period_s: Sampling period in seconds.
+        fps: Frames per second, for files with frame numbers.
+        engine: Engine name and version.
+    """
+
+    profile_id: str
+    files: tuple[str, ...]
+    format: str | None = None
+    camera: str | None = None
+    columns: tuple[str, ...] | None = None
+    map: dict[str, str] = field(default_factory=dict)
+    unit: str | None = None
+    zone: str | None = None
+    time_format: str | None = None
+    where: str | None = None
+    size_px: tuple[int, int] | None = None
+    period_s: float | None = None
+    fps: float | None = None
+    engine: str | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Site:
     """A site as `vsd.toml` and the files it names describe it.
@@ -344,6 +381,7 @@ class Site:
         language: `[site] language`, in which pages are written.
         chromium: `[report] chromium`, the browser that prints PDFs; None = looked for on the PATH.
         ingest_map: `[ingest.map]`, ours to theirs.
+        sources: `[[source]]`, in the order of the file.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """
 
@@ -368,6 +406,7 @@ class Site:
     language: Language = "en"
     settings: Settings = field(default_factory=Settings)
     ingest_map: dict[str, str] = field(default_factory=dict)
+    sources: tuple[SourceProfile, ...] = ()
     setting_sources: dict[str, str] = field(default_factory=dict)
 
     @property

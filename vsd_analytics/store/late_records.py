@@ -14,6 +14,7 @@ import pyarrow as pa
 from vsd_analytics.schema import TableName
 from vsd_analytics.store import quarantine
 from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.seals import SEALED, Seals
 
 _CHUNK = 10_000
@@ -45,10 +46,16 @@ def to_quarantine(folder: Path, table: TableName, rows: pa.Table, *, segment: Pa
                 text=", ".join(f"{c}={v}" for c, v in row.items())[:_TEXT_CHARS],
                 table=table,
                 row=_raw(row),
+                import_id=owner or "",
             )
-            for line, row in enumerate(rows.slice(start, _CHUNK).to_pylist(), start + 1)
+            for line, (row, owner) in enumerate(_with_owner(rows.slice(start, _CHUNK)), start + 1)
         ]
         quarantine.write(folder, held)
+
+
+def _with_owner(rows: pa.Table) -> list[tuple[dict[str, Any], str | None]]:
+    """Return the rows, each with the id of the import that brought it."""
+    return [(row, row.pop(OWNER, None)) for row in rows.to_pylist()]
 
 
 def _raw(row: dict[str, Any]) -> dict[str, Any]:

@@ -44,6 +44,7 @@ class QuarantineEntry(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=T
         table: Raw table of `row`.
         row: Raw row in the columns of `RAW_SCHEMAS` without `line`, which can be checked again as it is.
         engines: Engine names and versions.
+        import_id: Import that brought it; "" = none, such as a broker.
         n_not_kept: Above 0 the entry is no record but a count: so many more of this reason were not stored.
     """
 
@@ -61,6 +62,7 @@ class QuarantineEntry(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=T
     table: TableName | None = None
     row: dict[str, Any] | None = None
     engines: tuple[str, ...] = ()
+    import_id: str = ""
     n_not_kept: int = 0
 
     @property

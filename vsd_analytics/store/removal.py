@@ -29,9 +29,11 @@ import pyarrow.parquet as pq
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, quarantine
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_part
+from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_owned
 from vsd_analytics.store.seals import FOLDER, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.taking_back import forget_repeats, take_back
 
 LOCK = ".purge.lock"
 AUDIT = "purge.jsonl"
@@ -39,8 +41,8 @@ WAIT_S = 600.0
 
 _UNIT = r"/site=[a-z0-9][a-z0-9_-]{0,62}/date=\d{4}-\d{2}-\d{2}/([01]\d|2[0-3])-[0-9a-f]{16}\.parquet\Z"
 # an intent may come with somebody else's project: it may name only files that a purge removes, and nothing else
-PartName = Annotated[str, msgspec.Meta(pattern=rf"^store/({'|'.join(TABLES)}){_UNIT}")]
-FileName = Annotated[str, msgspec.Meta(pattern=rf"^(store|facts|facts/days)/[a-z][a-z0-9_]*{_UNIT}")]
+PartName = Annotated[str, msgspec.Meta(pattern=rf"^store/(again/)?({'|'.join(TABLES)}){_UNIT}")]
+FileName = Annotated[str, msgspec.Meta(pattern=rf"^(store|store/again|facts|facts/days)/[a-z][a-z0-9_]*{_UNIT}")]
 SiteName = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}\Z")]
 Instant = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
 Digest = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{16}\Z")]
@@ -72,6 +74,8 @@ class Intent:
         unlink: Files to remove whole; paths below the project folder.
         which: Records to remove from the parts `rewrite`.
         rewrite: Parts by table; paths below the project folder.
+        import_id: Import whose records leave the parts `rewrite`, and the parts `repeats`.
+        repeats: Parts of `store/again/` by table; paths below the project folder.
         unseal: Sealed UTC hours from whose facts the camera of `which` (None = every camera) is removed.
         forget: Site days whose keys are destroyed.
         quarantined: Hashes of the lines to remove from the quarantine, whatever file they are in by then.
@@ -82,6 +86,8 @@ class Intent:
     unlink: tuple[FileName, ...] = ()
     which: RecordScope | None = None
     rewrite: Mapping[TableName, tuple[PartName, ...]] = field(default_factory=dict)
+    import_id: Digest | None = None
+    repeats: Mapping[TableName, tuple[PartName, ...]] = field(default_factory=dict)
     unseal: tuple[Hour, ...] = ()
     forget: tuple[date, ...] = ()
     quarantined: tuple[Digest, ...] = ()
@@ -169,7 +175,8 @@ def _intent(path: Path, *, project: Path) -> Intent:
         data = path.read_bytes()
         if durable.digest(data) == path.stem:
             intent = msgspec.json.decode(data, type=Intent)
-            names = [*intent.unlink, *(n for found in intent.rewrite.values() for n in found)]
+            named = (*intent.rewrite.values(), *intent.repeats.values())
+            names = [*intent.unlink, *(n for found in named for n in found)]
             away = next((n for n in names if not _is_inside(project, n)), None)
             if away is None:
                 return intent
@@ -200,6 +207,8 @@ def _carry_out(store: Path, intent: Intent) -> None:
         for table, names in intent.rewrite.items():
             touched |= {_rewrite_without(project / name, table, intent.which) for name in names}
         _unseal(Seals(project / FOLDER, site_id=intent.site_id), intent)
+    if intent.import_id is not None:
+        touched |= _take_back(store, intent, intent.import_id)
     if intent.forget:
         DayKeys(project / "secrets").forget(intent.forget)
     if intent.quarantined:
@@ -216,6 +225,23 @@ def _carry_out(store: Path, intent: Intent) -> None:
                 durable.fsync_dir(folder.parent)
 
 
+def _take_back(store: Path, intent: Intent, import_id: str) -> set[Path]:
+    """Take an import back (`store.taking_back`); return the folders of the parts."""
+    project, order = store.parent, order_of(imports_of(store))
+    touched = {
+        take_back(store, project / name, table, import_id, order=order)
+        for table, names in intent.rewrite.items()
+        for name in names
+    }
+    touched |= {
+        forget_repeats(store, project / name, table, import_id)
+        for table, names in intent.repeats.items()
+        for name in names
+    }
+    note_taken_back(store, import_id, at=str(intent.entry["at"]))
+    return touched
+
+
 def _rewrite_without(path: Path, table: TableName, scope: RecordScope) -> Path:
     """Replace a part by its remaining rows, then rename it to its own hash; return its folder.
 
@@ -223,7 +249,7 @@ def _rewrite_without(path: Path, table: TableName, scope: RecordScope) -> Path:
     Published under its own name first, the new part would be there beside the old one for a moment.
     """
     if path.exists():
-        rows = read_part(path, table)
+        rows = read_owned(path, table)
         rest = rows.filter(pc.invert(scope.mask(rows)))
         if rest.num_rows:
             data = part_bytes(table, rest, engines_of(path))

@@ -43,6 +43,7 @@ class UnitSeal:
         engines: For each table, the engines noted in each of its parts, in order.
         last_ms: Instant of each camera's last record in the unit (UTC milliseconds).
         cameras: Cameras with records when it was sealed; the hashes of their calibrations are in `causes`.
+        imports: Imports that brought the records (`store.owners`): they cannot be taken back any more.
     """
 
     fingerprint: str
@@ -52,6 +53,7 @@ class UnitSeal:
     engines: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
     last_ms: Mapping[str, int] = field(default_factory=dict)
     cameras: tuple[str, ...] = ()
+    imports: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

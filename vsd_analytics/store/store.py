@@ -27,7 +27,9 @@ from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
 from vsd_analytics.store import ballast, durable, late_records, quarantine, removal
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS, Part, list_days, list_parts, segment_paths, unit_folder
+from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, segment_bytes
+from vsd_analytics.store.repeats import AGAIN, brought_again, key_aliases, same_key
 from vsd_analytics.store.seals import FOLDER, Seals
 
 if TYPE_CHECKING:
@@ -101,13 +103,14 @@ class Store:
         self.site_id = site_id
         self.ballast_mb = ballast_mb
 
-    def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = ()) -> int:
+    def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = (), import_id: str = "") -> int:
         """Put a batch into the spool; it is durable when this returns.
 
         Args:
             table: Table of the rows.
-            rows: Rows in `SCHEMAS[table]`.
+            rows: Rows in `SCHEMAS[table]`, perhaps with their owners (`owners.owned_by`).
             engines: Engine names and versions the rows came from, noted in the file's metadata.
+            import_id: The import that brings them; "" = none, such as a broker.
 
         Returns:
             Number of rows acknowledged.
@@ -117,7 +120,8 @@ class Store:
         """
         if rows.num_rows == 0:
             return 0
-        data = segment_bytes(table, rows, sorted(set(engines)))
+        owned = rows if OWNER in rows.column_names else owned_by(import_id, rows)
+        data = segment_bytes(table, owned, sorted(set(engines)))
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
         return int(rows.num_rows)
 
@@ -177,6 +181,10 @@ class Store:
         """Return the parts of one table by hour; see `layout.list_parts`."""
         return list_parts(self.root, table, self.site_id, first_hour=first_hour, last_hour=last_hour)
 
+    def repeats(self, table: TableName, *, first_hour: int | None = None, last_hour: int | None = None) -> list[Part]:
+        """Return the parts of records that another import brought again (`repeats`), as `parts`."""
+        return list_parts(self.root / AGAIN, table, self.site_id, first_hour=first_hour, last_hour=last_hour)
+
     def hours(self) -> tuple[int, int] | None:
         """Return the first and last UTC hour number with a part, or None for an empty store."""
         found = [p.hour for t in TABLES for p in self.parts(t)]
@@ -233,13 +241,15 @@ class Store:
         folders: set[Path] = set()
         with connect() as con:
             for span in _spans(segments):
-                rows, n_read, n_second = self._new_rows(con, table, span)
+                rows, again, n_read, n_second = self._new_rows(con, table, span)
                 engines = sorted({e for path in span.segments for e in engines_of(path)})
-                for hour, part in _by_hour(rows):
-                    data = part_bytes(table, part, engines)
-                    folder = unit_folder(self.root, table, self.site_id, hour)
-                    self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
-                    hours.add(hour)
+                for root, found in ((self.root, rows), (self.root / AGAIN, again)):
+                    for hour, part in _by_hour(found):
+                        data = part_bytes(table, part, engines)
+                        folder = unit_folder(root, table, self.site_id, hour)
+                        self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
+                        folders.add(folder)
+                hours |= {hour for hour, _ in _by_hour(rows)}
                 done += TableCounts(rows.num_rows, n_read - rows.num_rows - n_second, n_second)
                 parts = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
                 folders |= {part.path.parent for part in parts}
@@ -295,55 +305,63 @@ class Store:
                 raise
             durable.publish(path, data)
 
-    def _new_rows(self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span) -> tuple[pa.Table, int, int]:
-        """Return a span's rows that the table lacks, sorted by hour; the rows read; and the second sightings.
+    def _new_rows(
+        self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span
+    ) -> tuple[pa.Table, pa.Table, int, int]:
+        """Return the rows of a span that the table lacks, its repeats, the rows read, and the second sightings.
 
-        Of several rows with one key the least by its columns is taken, so the order of files changes nothing.
+        Rows and repeats are sorted by hour and have the column `owners.OWNER`. Of several rows with one key the least
+        by its columns is taken, so the order of files changes nothing.
         """
         import duckdb
 
         columns, key = ", ".join(SCHEMAS[table].names), ", ".join(KEYS[table])
         known = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
-        self.refuse_damaged(known)  # a flipped bit in a key would let a record in twice
+        noted = self.repeats(table, first_hour=span.first_hour, last_hour=span.last_hour)
+        self.refuse_damaged([*known, *noted])  # a flipped bit in a key would let a record in twice
         try:
-            # Few keys come twice, so sorting all rows by key would be wasted work. Rows are grouped by a 64-bit hash of
-            # the key instead, and only rows that share a hash (`doubtful`) are sorted and compared.
+            has_owner = any(OWNER in pq.read_schema(path).names for path in span.segments)
+            owner = f"coalesce({OWNER}, '')" if has_owner else "''"
             con.execute(
-                f"create or replace temp table spooled as select {columns}, hash({key}) as key_hash "
-                "from read_parquet($names) where ts >= to_timestamp($first_s) and ts < to_timestamp($end_s)",
+                f"create or replace temp table spooled as select {columns}, {owner} as {OWNER}, "
+                f"hash({key}) as key_hash from read_parquet($names, union_by_name = {has_owner}) "
+                "where ts >= to_timestamp($first_s) and ts < to_timestamp($end_s)",
                 {
                     "names": [str(path) for path in span.segments],
                     "first_s": span.first_hour * 3600,
                     "end_s": (span.last_hour + 1) * 3600,
                 },
             )
+            # Few keys come twice, so sorting all rows by key would be wasted work. Rows are grouped by a 64-bit hash of
+            # the key instead, and only rows that share a hash (`doubtful`) are sorted and compared.
             con.execute(
                 "create or replace temp table doubtful as "
                 "select * from spooled where key_hash in (select key_hash from spooled group by 1 having count(*) > 1)"
             )
             con.execute(
-                f"create or replace temp table fresh as select {columns} from spooled "
+                f"create or replace temp table fresh as select {columns}, {OWNER} from spooled "
                 "where key_hash not in (select key_hash from doubtful) union all "
-                f"(select distinct on ({key}) {columns} from doubtful order by {key}, {columns})"
+                f"(select distinct on ({key}) {columns}, {OWNER} from doubtful order by {key}, {columns}, {OWNER})"
             )
             n_read, n_second = con.execute(
-                "select (select count(*) from spooled), (select count(*) from (select distinct * from doubtful)) "
+                "select (select count(*) from spooled), "
+                f"(select count(*) from (select distinct {columns} from doubtful)) "
                 f"- (select count(*) from (select distinct {key} from doubtful))"
             ).fetchall()[0]
             if known:
-                aliases = [f"key_{i}" for i in range(len(KEYS[table]))]
-                aliased = ", ".join(f"{k} as {a}" for k, a in zip(KEYS[table], aliases, strict=True))
-                # track ids may be null, and null equals null in a key
-                is_same = " and ".join(f"f.{a} is not distinct from s.{a}" for a in aliases)
                 con.execute(
-                    f"create or replace temp table fresh as select {columns} "
-                    f"from (select *, {aliased} from fresh) as f "
-                    f"anti join (select {aliased} from read_parquet($names)) as s on {is_same}",
+                    f"create or replace temp table fresh as select {columns}, {OWNER} "
+                    f"from (select *, {key_aliases(table)} from fresh) as f "
+                    f"anti join (select {key_aliases(table)} from read_parquet($names)) as s on {same_key(table)}",
                     {"names": [str(part.path) for part in known]},
                 )
             order = f"cast(floor(epoch_ms(ts) / {HOUR_MS}) as bigint), {columns}"
-            rows = con.sql(f"select * from fresh order by {order}").to_arrow_table().cast(SCHEMAS[table])
-            for name in ("spooled", "doubtful", "fresh"):
+            found = []
+            brought_again(con, table, stored=[p.path for p in known], noted=[p.path for p in noted])
+            for name in ("fresh", "again"):
+                rows = con.sql(f"select * from {name} order by {order}, {OWNER}").to_arrow_table()
+                found.append(rows.cast(SCHEMAS[table].append(pa.field(OWNER, pa.string()))))
+            for name in ("spooled", "doubtful", "fresh", "again"):
                 con.execute(f"drop table {name}")
         except duckdb.Error as error:
             if refused := disk_error(error):
@@ -351,7 +369,7 @@ class Store:
             raise StoreError(
                 "the spool cannot be folded into the store", code="E302", why=str(error)[:300], fix="vsd doctor"
             ) from None
-        return rows, n_read, n_second
+        return found[0], found[1], n_read, n_second
 
 
 def _damaged_segment(path: Path) -> StoreError:

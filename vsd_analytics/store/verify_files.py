@@ -19,11 +19,15 @@ import pyarrow.parquet as pq
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.store import durable
 from vsd_analytics.store.layout import Part, segment_paths
+from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.part_files import HASH_DIFFERS
+from vsd_analytics.store.repeats import AGAIN
 from vsd_analytics.store.store import Store
 
 _PART = re.compile(r"site=([^/]+)/date=(\d{4}-\d{2}-\d{2})/(?:[01]\d|2[0-3])-[0-9a-f]{16}\.parquet")
-_OTHERS = re.compile(r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|live/(.+)/[0-9a-f]{16}\.parquet")
+_OTHERS = re.compile(
+    r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|imports\.jsonl|live/(.+)/[0-9a-f]{16}\.parquet"
+)
 _RESTORE = "restore it from a backup; without one move it away and ingest the files of its hour again"
 _AGAIN = "move it away and ingest its source again: records that are stored already are recognised"
 
@@ -142,6 +146,14 @@ def all_parts(
     return [(t, p) for t in TABLES for p in store.parts(t, first_hour=first_hour, last_hour=last_hour)]
 
 
+def check_repeats(store: Store) -> Check:
+    """Check the records that imports brought again (`store.repeats`): bytes and columns."""
+    parts = [(t, p) for t in TABLES for p in store.repeats(t)]
+    whole, fitting, _ = check_parts(parts)
+    findings = (*whole.findings, *fitting.findings)
+    return Check("repeats", whole.n, "files", "brought by a second import: bytes and columns are right", findings)
+
+
 def check_spool(store: Store) -> Check:
     """Check the files of the spool: acknowledged and not yet folded."""
     n, findings = 0, []
@@ -151,7 +163,7 @@ def check_spool(store: Store) -> Check:
             if finding is None and not path.exists():
                 continue
             n += 1
-            if finding is None and (why := _fits(path, table)[1]) is not None:
+            if finding is None and (why := _fits(path, table, OWNER)[1]) is not None:
                 finding = StoreFault("E302", path, f"a file of the spool does not fit the table {table}", why, _AGAIN)
             findings += [finding] if finding else []
     return Check("spool", n, "files", "not yet folded: bytes and columns are right", tuple(findings))
@@ -162,7 +174,7 @@ def check_names(store: Store) -> Check:
 
     def is_known(name: str) -> bool:
         other = _OTHERS.fullmatch(name)
-        table, _, rest = name.partition("/")
+        table, _, rest = name.removeprefix(f"{AGAIN}/").partition("/")
         return (table in TABLES and is_part(rest, store.site_id)) or (other is not None and other[1] in (None, *TABLES))
 
     n, findings = foreign_files(store.root, is_known)
@@ -257,18 +269,24 @@ def _hash_fault(path: Path, digest: str, what: str, fix: str) -> StoreFault | No
         return StoreFault("E302", path, what, f"it cannot be read: {error.strerror or error}", fix)
 
 
-def _fits(path: Path, table: TableName) -> tuple[int, str | None]:
-    """Return the number of rows of a file, and why it does not fit its table, if so."""
+def _fits(path: Path, table: TableName, *allowed: str) -> tuple[int, str | None]:
+    """Return the number of rows of a file, and why it does not fit its table, if so.
+
+    Args:
+        path: The file.
+        table: Its table.
+        allowed: More columns that it may have.
+    """
     try:
         with pq.ParquetFile(path) as file:
-            return file.metadata.num_rows, _misfit(file.schema_arrow, table)
+            return file.metadata.num_rows, _misfit(file.schema_arrow, table, allowed)
     except FileNotFoundError:
         return 0, None
     except (pa.ArrowException, OSError, ValueError) as error:
         return 0, f"it cannot be read as Parquet: {' '.join(str(error).split())[:200]}"
 
 
-def _misfit(found: pa.Schema, table: TableName) -> str | None:
+def _misfit(found: pa.Schema, table: TableName, allowed: Sequence[str]) -> str | None:
     """Return why columns are not those of a table, or None; a nullable column, which may be newer, may be missing."""
     for column in SCHEMAS[table]:
         if column.name not in found.names:
@@ -278,7 +296,7 @@ def _misfit(found: pa.Schema, table: TableName) -> str | None:
         other = found.field(column.name)
         if other.type != column.type or (other.nullable and not column.nullable):
             return f"its column {column.name} is {_type(other)}, not {_type(column)}"
-    foreign: Sequence[str] = [name for name in found.names if name not in SCHEMAS[table].names]
+    foreign = [name for name in found.names if name not in (*SCHEMAS[table].names, *allowed)]
     return f"it has a column {foreign[0]!r}, which the table does not have" if foreign else None
 
 

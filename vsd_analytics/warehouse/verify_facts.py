@@ -19,6 +19,7 @@ from vsd_analytics.store.verify_files import (
     all_parts,
     check_names,
     check_parts,
+    check_repeats,
     check_spool,
     foreign_files,
     is_part,
@@ -95,7 +96,15 @@ def verify(
         parts, columns, sound = check_parts(
             all_parts(store, first_hour=first_hour, last_hour=last_hour), on_bytes=on_bytes
         )
-        checks = [parts, columns, *audit_rows(sound, on_rows=on_rows), check_spool(store), check_names(store), intents]
+        checks = [
+            parts,
+            columns,
+            *audit_rows(sound, on_rows=on_rows),
+            check_repeats(store),
+            check_spool(store),
+            check_names(store),
+            intents,
+        ]
         if not with_facts:
             return Verification(tuple(checks))
         checks.append(check_sealed(site))

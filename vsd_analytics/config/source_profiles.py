@@ -1,0 +1,188 @@
+"""The part of `vsd.toml` that says how files are read: `[[source]]`, and writing one more of them."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import Any
+
+from vsd_analytics.config.reader import Form, TableReader, nearest
+from vsd_analytics.config.row_filter import EXAMPLE, FilterError, parse_filter
+from vsd_analytics.config.values import parse_picture_px, zone
+from vsd_analytics.schema import FILE_COLUMNS, METRES
+from vsd_analytics.site.model import Camera, SourceProfile
+
+_FILES: Form = {
+    "anyOf": [
+        {"type": "string", "minLength": 1},
+        {"type": "array", "items": {"type": "string", "minLength": 1}, "minItems": 1},
+    ]
+}
+_MAP: Form = {
+    "properties": {name: {"type": "string", "minLength": 1} for name in FILE_COLUMNS},
+    "additionalProperties": False,
+}
+_SIZE: Form = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
+_DIRECTIVES = frozenset("aAbBcdDeFfgGHIjklmMnpPrRsSTtuUVwWxXyYzZ%")
+_DAYS = frozenset("djxcsDFe")
+
+
+def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[SourceProfile, ...]:
+    """Return the profiles of `[[source]]`, in the order of the file."""
+    names = {name for c in cameras for name in (c.camera_id, *c.engine_ids)}
+    found: dict[str, SourceProfile] = {}
+    for table in root.each("source"):
+        profile_id = table.id("id", example='"tills"')
+        if profile_id in found:
+            table.fault("id", f"two sources have the id {profile_id!r}", code="E125", fix="give one of them another id")
+        size = table.parsed("size", example="[1280, 720]", parse=parse_picture_px, form=_SIZE)
+        profile = SourceProfile(
+            profile_id=profile_id or "",
+            files=_files(table),
+            format=table.text("format", example='"table"'),
+            camera=_camera(table, names),
+            columns=table.texts("columns", example='["ts", "track_id", "x_m", "y_m"]') or None,
+            map=_map(table),
+            unit=table.word("unit", tuple(METRES), example="mm"),
+            zone=zone(table, "zone"),
+            time_format=_time_format(table),
+            where=_where(table),
+            size_px=size,
+            period_s=table.number("period_s", minimum=0.001, maximum=86_400, unit="seconds", example="1.0"),
+            fps=table.number("fps", minimum=0.001, maximum=10_000, unit="frames per second", example="25"),
+            engine=table.text("engine", example='"acme 2.1"'),
+        )
+        table.close()
+        if profile_id is not None:
+            found[profile_id] = profile
+    return tuple(found.values())
+
+
+def profile_of(name: str, profiles: Collection[SourceProfile]) -> SourceProfile | None:
+    """Return the first profile whose patterns fit a path, or None.
+
+    Args:
+        name: Path as given. A pattern without a slash is compared with its last part.
+        profiles: In the order of `vsd.toml`.
+    """
+    path = PurePosixPath(name)
+    return next((p for p in profiles if any(path.match(pattern) for pattern in p.files)), None)
+
+
+@dataclass(frozen=True, slots=True)
+class NewProfile:
+    """A `[[source]]` to be written.
+
+    Attributes:
+        profile_id: Its id.
+        file_name: Name of a file of its kind; runs of digits in it become `*`.
+        values: Further keys; None = left out.
+    """
+
+    profile_id: str
+    file_name: str
+    values: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def pattern(self) -> str:
+        """Return the pattern of files of its kind: `till-2026-11-09.csv` gives `till-*.csv`."""
+        literal = re.sub(r"([\[*?])", r"[\1]", self.file_name)
+        return re.sub(r"\d+(?:[-_.:T ]\d+)*", "*", literal)
+
+    def text(self) -> str:
+        """Return the lines of `vsd.toml`."""
+        keys = {"id": self.profile_id, "files": self.pattern, **self.values}
+        return "\n".join(["[[source]]", *(f"{k} = {_toml(v)}" for k, v in keys.items() if v is not None)]) + "\n"
+
+
+def _toml(value: Any) -> str:
+    match value:
+        case dict():
+            return "{ " + ", ".join(f"{k} = {_toml(v)}" for k, v in value.items()) + " }"
+        case tuple() | list():
+            return "[" + ", ".join(map(_toml, value)) + "]"
+        case str():
+            return json.dumps(value, ensure_ascii=False)
+    return repr(value)
+
+
+def _files(table: TableReader) -> tuple[str, ...]:
+    example = '"till-*.csv"'
+    value = table.raw("files", _FILES, example=example)
+    if value is None:
+        table.missing("files", example, why="a source says by file names which files it is for")
+        return ()
+    patterns = [value] if isinstance(value, str) else value
+    if not (isinstance(patterns, list) and patterns and all(isinstance(p, str) and p.strip() for p in patterns)):
+        table.wrong_type("files", "a pattern of file names, or a list of them", example)
+        return ()
+    for pattern in patterns:
+        if not PurePosixPath(pattern).parts or "**" in pattern:
+            fix = f"write it as: files = {example}"
+            table.fault("files", f"{table.label} files: {pattern!r} is no pattern of file names", fix=fix)
+    return tuple(p for p in patterns if PurePosixPath(p).parts)
+
+
+def _camera(table: TableReader, names: Collection[str]) -> str | None:
+    value = table.text("camera", example='"cam-1"')
+    if value is None or value in names:
+        return value
+    close = difflib.get_close_matches(value, sorted(names), n=1)
+    table.fault(
+        "camera",
+        f"{table.label} camera: there is no [[camera]] {value!r}",
+        code="E125",
+        note=f"did you mean {close[0]}?" if close else None,
+        fix=f'camera = "{close[0]}"' if close else "name a camera of this file, or add a [[camera]]",
+    )
+    return None
+
+
+def _map(table: TableReader) -> dict[str, str]:
+    found = {}
+    for ours, theirs in table.table("map", example='{ ts = "time", x_m = "X" }', form=_MAP).items():
+        if ours not in FILE_COLUMNS:
+            close = nearest(ours, FILE_COLUMNS)
+            table.fault(
+                "map",
+                f"{table.label} map: no column of ours is called {ours!r}",
+                code="E122",
+                note=f"did you mean {close}?" if close else None,
+                fix=f"ours are {', '.join(FILE_COLUMNS)}",
+            )
+        elif not isinstance(theirs, str) or not theirs.strip():
+            fix = f'{ours} = "their name"'
+            table.fault("map", f"{table.label} map: {ours} must be a column name in quotes", fix=fix)
+        else:
+            found[ours] = theirs
+    return found
+
+
+def _time_format(table: TableReader) -> str | None:
+    example = '"%d/%m/%Y %H:%M:%S"'
+    value = table.text("time_format", example=example)
+    if value is None:
+        return None
+    directives = re.findall(r"%(.?)", value)
+    if not set(directives) <= _DIRECTIVES or not _DAYS & set(directives):
+        fix = f"write it as: time_format = {example}"
+        table.fault("time_format", f"{table.label} time_format {value!r} is no format of a date and time", fix=fix)
+        return None
+    return value
+
+
+def _where(table: TableReader) -> str | None:
+    value = table.text("where", example=json.dumps(EXAMPLE))
+    if value is None:
+        return None
+    try:
+        parse_filter(value)
+    except FilterError as error:
+        fix = f"write it as: where = {json.dumps(EXAMPLE)}" if error.fix is None else f"write {error.fix}"
+        table.fault("where", f"{table.label} where {value!r} is not understood", why=str(error), fix=fix)
+        return None
+    return value

@@ -1,0 +1,158 @@
+"""Frames with people, one by one, as raw tables: for adapters of engines that send a message or element a frame."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
+from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
+from vsd_analytics.ingest.raw import BadRowError, raw_table, rejected, too_many_people
+from vsd_analytics.ingest.reasons import TOO_MANY
+from vsd_analytics.schema import TableName
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MS = timedelta(milliseconds=1)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenPerson:
+    """One person in a frame.
+
+    Attributes:
+        track: Track id; None = the engine has none.
+        floor_m: x and y in floor metres.
+        picture_px: Foot point in the picture, right and down.
+    """
+
+    track: str | None = None
+    floor_m: tuple[float, float] | None = None
+    picture_px: tuple[float, float] | None = None
+
+
+class FrameRows:
+    """Turns frame after frame into raw tables.
+
+    Args:
+        options: What the user says: clocks, `persons_max`, the camera of frames that name none.
+        engine: Engine name and version.
+    """
+
+    def __init__(self, options: IngestOptions, *, engine: str) -> None:
+        self._options = options
+        self._engine = options.engine or engine
+        self._clear()
+
+    def _clear(self) -> None:
+        self._frames: list[tuple[str | None, int, str | None, int, int]] = []  # camera, ms, zone, persons, line
+        self._seen: list[SeenPerson] = []
+        self._rejected: list[Rejected] = []
+        self.dropped: Counter[str] = Counter()
+        self.n_rows = 0
+
+    def reject(self, line: int, reason: str, detail: str, record: str | bytes) -> None:
+        """Put one record into quarantine."""
+        self.n_rows += 1 + len(record) // 256  # bad records stay in memory whole
+        self._rejected.append(rejected(line, reason=reason, detail=detail, record=record))
+
+    def add(self, camera: str | None, at: datetime, seen: Sequence[SeenPerson], *, line: int) -> None:
+        """Add one frame, also one without people.
+
+        Raises:
+            BadRowError: It has more people than `persons_max`; nothing of it is added.
+        """
+        if len(seen) > self._options.persons_max:
+            raise BadRowError(TOO_MANY, too_many_people(len(seen), self._options))
+        camera = self._options.camera if camera is None else camera
+        zone = None
+        if at.tzinfo is None:
+            zone = self._options.clocks.get(camera or "", self._options.frame_zone)
+            at = at.replace(tzinfo=UTC)
+        self._frames.append((camera, (at - _EPOCH) // _MS, zone, len(seen), line))
+        self._seen += seen
+        self.n_rows += 1 + len(seen)
+
+    def batch(self, done_bytes: int, *, first_line: str | None = None) -> RawBatch:
+        """Return the records added since the last call."""
+        cameras, times, zones, counts, lines = map(list, zip(*self._frames, strict=True)) if self._frames else ([],) * 5
+        ts_ms = np.array(times, dtype=np.int64)
+        notes = []
+        for zone in sorted({z for z in zones if z is not None}):
+            at = np.array([z == zone for z in zones])
+            ts_ms[at], is_ambiguous = local_to_utc(ts_ms[at], zone)
+            notes += [ambiguous_note(zone)] if is_ambiguous.any() else []
+        n_persons = np.array(counts, dtype=np.int64)
+        shared: dict[str, Any] = {
+            "camera": pa.array(cameras, pa.string()),
+            "ts_ms": pa.array(ts_ms),
+            "zone": pa.array(zones, pa.string()),
+            "line": pa.array(lines, pa.int64()),
+        }
+        tables: dict[TableName, pa.Table] = {}
+        if self._frames:
+            tables["frames"] = raw_table("frames", **shared, n_persons=n_persons)
+        if self._seen:
+            of_row = pa.array(np.repeat(np.arange(len(n_persons)), n_persons))
+            first_of_frame = np.repeat(np.cumsum(n_persons) - n_persons, n_persons)
+            tables["observations"] = raw_table(
+                "observations",
+                **{name: values.take(of_row) for name, values in shared.items()},
+                person=np.arange(len(self._seen)) - first_of_frame,
+                track=[s.track for s in self._seen],
+                x_m=[None if s.floor_m is None else s.floor_m[0] for s in self._seen],
+                y_m=[None if s.floor_m is None else s.floor_m[1] for s in self._seen],
+                u_px=[None if s.picture_px is None else s.picture_px[0] for s in self._seen],
+                v_px=[None if s.picture_px is None else s.picture_px[1] for s in self._seen],
+                quality="metric",
+            )
+        engines = [self._engine]
+        found = RawBatch(tables, self._rejected, +self.dropped, notes, done_bytes, engines, first_line=first_line)
+        self._clear()
+        return found
+
+
+def instant_of(text: object) -> datetime:
+    """Return a time that an engine writes in ISO 8601, with or without offset.
+
+    Raises:
+        BadRowError: It is none.
+    """
+    try:
+        return datetime.fromisoformat(text.strip() if isinstance(text, str) else "")
+    except ValueError:
+        raise BadRowError("not-a-time", f"{str(text)[:40]!r} is not an ISO 8601 time") from None
+
+
+def finite(value: object) -> float:
+    """Return a number of a message, which some engines write as text.
+
+    Raises:
+        BadRowError: It is none, or not finite.
+    """
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise BadRowError("not-a-number", f"{str(value)[:40]!r} is not a finite number")
+    return number
+
+
+def id_of(value: object) -> str | None:
+    """Return a track id as text; None for a missing one.
+
+    Raises:
+        BadRowError: It is neither a text nor a number.
+    """
+    if value is None or value == "":
+        return None
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise BadRowError("bad-message", f"an id is {str(value)[:40]!r}")
+    return f"{value:.0f}" if isinstance(value, float) and value.is_integer() else str(value)

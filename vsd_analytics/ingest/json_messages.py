@@ -1,0 +1,167 @@
+"""Adapters of engines that write JSON messages, one a frame: lines, an array, or objects one after the other."""
+
+from __future__ import annotations
+
+import codecs
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
+from vsd_analytics.ingest.frame_rows import FrameRows
+from vsd_analytics.ingest.raw import BadRowError
+from vsd_analytics.ingest.text_lines import line_blocks
+
+READ_BYTES = 1 << 20
+_BETWEEN = " \t\r\n,"
+_ARRAY = re.compile(rb"\s*\[")
+
+
+class JsonMessages:
+    """An adapter of JSON messages; a subclass says how they are recognised and what is in one."""
+
+    name: ClassVar[str]
+    coordinates: ClassVar[str]
+    engine: ClassVar[str]
+    """Engine name, where neither message nor user says one."""
+    marks: ClassVar[tuple[str, ...]]
+    """Keys that a message of this format has, for recognising it."""
+
+    def detects(self, source: Source) -> bool:
+        """Return whether the file begins as JSON and its first bytes have the keys of this format."""
+        if not source.path.is_file():
+            return False
+        head = source.head().removeprefix(b"\xef\xbb\xbf").lstrip()
+        return head.startswith((b"{", b"[")) and all(re.search(rf'"{m}"\s*:'.encode(), head) for m in self.marks)
+
+    def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
+        """Stream the messages; one that cannot be used goes to quarantine.
+
+        Raises:
+            InputError: E205, a file that is not written line by line is damaged; what came before is stored.
+        """
+        frames = FrameRows(options, engine=self.engine)
+        damage: InputError | None = None
+        done = 0
+        try:
+            for number, message, record, done in _messages(source, options):
+                if message is None:
+                    reason = "line-too-long" if not record else "bad-json"
+                    frames.reject(number, reason, "this is no JSON object", record)
+                else:
+                    try:
+                        self.take(message, frames, options, number)
+                    except BadRowError as bad:
+                        reason, detail = bad.args
+                        frames.reject(number, reason, detail, record)
+                if frames.n_rows >= BATCH_ROWS:
+                    yield frames.batch(done, first_line="")
+        except InputError as error:
+            damage = error
+        yield frames.batch(source.size_bytes if damage is None else done, first_line="")
+        if damage is not None:
+            raise damage
+
+    def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
+        """Add what one message says.
+
+        Raises:
+            BadRowError: It cannot be used.
+        """
+        raise NotImplementedError
+
+
+def inner(message: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Return an object inside a message; a missing one, or null, is empty.
+
+    Raises:
+        BadRowError: It is something else.
+    """
+    value = message.get(key)
+    if value is None or isinstance(value, dict):
+        return value or {}
+    raise BadRowError("bad-message", f"{key} is {str(value)[:40]!r}")
+
+
+def listed(message: Mapping[str, Any], key: str) -> list[Any]:
+    """Return a list inside a message, as `inner`."""
+    value = message.get(key)
+    if value is None or isinstance(value, list):
+        return value or []
+    raise BadRowError("bad-message", f"{key} is {str(value)[:40]!r}")
+
+
+def text(message: Mapping[str, Any], key: str) -> str:
+    """Return a text of a message, as `inner`; "" when it is missing."""
+    value = message.get(key)
+    if value is None or isinstance(value, str):
+        return value or ""
+    raise BadRowError("bad-message", f"{key} is {str(value)[:40]!r}")
+
+
+def _messages(source: Source, options: IngestOptions) -> Iterator[tuple[int, dict[str, Any] | None, bytes, int]]:
+    """Yield number, message (None = no JSON object), its bytes, and how far the file has been read."""
+    head = source.head().removeprefix(b"\xef\xbb\xbf")
+    first = head.lstrip().partition(b"\n")[0]
+    if _ARRAY.match(head) or (b"\n" in head.strip() and _as_object(first.strip()) is None and first.strip() == b"{"):
+        yield from _one_after_the_other(source, options)
+        return
+    with source.open() as stream:
+        for start, lines in line_blocks(stream, max_bytes=options.line_max_bytes):
+            for number, line in enumerate(lines, start):
+                if line is None:
+                    yield number, None, b"", bytes_read(stream)
+                elif line.strip():
+                    yield number, _as_object(line), line, bytes_read(stream)
+
+
+def _as_object(line: bytes) -> dict[str, Any] | None:
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _one_after_the_other(
+    source: Source, options: IngestOptions
+) -> Iterator[tuple[int, dict[str, Any] | None, bytes, int]]:
+    """Yield objects that span lines; the file is never in memory."""
+    decode = json.JSONDecoder().raw_decode
+    as_text = codecs.getincrementaldecoder("utf-8-sig")("backslashreplace")
+    text, at, number, is_end = "", 0, 0, False
+    with source.open() as stream:
+        while True:
+            while at < len(text) and (text[at] in _BETWEEN or (number == 0 and text[at] == "[")):
+                at += 1
+            if at < len(text) and text[at] == "]":
+                return
+            try:
+                if at == len(text):
+                    raise json.JSONDecodeError("nothing", text, at)
+                found, end = decode(text, at)
+            except (ValueError, RecursionError) as error:
+                if is_end and at == len(text):
+                    return
+                if is_end or len(text) - at > options.line_max_bytes:
+                    raise _damaged(source, number, text[at : at + 80], error) from None
+                more = stream.read(READ_BYTES)
+                is_end = not more
+                text, at = text[at:] + as_text.decode(more, final=is_end), 0
+                continue
+            number += 1
+            record = json.dumps(found).encode() if isinstance(found, dict) else text[at:end].encode("utf-8", "replace")
+            at = end
+            yield number, found if isinstance(found, dict) else None, record, bytes_read(stream)
+
+
+def _damaged(source: Source, number: int, text: str, error: Exception) -> InputError:
+    return InputError(
+        f"{source.file_name} is damaged after message {number:,}",
+        code="E205",
+        where=Where(source.name, number + 1, text),
+        why=f"it is not JSON: {str(error)[:200]}",
+        fix="copy or export the file again; the messages before the damage are stored",
+    )

@@ -1,0 +1,53 @@
+"""Roboflow supervision's CSV and JSON sinks: a row or object per detection, boxes in pixels.
+
+The sinks write `x_min y_min x_max y_max class_id confidence tracker_id`, then what the user added. They write no time
+by themselves: a column `timestamp`, `ts` or `time` is the time, else `frame_index`, `frame_number`, `frame_id` or
+`frame` is the frame number, with `--fps` and `--start`. Unless `--where` says otherwise, only persons are read:
+`class_name = 'person'`, or class 0 where there are no names.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.columns import ColumnPlan
+from vsd_analytics.ingest.table_file import TableFile
+from vsd_analytics.ingest.table_parts import TablePart
+from vsd_analytics.ingest.tables import Tables, open_table
+
+BOX = {"left": "x_min", "top": "y_min", "right": "x_max", "bottom": "y_max"}
+TIMES = ("timestamp", "ts", "time")
+FRAMES = ("frame_index", "frame_number", "frame_id", "frame")
+_OWN = (*BOX.values(), "class_id", "confidence", "tracker_id")
+
+
+class Supervision(Tables):
+    """Adapter of supervision's `CSVSink` and `JSONSink`."""
+
+    name = "supervision"
+    coordinates = "image pixels, foot point = bottom centre of the box"
+
+    def detects(self, source: Source) -> bool:
+        """Return whether the first row has the columns that the sinks write."""
+        if not source.path.is_file():
+            return False
+        head = source.head(8192).removeprefix(b"\xef\xbb\xbf").lstrip()
+        if head.startswith(b"["):
+            return all(re.search(rf'"{name}"\s*:'.encode(), head) for name in _OWN)
+        return head.partition(b"\n")[0].strip().split(b",")[: len(_OWN)] == [name.encode() for name in _OWN]
+
+    def _planned(
+        self, source: Source, options: IngestOptions, part: TablePart | None = None
+    ) -> tuple[TableFile, ColumnPlan]:
+        names = open_table(source, options).header.names
+        preset = {ours: theirs for ours, theirs in {**BOX, "track_id": "tracker_id"}.items() if theirs in names}
+        taken = options.map.keys()
+        if not {"ts", "frame"} & taken:
+            preset |= next(({"ts": n} for n in TIMES if n in names), {})
+            if "ts" not in preset:
+                preset |= next(({"frame": n} for n in FRAMES if n in names), {})
+        persons = "class_name = 'person'" if "class_name" in names else "class_id = 0" if "class_id" in names else None
+        read = replace(options, map={**preset, **options.map}, where=options.where or persons)
+        return super()._planned(source, read, part)
