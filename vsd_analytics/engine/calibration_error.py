@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vsd_analytics.engine.people import Array
 from vsd_analytics.geometry.homography import as_matrix, project, to_floor, to_image
@@ -34,13 +35,18 @@ def foot_covariance(homography: Array, uv: Array, *, picture_px: tuple[int, int]
 
     The picture's error goes through the derivative of the homography, so it grows with the square of the distance.
     """
-    h = as_matrix(homography)
-    xy = to_floor(h, uv, picture_px=picture_px)
-    w = uv @ h[2, :2] + h[2, 2]
-    jacobian = (h[:2, :2] - xy[:, :, None] * h[2, :2]) / w[:, None, None]
+    jacobian = floor_per_px(homography, uv, picture_px=picture_px)
     per_px = np.linalg.norm(jacobian[:, :, 0], axis=1)  # metres across one pixel: across the picture nothing is short
     pixels = np.hypot(FOOT_PX, FOOT_M / per_px)
     return np.asarray(jacobian @ np.swapaxes(jacobian, 1, 2) * (pixels**2)[:, None, None])
+
+
+def floor_per_px(homography: ArrayLike, uv: Array, *, picture_px: tuple[int, int] | None) -> Array:
+    """Return the derivative of floor positions by pixels, metres per pixel, shape (n, 2, 2)."""
+    h = as_matrix(homography)
+    xy = to_floor(h, uv, picture_px=picture_px)
+    w = uv @ h[2, :2] + h[2, 2]
+    return np.asarray((h[:2, :2] - xy[:, :, None] * h[2, :2]) / w[:, None, None])
 
 
 def camera_sd_m(cameras: Array, a: Array, b: Array) -> Array:
