@@ -60,7 +60,7 @@ def calibrate(
     origin is then below the camera, x to the right and y ahead.
 
     With --check, nothing is calibrated: people of later days tell whether the camera has moved (exit code 1), when, by
-    how much, and the command that calibrates it anew from then on. Weeks before and after it are then not compared.
+    how much, and the command that calibrates it again from then on. Weeks before and after it are then not compared.
 
     Without --matrix, --points, --from-people and --check, draw the calibration in force again.
 
@@ -108,8 +108,9 @@ def _from_people(
 
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.people_calibration import calibrate_from_people
-    from vsd_analytics.engine.people_calibration_file import path_of, write_stated_error
+    from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.geometry.stated_errors import beside
 
     picture_px = _picture_px(calibration.camera_called(project.site, camera_id), size)
     seen = read_people(people, size_px=picture_px)
@@ -120,7 +121,8 @@ def _from_people(
         matrix = Path(folder) / f"{camera_id}.txt"
         np.savetxt(matrix, found.homography, fmt="%.12g")
         done = calibration.calibrate(project.site, camera_id=camera_id, matrix=matrix, valid_from=since)
-    write_stated_error(path_of(project.site.root, camera_id), found, calibration_id=done.calibration_id)
+    stated = beside(project.site.root / done.file, "people")
+    write_stated_error(stated, found, calibration_id=done.calibration_id)
     return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
 
 
@@ -135,7 +137,7 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
     picture_px = _picture_px(camera, size)
     people = read_people(source, size_px=picture_px)
     ts_ms = moved_cameras.timed(people, source)
-    check = moved_cameras.check_people(project.site, camera, people, ts_ms=ts_ms, size_px=picture_px)
+    check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
     if check is None:
         raise UsageError(
             f"camera {camera_id!r} has no calibration to check",

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from vsd_analytics.engine.people import People
+    from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
     from vsd_analytics.engine.seen import Seen
-    from vsd_analytics.site.model import Camera
+    from vsd_analytics.site.model import Calibration, Camera
 
 NO_CLOCK = "2000-01-01T00:00:00Z"
 """Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
@@ -196,7 +197,6 @@ def _calibrated(
     from dataclasses import replace
 
     from vsd_analytics.engine.floor_method import locate
-    from vsd_analytics.engine.people_calibration_file import path_of, read_stated_error
     from vsd_analytics.engine.tracker import tracked
     from vsd_analytics.errors import UsageError
     from vsd_analytics.warehouse.dimensions import calibration_spans
@@ -207,7 +207,6 @@ def _calibrated(
             why="--method people measures in metres on the floor",
             fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
         )
-    stated = path_of(project.site.root, camera.camera_id)
     timed, parts = replace(people, ts_ms=ts_ms), []
     for from_ms, to_ms, used in calibration_spans(camera):
         part = timed.between(from_ms, to_ms)
@@ -223,10 +222,19 @@ def _calibrated(
             picture_px=picture_px,
             within_m=project.site.settings.pair_max_m,
             name=used.calibration_id,
-            error=read_stated_error(stated, calibration_id=used.calibration_id),
+            error=_stated_error(used),
         )
         parts.append((seen, when))
     return parts
+
+
+def _stated_error(used: Calibration) -> StatedError | None:
+    from vsd_analytics.engine.people_calibration_file import read_stated_error
+    from vsd_analytics.geometry.stated_errors import beside
+
+    if used.source is None:
+        return None
+    return read_stated_error(beside(used.source, "people"), calibration_id=used.calibration_id)
 
 
 def _moves(
@@ -241,7 +249,7 @@ def _moves(
     """Warn when the camera has moved since its calibration; return its moves for `--json`."""
     from vsd_analytics.cli import moved_cameras
 
-    check = moved_cameras.check_people(project.site, camera, people, ts_ms=ts_ms, size_px=picture_px)
+    check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
     zone = project.site.timezone
     for move in () if check is None else check.moves:
         sentence = moved_cameras.move_sentence(camera, move, zone=zone, source=str(source))

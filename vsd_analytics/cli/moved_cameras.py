@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from vsd_analytics.engine.camera_moves import CameraCheck, CameraMove
     from vsd_analytics.engine.people import People
-    from vsd_analytics.site.model import Camera, Site
+    from vsd_analytics.site.model import Camera
 
 CODE: Final = "W405"
 _SHORT_MS: Final = 2 * 3_600_000
@@ -25,13 +25,12 @@ _NO_ROLL_DEG: Final = 0.5
 
 
 def check_people(
-    site: Site, camera: Camera, people: People, *, ts_ms: NDArray[np.int64], size_px: tuple[int, int] | None
+    camera: Camera, people: People, *, ts_ms: NDArray[np.int64], size_px: tuple[int, int] | None
 ) -> CameraCheck | None:
     """Return the moves of a camera since its latest calibration, by the people it saw.
 
     Args:
-        site: The site.
-        camera: One of its cameras.
+        camera: The camera.
         people: Boxes or joints.
         ts_ms: UTC milliseconds of each of `people.frames`.
         size_px: Width and height of the picture.
@@ -43,13 +42,16 @@ def check_people(
 
     from vsd_analytics.engine.camera_model import camera_of_homography
     from vsd_analytics.engine.camera_moves import check_camera
-    from vsd_analytics.engine.people_calibration_file import StatedCamera, path_of, read_stated_camera
+    from vsd_analytics.engine.people_calibration_file import StatedCamera, read_stated_camera
     from vsd_analytics.engine.sightings import BOX
+    from vsd_analytics.geometry.stated_errors import beside
 
     if not camera.calibrations or size_px is None:
         return None
     latest = camera.calibrations[-1]
-    known = read_stated_camera(path_of(site.root, camera.camera_id), calibration_id=latest.calibration_id)
+    known = None
+    if latest.source is not None:
+        known = read_stated_camera(beside(latest.source, "people"), calibration_id=latest.calibration_id)
     if known is None:
         model = camera_of_homography(latest.homography, size_px)
         if model is None:
@@ -70,7 +72,7 @@ def timed(people: People, path: Path) -> NDArray[np.int64]:
 
 
 def move_sentence(camera: Camera, move: CameraMove, *, zone: str, source: str) -> str:
-    """Return when and how a camera moved, what it does to distances, and the command that calibrates it anew."""
+    """Return when and how a camera moved, what it does to distances, and the command that calibrates it again."""
     turn = f"tilt about {move.tilt_deg:+.1f} degrees"
     if abs(move.roll_deg) >= _NO_ROLL_DEG:
         turn += f", roll about {move.roll_deg:+.1f}"
@@ -78,7 +80,7 @@ def move_sentence(camera: Camera, move: CameraMove, *, zone: str, source: str) -
     since = since_text(move, zone=zone)
     return (
         f"camera {camera.camera_id} has moved {_when(move, zone=zone)} ({turn}): by its calibration, distances since "
-        f"then come out about {abs(move.distance_change):.0%} {longer}. Calibrate it anew from then on: "
+        f"then come out about {abs(move.distance_change):.0%} {longer}. Calibrate it again from then on: "
         f"vsd calibrate {camera.camera_id} --from-people {source} --from {since}"
     )
 
@@ -132,7 +134,7 @@ def _when(move: CameraMove, *, zone: str) -> str:
 
 
 def _since(move: CameraMove, *, zone: str) -> datetime:
-    """Return the instant that stands for the move: the nearest hour, or the first people seen after a longer gap."""
+    """Return the instant of the move for `--from`: the nearest hour, or the first people seen after a longer gap."""
     if move.after_ms is None or move.before_ms - move.after_ms >= _SHORT_MS:
         return _local(move.before_ms, zone).replace(second=0, microsecond=0)
     middle = _local((move.after_ms + move.before_ms) // 2, zone) + timedelta(minutes=30)

@@ -27,7 +27,7 @@ SLOT_PEOPLE: Final = 20
 MIN_SLOTS: Final = 3
 """A move lasts so many slots: an hour of people who crouch is none."""
 MIN_DAYS: Final = 4
-"""An hour of the day is told from others when it was seen on so many days."""
+"""An hour of the day can differ from others when it was seen on so many days."""
 LEAST_DEG: Final = 0.5
 """Smaller steps are not reported: they change distances by less than the calibration's own error."""
 LEAST_SINCE_DEG: Final = 1.5

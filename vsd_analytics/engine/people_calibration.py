@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras
+from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras, view_map
 from vsd_analytics.engine.calibration_fit import DEPTH, Fitted, camera_of, fit_camera
 from vsd_analytics.engine.camera_model import CameraModel
 from vsd_analytics.engine.camera_moves import Turn, usual_turn
@@ -47,7 +47,9 @@ class FromPeople:
         error: Relative sd of a distance of 2 m by the camera's part alone, median over where people were.
         depth_m: Depth of a body, as fitted (`sightings.Body`).
         usual_turn: Turn by which the heights of these people would be equal; later people are compared with it.
-        map: x, y, sd of a distance of 2 m and the camera's part of it, metres, per cell of 1 m, shape (k, 4).
+        map: x, y, sd of a distance of 2 m and the camera's part of it, metres, per cell of 1 m with people, shape
+            (k, 4).
+        view_map: The same for all floor in view up to `calibration_error.REACH_M`; at most `FARTHEST_SD_M`.
     """
 
     camera: CameraModel
@@ -63,6 +65,7 @@ class FromPeople:
     depth_m: float
     usual_turn: Turn
     map: Array
+    view_map: Array
 
     def distance_sd_m(self, a: Array, b: Array) -> Array:
         """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
@@ -128,6 +131,7 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
         depth_m=float(fitted.vector[DEPTH]),
         usual_turn=usual_turn(seen, fitted.camera, depth_m=float(fitted.vector[DEPTH])),
         map=cells,
+        view_map=view_map(homography, likely, picture_px=size_px),
     )
 
 

@@ -1,11 +1,10 @@
-"""The stated error of a calibration from people, beside its matrix: `calibration/<camera>-from-people.json`."""
+"""Camera and stated error of a calibration from people, beside its matrix: `calibration/<camera>-from-people.json`."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,9 +13,8 @@ from vsd_analytics.engine.camera_model import CameraModel
 from vsd_analytics.engine.camera_moves import Turn
 from vsd_analytics.engine.people import Array
 from vsd_analytics.engine.people_calibration import FromPeople
+from vsd_analytics.geometry.stated_errors import read_content
 from vsd_analytics.store.durable import publish
-
-FOLDER = "calibration"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +51,11 @@ class StatedCamera:
     usual_turn: Turn | None
 
 
-def path_of(root: Path, camera_id: str) -> Path:
-    """Return where the file of a camera is."""
-    return root / FOLDER / f"{camera_id}-from-people.json"
-
-
 def write_stated_error(path: Path, found: FromPeople, *, calibration_id: str) -> None:
     """Write camera, error map and likely cameras.
 
     Args:
-        path: See `path_of`.
+        path: See `stated_errors.beside`.
         found: The calibration.
         calibration_id: Of the matrix in force, so that the file is not used with another one.
     """
@@ -79,7 +72,7 @@ def write_stated_error(path: Path, found: FromPeople, *, calibration_id: str) ->
         "usual_turn_rad": list(astuple(found.usual_turn)),
         "homography": found.homography.tolist(),
         "map_columns": ["x_m", "y_m", "sd_of_2_m", "camera_part"],
-        "map": found.map.round(3).tolist(),
+        "map": found.view_map.round(3).tolist(),
         "likely": found.likely.tolist(),
     }
     publish(path, json.dumps(content).encode() + b"\n")
@@ -87,7 +80,7 @@ def write_stated_error(path: Path, found: FromPeople, *, calibration_id: str) ->
 
 def read_stated_error(path: Path, *, calibration_id: str) -> StatedError | None:
     """Return the error that belongs to a matrix; None without a file, or when it belongs to another matrix."""
-    content = _content(path, calibration_id=calibration_id)
+    content = read_content(path, calibration_id=calibration_id)
     try:
         homography, likely = (np.asarray(content[key], dtype=np.float64) for key in ("homography", "likely"))
         width, height = (int(side) for side in content["size_px"])
@@ -98,7 +91,7 @@ def read_stated_error(path: Path, *, calibration_id: str) -> StatedError | None:
 
 def read_stated_camera(path: Path, *, calibration_id: str) -> StatedCamera | None:
     """Return the camera that belongs to a matrix; None without a file, or when it belongs to another matrix."""
-    content = _content(path, calibration_id=calibration_id)
+    content = read_content(path, calibration_id=calibration_id)
     try:
         focal, tilt, roll, height = (float(content[k]) for k in ("focal_px", "tilt_deg", "roll_deg", "height_m"))
         u, v = (float(value) for value in content["centre_px"])
@@ -108,12 +101,3 @@ def read_stated_camera(path: Path, *, calibration_id: str) -> StatedCamera | Non
         return None
     camera = CameraModel(focal, float(np.radians(tilt)), float(np.radians(roll)), height, (u, v))
     return StatedCamera(camera, depth_m, turn)
-
-
-def _content(path: Path, *, calibration_id: str) -> dict[str, Any]:
-    """Return the file's content; empty where there is none that belongs to the matrix."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content if isinstance(content, dict) and content.get("calibration_id") == calibration_id else {}
