@@ -66,6 +66,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_atc.py
 	$(BIN)/python tests/realdata/prove_crowding.py
 	$(BIN)/python tests/engine/prove_engine.py
+	$(BIN)/python tests/engine/prove_tracks.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python docs/generate_reference.py docs

@@ -1,7 +1,8 @@
 """How good the engine is: the paper's method with the truth's help, and the calibration from people without any.
 
 Run `VSD_REALDATA=... python tests/engine/prove_engine.py`; the tables are in docs/engine.md. `--part simulated`,
-`real`, `error` or `speed` runs one of them. Real boxes are the annotated ones of OxTown and WILDTRACK, not detections.
+`real`, `error`, `moved` or `speed` runs one of them. Real boxes are the annotated ones of OxTown and WILDTRACK, not
+detections.
 """
 
 from __future__ import annotations
@@ -9,19 +10,25 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pair_errors import distances, pair_errors
-from simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from engine.pair_errors import distances, pair_errors
+from engine.simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
+from engine.simulated_weeks import MONDAY_MS, simulate_week
 
 from vsd_analytics.engine.body import PART_M, feet
+from vsd_analytics.engine.camera_moves import HOUR_MS, CameraCheck, check_camera
 from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.people import People
-from vsd_analytics.engine.people_calibration import calibrate_from_people
+from vsd_analytics.engine.people_calibration import FromPeople, calibrate_from_people
 from vsd_analytics.engine.ratio_search import Labelled, paper_distances, search
 from vsd_analytics.engine.ratios import Ratios
 from vsd_analytics.engine.safe_space import pairs_of_frames
@@ -236,6 +243,72 @@ def error(n: int, seed: int) -> None:
         )
 
 
+def moved(n: int, seed: int) -> None:
+    """Print when a turned camera is found, and how often one that nobody touched is called moved.
+
+    Each camera is calibrated from two days of a week with another crowd. Every second one is turned on Wednesday at
+    14:18.
+    """
+    rng = np.random.default_rng(seed)
+    day = 24 * HOUR_MS
+    turned_h, n_cameras, n_alarms, n_thin = 2 * 24 + 14.3, 0, 0, 0
+    until = {"that evening": 3, "Thursday evening": 4, "Friday evening": 5, "end of the week": 7}
+    found: dict[float, list[str]] = {}
+    late: dict[float, list[float]] = {}
+    size: dict[float, list[float]] = {}
+    while n_cameras < n:
+        camera = SimulatedCamera(
+            height_m=rng.uniform(2.5, 6),
+            tilt_deg=rng.uniform(10, 35),
+            roll_deg=rng.normal(0, 1.5),
+            f_widths=float(np.exp(rng.uniform(np.log(0.6), np.log(1.5)))),
+            k1=rng.normal(0, 0.05),
+        )
+        seed += 2
+        try:
+            known = calibrate_from_people(simulate_week(camera, seed=seed + 1, days=2), size_px=SIZE)
+        except CalibrationError:
+            continue
+        quiet = check_week(simulate_week(camera, seed=seed), known)
+        if quiet.least_deg is None:
+            n_thin += 1
+            continue
+        n_cameras += 1
+        n_alarms += bool(quiet.moves)
+        if n_cameras % 2:
+            continue
+        for tilt in (1.0, 2.0, 5.0):
+            week = simulate_week(camera, seed=seed, moved_h=turned_h, tilt_deg=tilt)
+            when = "not found"
+            for label, days in until.items():
+                assert week.ts_ms is not None
+                n_frames = int(np.searchsorted(week.ts_ms, MONDAY_MS + days * day))
+                some = replace(week.rows(week.frame < n_frames), frames=week.frames[:n_frames])
+                moves = check_week(replace(some, ts_ms=week.ts_ms[:n_frames]), known).moves
+                if moves:
+                    when = label
+                    move = max(moves, key=lambda move: move.chi_square)
+                    late.setdefault(tilt, []).append((move.before_ms - MONDAY_MS) / HOUR_MS - turned_h)
+                    size.setdefault(tilt, []).append(move.tilt_deg)
+                    break
+            found.setdefault(tilt, []).append(when)
+    print(f"\nfalse alarms: {n_alarms} of {n_cameras} quiet camera-weeks ({n_thin} cameras saw too few people to tell)")
+    print(f"| turned by | {' | '.join(until)} | not found | tilt found, 10 to 90 % | found to be later than it was |")
+    print("|---|" + "---|" * (len(until) + 3))
+    for tilt, days_found in found.items():
+        share = [f"{days_found.count(label) / len(days_found):.0%}" for label in (*until, "not found")]
+        low, high = np.quantile(size[tilt], [0.1, 0.9])
+        off = np.quantile(late[tilt], [0.1, 0.5, 0.9])
+        print(
+            f"| {tilt:g} degrees | {' | '.join(share)} | {low:.1f} to {high:.1f} degrees "
+            f"| {off[1]:+.1f} h ({off[0]:+.1f} to {off[2]:+.1f}) |"
+        )
+
+
+def check_week(week: People, known: FromPeople) -> CameraCheck:
+    return check_camera(week, known.camera, depth_m=known.depth_m, size_px=SIZE, usual=known.usual_turn)
+
+
 def speed() -> None:
     people = boxes_only(simulate(SimulatedCamera(), seed=1, n_tracks=100, seconds=60))
     times = 50
@@ -248,7 +321,7 @@ def speed() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--part", choices=["simulated", "real", "error", "speed"])
+    parser.add_argument("--part", choices=["simulated", "real", "error", "moved", "speed"])
     parser.add_argument("--cameras", type=int, default=40)
     parser.add_argument("--seed", type=int, default=100)
     given = parser.parse_args()
@@ -257,6 +330,8 @@ def main() -> None:
         simulated(given.cameras, given.seed)
     if given.part in {None, "error"}:
         error(given.cameras, given.seed)
+    if given.part in {None, "moved"}:
+        moved(100, given.seed)
     if given.part in {None, "speed"}:
         speed()
     if given.part in {None, "real"}:

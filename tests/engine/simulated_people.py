@@ -110,8 +110,8 @@ def simulate(
     Adults are 1.70 +- 0.08 m, children 1.20 +- 0.15 m. Sitting people have 0.75 of their height and do not move.
     """
     rng = np.random.default_rng(seed)
-    low = _nearest_m(camera)
-    starts = _places(camera, n_tracks, low, reach_m, rng)
+    low = nearest_m(camera)
+    starts = floor_places(camera, n_tracks, low, reach_m, rng)
     heights = np.where(
         rng.random(n_tracks) < children, rng.normal(1.2, 0.15, n_tracks), rng.normal(1.7, 0.08, n_tracks)
     )
@@ -167,12 +167,12 @@ def boxes_only(scene: Scene) -> People:
     return People(people.frame, people.track, scene.box, np.full_like(people.joints, np.nan), people.frames)
 
 
-def _nearest_m(camera: SimulatedCamera) -> float:
+def nearest_m(camera: SimulatedCamera) -> float:
     uv = np.array([[SIZE[0] / 2, SIZE[1] * 0.98]])
     return float(camera.to_floor(uv)[0, 1])
 
 
-def _places(camera: SimulatedCamera, n: int, low: float, reach_m: float, rng: np.random.Generator) -> Array:
+def floor_places(camera: SimulatedCamera, n: int, low: float, reach_m: float, rng: np.random.Generator) -> Array:
     """Return floor positions spread over what the camera sees up to `reach_m` behind the nearest floor it sees."""
     y = low + (reach_m - 0.5) * rng.random(n) ** 0.8 + 0.5
     t = np.radians(camera.tilt_deg)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from vsd_analytics.config.calibrate import Calibrated
     from vsd_analytics.engine.people_calibration import FromPeople
+    from vsd_analytics.site.model import Camera
 
 
 @click.command()
@@ -31,7 +32,13 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Boxes or joints of people over time (see vsd engine run); needs no measuring.",
 )
-@click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people.")
+@click.option(
+    "--check",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Boxes or joints with times: tell whether the camera has moved since its calibration, and when.",
+)
+@click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people and --check.")
 @click.option("--from", "valid_from", metavar="INSTANT", help="When the camera was put there (default: always).")
 @json_option
 @pass_project
@@ -41,6 +48,7 @@ def calibrate(
     matrix: Path | None,
     points: Path | None,
     from_people: Path | None,
+    check: Path | None,
     size: str | None,
     valid_from: str | None,
     as_json: bool,
@@ -51,21 +59,27 @@ def calibrate(
     tilt, roll and height of the camera. The error is stated, and too uncertain results are refused. The floor's
     origin is then below the camera, x to the right and y ahead.
 
-    Without --matrix, --points and --from-people, draw the calibration in force again.
+    With --check, nothing is calibrated: people of later days tell whether the camera has moved (exit code 1), when, by
+    how much, and the command that calibrates it again from then on. Weeks before and after it are then not compared.
+
+    Without --matrix, --points, --from-people and --check, draw the calibration in force again.
 
     \b
     Example:
       vsd calibrate cam-1 --points points.csv
       vsd calibrate cam-1 --matrix cam-1.txt --from 2026-11-01T07:00
       vsd calibrate cam-1 --from-people people.csv --size 1920x1080
+      vsd calibrate cam-1 --check week.csv
       vsd calibrate cam-1
     """
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.errors import UsageError
 
-    if sum(given is not None for given in (matrix, points, from_people)) > 1:
-        raise UsageError("--matrix, --points and --from-people exclude each other", fix="give one of them")
+    if sum(given is not None for given in (matrix, points, from_people, check)) > 1:
+        raise UsageError("--matrix, --points, --from-people and --check exclude each other", fix="give one of them")
     since = None if valid_from is None else instant(valid_from, zone=project.site.timezone, what="--from")
+    if check is not None:
+        return _check(project, camera, check, size=size, as_json=as_json)
     if from_people is not None:
         return _from_people(project, camera, from_people, size=size, since=since, as_json=as_json)
     done = calibration.calibrate(project.site, camera_id=camera, matrix=matrix, points=points, valid_from=since)
@@ -87,29 +101,69 @@ def _shown(project: Project, done: Calibrated, lines: list[str], more: dict[str,
 def _from_people(
     project: Project, camera_id: str, people: Path, *, size: str | None, since: datetime | None, as_json: bool
 ) -> int:
-    """Calibrate a camera from the people it sees, and put the result into force."""
+    """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
     import tempfile
 
     import numpy as np
 
-    from vsd_analytics.cli.picture_sizes import parse_size
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.people_calibration import calibrate_from_people
-    from vsd_analytics.engine.people_calibration_file import path_of, write_stated_error
+    from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.engine.people_files import read_people
-    from vsd_analytics.errors import UsageError
+    from vsd_analytics.geometry.stated_errors import beside
 
-    known = next((c.picture_px for c in project.site.cameras if c.camera_id == camera_id), None)
-    picture_px = known if size is None else parse_size(size)
-    if picture_px is None:
-        raise UsageError(f"the picture size of {camera_id} is not known", fix="--size 1920x1080")
-    found = calibrate_from_people(read_people(people, size_px=picture_px), size_px=picture_px)
+    picture_px = _picture_px(calibration.camera_called(project.site, camera_id), size)
+    seen = read_people(people, size_px=picture_px)
+    if since is not None and seen.ts_ms is not None:
+        seen = seen.between(round(since.timestamp() * 1000), None)
+    found = calibrate_from_people(seen, size_px=picture_px)
     with tempfile.TemporaryDirectory() as folder:
         matrix = Path(folder) / f"{camera_id}.txt"
         np.savetxt(matrix, found.homography, fmt="%.12g")
         done = calibration.calibrate(project.site, camera_id=camera_id, matrix=matrix, valid_from=since)
-    write_stated_error(path_of(project.site.root, camera_id), found, calibration_id=done.calibration_id)
+    stated = beside(project.site.root / done.file, "people")
+    write_stated_error(stated, found, calibration_id=done.calibration_id)
     return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
+
+
+def _check(project: Project, camera_id: str, source: Path, *, size: str | None, as_json: bool) -> int:
+    """Tell whether a camera has moved since its latest calibration; 1 when it has, or when nobody can tell."""
+    from vsd_analytics.cli import moved_cameras
+    from vsd_analytics.config.calibrate import camera_called
+    from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.errors import UsageError
+
+    camera = camera_called(project.site, camera_id)
+    picture_px = _picture_px(camera, size)
+    people = read_people(source, size_px=picture_px)
+    ts_ms = moved_cameras.timed(people, source)
+    check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
+    if check is None:
+        raise UsageError(
+            f"camera {camera_id!r} has no calibration to check",
+            why="its matrix is that of no camera above a floor" if camera.calibrations else None,
+            fix=f"vsd calibrate {camera_id} --from-people {source} --size {picture_px[0]}x{picture_px[1]}",
+        )
+    zone = project.site.timezone
+    if as_json:
+        emit_json({"camera_id": camera_id, **moved_cameras.check_dict(check, zone=zone)})
+    else:
+        for line in moved_cameras.check_lines(camera_id, check):
+            click.echo(line)
+        for move in check.moves:
+            sentence = moved_cameras.move_sentence(camera, move, zone=zone, source=str(source))
+            project.say(f"warning[{moved_cameras.CODE}]: {sentence}")
+    return 1 if check.moves or check.least_deg is None else 0
+
+
+def _picture_px(camera: Camera, size: str | None) -> tuple[int, int]:
+    from vsd_analytics.cli.picture_sizes import parse_size
+    from vsd_analytics.errors import UsageError
+
+    picture_px = camera.picture_px if size is None else parse_size(size)
+    if picture_px is None:
+        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
+    return picture_px
 
 
 def _people_lines(done: Calibrated, found: FromPeople) -> list[str]:

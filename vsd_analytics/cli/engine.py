@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +15,14 @@ from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from vsd_analytics.engine.people import People
+    from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
     from vsd_analytics.engine.seen import Seen
-    from vsd_analytics.site.model import Camera
+    from vsd_analytics.site.model import Calibration, Camera
 
 NO_CLOCK = "2000-01-01T00:00:00Z"
 """Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
@@ -55,6 +60,7 @@ def engine() -> None:
     default="inset",
     help="What the ratios mean: inset, as in the published code (default), or share, as the paper defines them.",
 )
+@click.option("--track", is_flag=True, help="Give people track ids by following them on the floor (--method people).")
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
 @click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
@@ -69,6 +75,7 @@ def run(
     part: str | None,
     ratios: str,
     convention: str,
+    track: bool,
     size: str | None,
     hz: float | None,
     start: str | None,
@@ -83,20 +90,20 @@ def run(
     Example:
       vsd engine run people.csv --camera cam-1 --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --hz 25 --start 2026-11-09T08:00 --out frames.jsonl
+      vsd engine run boxes.csv --camera cam-1 --hz 2 --start 2026-11-09T08:00 --track --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
     """
     from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.messages import frame_messages, instants_ms
     from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
 
+    if track and method == "paper":
+        raise UsageError("--track needs metres on the floor", fix="leave out --method paper")
     camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
     found = read_people(people, size_px=picture_px)
-    if method == "paper":
-        seen = _paper(project, camera, found, picture_px, part=part, ratios=_ratios(ratios, convention))
-    else:
-        seen = _calibrated(project, camera, found, picture_px)
     rate = hz or camera.hz or 1.0
     if found.ts_ms is None and start is None:
         project.say(
@@ -104,16 +111,24 @@ def run(
             f"give --start and --hz before you ingest it"
         )
     begin = instant(start or NO_CLOCK, zone=camera.clock, what="--start")
-    lines = list(frame_messages(seen, camera=camera_id, ts_ms=instants_ms(found, start=begin, hz=rate)))
+    ts_ms = instants_ms(found, start=begin, hz=rate)
+    moves: list[dict[str, object]] = []
+    if method == "paper":
+        parts = [(_paper(project, camera, found, picture_px, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
+    else:
+        parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
+        moves = _moves(project, camera, found, people, picture_px, ts_ms=ts_ms)
+    lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
     publish(out, b"".join(line + b"\n" for line in lines))
     done = {
         "file": str(out),
-        "engine": seen.engine,
+        "engine": ", ".join(seen.engine for seen, _ in parts),
         "frames": len(lines),
-        "persons": len(seen.people),
-        "pairs": len(seen.a),
-        "left_out": seen.left_out,
+        "persons": sum(len(seen.people) for seen, _ in parts),
+        "pairs": sum(len(seen.a) for seen, _ in parts),
+        "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
         "bad_rows": dict(found.bad),
+        "moves": moves,
     }
     if as_json:
         emit_json(done)
@@ -169,10 +184,22 @@ def _paper(
     )
 
 
-def _calibrated(project: Project, camera: Camera, people: People, picture_px: tuple[int, int] | None) -> Seen:
+def _calibrated(
+    project: Project,
+    camera: Camera,
+    people: People,
+    picture_px: tuple[int, int] | None,
+    *,
+    ts_ms: NDArray[np.int64],
+    is_tracked: bool,
+) -> list[tuple[Seen, NDArray[np.int64]]]:
+    """Return what was seen under each of the camera's calibrations, and the times of its frames."""
+    from dataclasses import replace
+
     from vsd_analytics.engine.floor_method import locate
-    from vsd_analytics.engine.people_calibration_file import path_of, read_stated_error
+    from vsd_analytics.engine.tracker import tracked
     from vsd_analytics.errors import UsageError
+    from vsd_analytics.warehouse.dimensions import calibration_spans
 
     if not camera.calibrations:
         raise UsageError(
@@ -180,13 +207,51 @@ def _calibrated(project: Project, camera: Camera, people: People, picture_px: tu
             why="--method people measures in metres on the floor",
             fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
         )
-    used = camera.calibrations[-1]
-    stated = path_of(project.site.root, camera.camera_id)
-    return locate(
-        people,
-        homography=used.homography,
-        picture_px=picture_px,
-        within_m=project.site.settings.pair_max_m,
-        name=used.calibration_id,
-        error=read_stated_error(stated, calibration_id=used.calibration_id),
-    )
+    timed, parts = replace(people, ts_ms=ts_ms), []
+    for from_ms, to_ms, used in calibration_spans(camera):
+        part = timed.between(from_ms, to_ms)
+        if not len(part.frames):
+            continue
+        when, part = part.ts_ms, replace(part, ts_ms=None) if people.ts_ms is None else part
+        assert when is not None
+        if is_tracked:
+            part = tracked(part, homography=used.homography, picture_px=picture_px, ts_ms=when)
+        seen = locate(
+            part,
+            homography=used.homography,
+            picture_px=picture_px,
+            within_m=project.site.settings.pair_max_m,
+            name=used.calibration_id,
+            error=_stated_error(used),
+        )
+        parts.append((seen, when))
+    return parts
+
+
+def _stated_error(used: Calibration) -> StatedError | None:
+    from vsd_analytics.engine.people_calibration_file import read_stated_error
+    from vsd_analytics.geometry.stated_errors import beside
+
+    if used.source is None:
+        return None
+    return read_stated_error(beside(used.source, "people"), calibration_id=used.calibration_id)
+
+
+def _moves(
+    project: Project,
+    camera: Camera,
+    people: People,
+    source: Path,
+    picture_px: tuple[int, int] | None,
+    *,
+    ts_ms: NDArray[np.int64],
+) -> list[dict[str, object]]:
+    """Warn when the camera has moved since its calibration; return its moves for `--json`."""
+    from vsd_analytics.cli import moved_cameras
+
+    check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
+    zone = project.site.timezone
+    for move in () if check is None else check.moves:
+        sentence = moved_cameras.move_sentence(camera, move, zone=zone, source=str(source))
+        project.say(f"warning[{moved_cameras.CODE}]: {sentence}")
+    return [] if check is None else moved_cameras.moves_list(check, zone=zone)

@@ -212,6 +212,10 @@ same time. Fix: put the line shown into vsd.toml instead of the old one, or give
     "W404": """\
 The new calibration replaces one that held for the same time, so old records are placed again as well. That is right
 when the old one was wrong. If the camera was moved, give the time of the move, so that both hold: --from INSTANT.""",
+    "W405": """\
+The people that a camera sees no longer fit its calibration since some hour: somebody probably knocked or turned it.
+Distances since then are off by about the share shown. Fix: hang it as it was, or run the command shown, which
+calibrates it again from that hour on. Weeks before and after are then not compared with each other.""",
     "E500": """\
 A report could not be made; the message says which part and why. Stored data are not touched.""",
     "E501": """\

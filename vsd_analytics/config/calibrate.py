@@ -11,14 +11,13 @@ from pathlib import Path
 from vsd_analytics.errors import CalibrationError, UsageError
 from vsd_analytics.geometry.calibration_files import PointPair, load_calibration, read_matrix, read_points
 from vsd_analytics.geometry.calibration_picture import draw_overlay
+from vsd_analytics.geometry.stated_errors import ENOUGH_POINTS, beside, position_error_m
 from vsd_analytics.site.model import Calibration, Camera, Site
 
 FOLDER = "calibration"
 WORST_M = 0.30
 """A point off by more than this deserves a second look."""
 MIN_POINTS = 4
-ENOUGH_POINTS = 6
-"""With fewer points, wrong ones hide: each point fixes two of the eight numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +84,8 @@ def calibrate(
         made = load_calibration(given, kind="points" if pairs else "homography", valid_from=valid_from)
         is_same_file = same is not None and same.source is not None and same.source.resolve() == given.resolve()
         stored, needed = (same, None) if same and is_same_file else _store(site, camera, made, replaced=same)
+        if pairs and made.error_m is not None and stored.source is not None:
+            _state_error(stored.source, calibration_id=stored.calibration_id, rmse_m=made.error_m, n_points=len(pairs))
     overlay = site.root / FOLDER / f"{camera_id}-overlay.png"
     _publish(overlay, draw_overlay(camera, homography=stored.homography, points=pairs))
     errors = errors_m(stored.homography, pairs)
@@ -175,6 +176,16 @@ def _store(
         return stored, None
     is_named = replaced.source is not None and replaced.source.resolve() == target.resolve()
     return stored, None if is_named else line
+
+
+def _state_error(matrix: Path, *, calibration_id: str, rmse_m: float, n_points: int) -> None:
+    """Write the error of a position, by the points, beside the matrix, where so many points tell it."""
+    import json
+
+    error_m = position_error_m(rmse_m, n_points)
+    if error_m is not None:
+        content = {"calibration_id": calibration_id, "error_m": round(error_m, 4), "n_points": n_points}
+        _publish(beside(matrix, "points"), json.dumps(content).encode() + b"\n")
 
 
 def _warnings(errors: Sequence[float], *, replaced: Calibration | None, needed: str | None) -> list[tuple[str, str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vsd_analytics.engine.people import Array
 from vsd_analytics.geometry.homography import as_matrix, project, to_floor, to_image
@@ -16,6 +17,9 @@ POPULATION_SD: Final = 0.04
 FOOT_PX: Final = 2.0
 FOOT_M: Final = 0.03
 """Error of a foot point: of the mark in pixels, and of where a foot is seen on a body in metres."""
+REACH_M: Final = 80.0
+FARTHEST_SD_M: Final = 99.0
+"""How far the stored map reaches, and the most that it says."""
 PROBE_M: Final = 2.0
 """Distance whose spread the map shows."""
 
@@ -34,13 +38,18 @@ def foot_covariance(homography: Array, uv: Array, *, picture_px: tuple[int, int]
 
     The picture's error goes through the derivative of the homography, so it grows with the square of the distance.
     """
-    h = as_matrix(homography)
-    xy = to_floor(h, uv, picture_px=picture_px)
-    w = uv @ h[2, :2] + h[2, 2]
-    jacobian = (h[:2, :2] - xy[:, :, None] * h[2, :2]) / w[:, None, None]
+    jacobian = floor_per_px(homography, uv, picture_px=picture_px)
     per_px = np.linalg.norm(jacobian[:, :, 0], axis=1)  # metres across one pixel: across the picture nothing is short
     pixels = np.hypot(FOOT_PX, FOOT_M / per_px)
     return np.asarray(jacobian @ np.swapaxes(jacobian, 1, 2) * (pixels**2)[:, None, None])
+
+
+def floor_per_px(homography: ArrayLike, uv: Array, *, picture_px: tuple[int, int] | None) -> Array:
+    """Return the derivative of floor positions by pixels, metres per pixel, shape (n, 2, 2)."""
+    h = as_matrix(homography)
+    xy = to_floor(h, uv, picture_px=picture_px)
+    w = uv @ h[2, :2] + h[2, 2]
+    return np.asarray((h[:2, :2] - xy[:, :, None] * h[2, :2]) / w[:, None, None])
 
 
 def camera_sd_m(cameras: Array, a: Array, b: Array) -> Array:
@@ -88,7 +97,26 @@ def error_map(homography: Array, cameras: Array, uv: Array, *, picture_px: tuple
         mean square over a distance across the view and one along it.
     """
     xy = to_floor(homography, uv, picture_px=picture_px)
-    cells = np.unique(np.floor(xy[np.isfinite(xy).all(axis=1)]), axis=0) + 0.5
+    return _map_of(np.unique(np.floor(xy[np.isfinite(xy).all(axis=1)]), axis=0) + 0.5, homography, cameras, picture_px)
+
+
+def view_map(homography: Array, cameras: Array, *, picture_px: tuple[int, int]) -> Array:
+    """Return the same for all floor in the picture up to `REACH_M` from below the camera, shape (k, 4).
+
+    What cannot be computed, near the horizon, is `FARTHEST_SD_M`, and nothing is more.
+    """
+    side = np.arange(-REACH_M, REACH_M) + 0.5
+    cells = np.column_stack([axis.ravel() for axis in np.meshgrid(side, side)])
+    uv = to_image(homography, cells, picture_px=picture_px)
+    with np.errstate(invalid="ignore"):
+        is_inside = ((uv >= 0) & (uv <= np.array(picture_px))).all(axis=1)
+    is_near = np.hypot(cells[:, 0], cells[:, 1]) < REACH_M
+    found = _map_of(cells[is_inside & is_near], homography, cameras, picture_px)
+    sd = np.minimum(np.nan_to_num(found[:, 2:], nan=FARTHEST_SD_M), FARTHEST_SD_M)
+    return np.column_stack([found[:, :2], sd])
+
+
+def _map_of(cells: Array, homography: Array, cameras: Array, picture_px: tuple[int, int]) -> Array:
     whole, camera = [], []
     for step in ((PROBE_M / 2, 0.0), (0.0, PROBE_M / 2)):
         a, b = (to_image(homography, cells + sign * np.array(step), picture_px=picture_px) for sign in (-1, 1))

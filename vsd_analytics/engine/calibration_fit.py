@@ -47,7 +47,7 @@ MIN_WALKERS: Final = 8
 STRETCH_M: Final = 1.2
 """A stretch of a walk is long enough to measure when half of them are longer than this."""
 _STARTS: Final = tuple(product(np.log([0.6, 1.0, 1.6]), np.radians([8.0, 20.0, 35.0, 55.0])))
-_DEPTH, _SPEED = 5, 6
+DEPTH, _SPEED = 5, 6
 """Places in the vector of the depth of a body, and of the mean logarithm of walked lengths, which is fitted beside."""
 _SCALE: Final = (0.1, 0.05, 0.05, 0.1, 0.05, 0.05)
 _BOUNDS: Final = ((-1.5, 0.0, -0.5, -1.0, -0.4, -0.1), (1.5, 1.5, 0.5, 4.0, 0.4, 0.5))
@@ -87,7 +87,7 @@ class Fitted:
 def camera_of(vector: Array, size_px: tuple[int, int]) -> CameraModel:
     """Return the camera that a vector of parameters means; see `Fitted.vector`."""
     width, height = size_px
-    log_focal, tilt, roll, log_height, off = (float(value) for value in vector[:_DEPTH])
+    log_focal, tilt, roll, log_height, off = (float(value) for value in vector[:DEPTH])
     centre = (width / 2, height / 2 + off * height)
     return CameraModel(float(np.exp(log_focal)) * width, tilt, roll, float(np.exp(log_height)), centre)
 
@@ -135,7 +135,7 @@ def fit_camera(seen: Sightings, *, size_px: tuple[int, int]) -> Fitted | None:
     found = min((posture.fit(tried.x, most=_STEPS) for tried in tries[:_FINISHED]), key=lambda result: result.cost)
     n_walkers = 0
     # links between frames lose those who walk fast across the picture, so without track ids speeds would mislead
-    walks = _stretches(seen, camera_of(found.x, size_px), found.x[_DEPTH]) if seen.has_tracks else None
+    walks = _stretches(seen, camera_of(found.x, size_px), found.x[DEPTH]) if seen.has_tracks else None
     for _ in range(_ROUNDS if walks is not None else 0):
         assert walks is not None
         speed = _Speed(seen, walks, found.x, size_px)
@@ -150,7 +150,7 @@ def fit_camera(seen: Sightings, *, size_px: tuple[int, int]) -> Fitted | None:
             max_nfev=_STEPS,
         )
     camera = camera_of(found.x, size_px)
-    heights = heights_m(camera, some, found.x[_DEPTH])[0]
+    heights = heights_m(camera, some, found.x[DEPTH])[0]
     off = np.log(np.where(heights > 0, heights, np.nan) / seen.body.high_m)
     scatter = float(np.nanmedian(np.abs(off - np.nanmedian(off))) * 1.4826)
     curvature = found.jac.T @ found.jac
@@ -191,7 +191,7 @@ class _Posture:
 
     def residuals(self, vector: Array) -> Array:
         camera = camera_of(vector, self._size_px)
-        heights, lean = heights_m(camera, self._seen, vector[_DEPTH])
+        heights, lean = heights_m(camera, self._seen, vector[DEPTH])
         off = np.log(np.where(heights > 1e-3, heights, np.nan) / self._seen.body.high_m)
         is_seen = np.isfinite(off)
         off = np.where(is_seen, off, 1.0)
@@ -205,7 +205,7 @@ class _Posture:
             vector[2] / ROLL_SD,
             (vector[3] - np.log(HEIGHT_M)) / HEIGHT_SD,
             vector[4] / CENTRE_SD,
-            (vector[_DEPTH] - self._seen.body.depth_m) / self._seen.body.depth_sd_m,
+            (vector[DEPTH] - self._seen.body.depth_m) / self._seen.body.depth_sd_m,
         ]
         return np.concatenate([*parts, usual])
 
@@ -215,7 +215,7 @@ class _Speed:
 
     def __init__(self, seen: Sightings, walks: Steps, vector: Array, size_px: tuple[int, int]) -> None:
         self._seen, self._size_px = seen, size_px
-        length = stretch_m(camera_of(vector, size_px), seen, walks, vector[_DEPTH])
+        length = stretch_m(camera_of(vector, size_px), seen, walks, vector[DEPTH])
         typical = np.quantile(length[np.isfinite(length)], 0.75) if np.isfinite(length).any() else np.inf
         walking = (length > 0.4 * typical) & (length < 2.5 * typical)
         self._walks = Steps(walks.begin[walking], walks.end[walking], walks.who[walking])
@@ -225,7 +225,7 @@ class _Speed:
         self.n_walkers = len(size)
 
     def residuals(self, vector: Array) -> Array:
-        length = stretch_m(camera_of(vector, self._size_px), self._seen, self._walks, vector[_DEPTH])
+        length = stretch_m(camera_of(vector, self._size_px), self._seen, self._walks, vector[DEPTH])
         off = np.log(np.where(length > 1e-3, length, np.nan)) - vector[_SPEED]
         return _cauchy(np.where(np.isfinite(off), off / SPEED_SD, _FAR)) * (SPEED_SD / self._sd)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -90,6 +90,16 @@ class People:
             self.ts_ms,
             self.bad,
         )
+
+    def between(self, first_ms: int | None, end_ms: int | None) -> People:
+        """Return the frames of [first_ms, end_ms) and their persons; None = no limit. Needs `ts_ms`."""
+        if self.ts_ms is None:
+            raise ValueError("frames without times")
+        low = 0 if first_ms is None else int(np.searchsorted(self.ts_ms, first_ms))
+        high = len(self.frames) if end_ms is None else int(np.searchsorted(self.ts_ms, end_ms))
+        frames = self.frames[low:high]
+        some = self.rows(np.flatnonzero(np.isin(self.frame, frames)))
+        return replace(some, frames=frames, ts_ms=self.ts_ms[low:high])
 
 
 def joints_of(points: Array, confidence: Array) -> Array | None:

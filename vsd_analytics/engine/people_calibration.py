@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras
-from vsd_analytics.engine.calibration_fit import Fitted, camera_of, fit_camera
+from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras, view_map
+from vsd_analytics.engine.calibration_fit import DEPTH, Fitted, camera_of, fit_camera
 from vsd_analytics.engine.camera_model import CameraModel
+from vsd_analytics.engine.camera_moves import Turn, usual_turn
 from vsd_analytics.engine.people import Array, People
 from vsd_analytics.engine.sightings import sightings
 from vsd_analytics.errors import CalibrationError
@@ -44,7 +45,11 @@ class FromPeople:
         uses_joints: Whether joints measured, not boxes.
         scatter: Robust relative sd of the heights.
         error: Relative sd of a distance of 2 m by the camera's part alone, median over where people were.
-        map: x, y, sd of a distance of 2 m and the camera's part of it, metres, per cell of 1 m, shape (k, 4).
+        depth_m: Depth of a body, as fitted (`sightings.Body`).
+        usual_turn: Turn by which the heights of these people would be equal; later people are compared with it.
+        map: x, y, sd of a distance of 2 m and the camera's part of it, metres, per cell of 1 m with people, shape
+            (k, 4).
+        view_map: The same for all floor in view up to `calibration_error.REACH_M`; at most `FARTHEST_SD_M`.
     """
 
     camera: CameraModel
@@ -57,7 +62,10 @@ class FromPeople:
     uses_joints: bool
     scatter: float
     error: float
+    depth_m: float
+    usual_turn: Turn
     map: Array
+    view_map: Array
 
     def distance_sd_m(self, a: Array, b: Array) -> Array:
         """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
@@ -120,7 +128,10 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
         uses_joints=seen.has_lean,
         scatter=fitted.scatter,
         error=error,
+        depth_m=float(fitted.vector[DEPTH]),
+        usual_turn=usual_turn(seen, fitted.camera, depth_m=float(fitted.vector[DEPTH])),
         map=cells,
+        view_map=view_map(homography, likely, picture_px=size_px),
     )
 
 

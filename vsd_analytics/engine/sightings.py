@@ -127,7 +127,7 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
     """
     who = np.arange(len(uv))
     starts = np.flatnonzero(np.r_[True, frame[1:] != frame[:-1]]) if len(frame) else np.empty(0, dtype=np.intp)
-    spans = list(zip(starts, np.r_[starts[1:], len(frame)], strict=True))
+    spans = list(zip(starts, [*starts[1:], len(frame)], strict=False))  # none without rows
     for before, after in pairwise(slice(*span) for span in spans):
         apart = np.linalg.norm(uv[before][:, None] - uv[after][None], axis=2)
         size = np.sqrt(length_px[before][:, None] * length_px[after][None])

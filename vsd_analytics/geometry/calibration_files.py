@@ -13,6 +13,7 @@ from datetime import datetime
 from pathlib import Path
 
 from vsd_analytics.errors import CalibrationError, Where
+from vsd_analytics.geometry.stated_errors import ErrorCells, read_stated
 from vsd_analytics.site.model import Calibration
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -180,12 +181,16 @@ def load_calibration(path: Path, *, kind: str, valid_from: datetime | None) -> C
     Raises:
         CalibrationError: The file cannot be used (E401 to E406).
     """
-    error_m = None
     if kind == "points":
         from vsd_analytics.geometry.homography import fit_homography
 
         fit = fit_homography(read_points(path))
-        matrix, error_m = fit.homography, fit.rmse_m
-    else:
-        matrix = read_matrix(path)
-    return Calibration(matrix, valid_from, calibration_id(matrix), error_m, path)
+        return Calibration(fit.homography, valid_from, calibration_id(fit.homography), fit.rmse_m, path)
+    matrix = read_matrix(path)
+    name = calibration_id(matrix)
+    return Calibration(matrix, valid_from, name, *_stated(path, name))
+
+
+def _stated(path: Path, name: str) -> tuple[float | None, Path, ErrorCells]:
+    error_m, cells = read_stated(path, calibration_id=name)
+    return error_m, path, cells

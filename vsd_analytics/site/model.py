@@ -24,8 +24,10 @@ class Calibration:
         homography: 3x3, row by row: (x, y, w) = H (u, v, 1), floor position (x/w, y/w) in metres.
         valid_from: UTC instant from which it is valid; None = always.
         calibration_id: 8 hexadecimal digits of the BLAKE2 hash of the nine numbers.
-        error_m: Root mean square error over the points it was made from; None for a given matrix.
+        error_m: Error of a position by the points it was made from; None where unknown.
         source: File it was read from.
+        error_cells: For a calibration from people: x and y of the middle of each floor cell of 1 m, and the standard
+            deviation of a distance of 2 m there, metres.
     """
 
     homography: tuple[tuple[float, float, float], ...]
@@ -33,6 +35,7 @@ class Calibration:
     calibration_id: str
     error_m: float | None = None
     source: Path | None = None
+    error_cells: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 
 NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
-GEOMETRY = {"extent", "bands", "unseen", "ring", "at", "image"}
+GEOMETRY = {"extent", "bands", "unseen", "uncertain", "ring", "at", "image"}
 
 
 class Text(HTMLParser):

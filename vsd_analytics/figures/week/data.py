@@ -11,7 +11,7 @@ import numpy as np
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Period, Place, TwoPeriods
 from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
 from vsd_analytics.result import Reason
-from vsd_analytics.site.model import Floor
+from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 
@@ -121,3 +121,10 @@ class WeekData(FloorHours):
     def why_no_places(self) -> Reason | None:
         """Return why violations cannot be placed on the floor, or None if they can."""
         return self.this.why_no_places
+
+
+def in_force(data: WeekData, camera: Camera) -> Calibration | None:
+    """Return the calibration of a camera at the end of the week; None when it has none."""
+    _, end_ms = data.this.span_ms
+    valid = [c for c in camera.calibrations if c.valid_from is None or c.valid_from.timestamp() * 1000 < end_ms]
+    return valid[-1] if valid else None

@@ -7,13 +7,16 @@ from datetime import UTC, datetime
 from functools import cached_property
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.panels import WEEK, Array, Flags, Period, positions
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent, MapBand
+from vsd_analytics.figures.week.uncertain_floor import uncertain_floor
 from vsd_analytics.figures.week.walkable import Walkable
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Fixture
@@ -52,6 +55,16 @@ class FloorGrid:
         rings = [f.polygon for f in fixed_fixtures(self._data)]
         return Walkable(rings, cell_m=self.cell_m, origin_m=self.origin, shape=self.shape) if rings else None
 
+    @cached_property
+    def uncertain(self) -> BaseGeometry:
+        """Return the floor on which distances are too uncertain to colour it."""
+        return uncertain_floor(self._data, self._data.cameras)
+
+    @cached_property
+    def _is_uncertain(self) -> Flags:
+        x, y = self.axes()
+        return np.asarray(shapely.contains_xy(self.uncertain, x[None, :], y[:, None]))
+
     def rows_of(self, cy: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the rows of cells, floor(y / cell_m); outside the grid below 0 or beyond the last."""
         return np.asarray(cy - self._first[1])
@@ -81,7 +94,7 @@ class FloorGrid:
         """Return the density of a period.
 
         Density of a cell = sum over cameras of (violations there / the camera's recorded open hours) / cell area, over
-        the camera-hours `used`, smoothed.
+        the camera-hours `used`, smoothed; 0 on floor whose distances are too uncertain.
 
         Args:
             period: Its days.
@@ -90,7 +103,7 @@ class FloorGrid:
         counts, rates = self._sums(period, used)
         if self.walkable is not None:
             counts, rates = self.walkable.on_floor(counts), self.walkable.on_floor(rates)
-        smooth = self.smooth(rates / self.cell_m**2)
+        smooth = np.where(self._is_uncertain, 0.0, self.smooth(rates / self.cell_m**2))
         return Density(grid=self, values=smooth, counts=counts, settings_of=self._data)
 
     def bands(self, values: Array, *, steps: tuple[float, ...]) -> tuple[MapBand, ...]:

@@ -8,6 +8,7 @@ from datetime import timedelta
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.panels import Array
 from vsd_analytics.figures.week import bands as heat
@@ -24,6 +25,7 @@ from vsd_analytics.figures.week.model_map import (
     Polygon,
 )
 from vsd_analytics.figures.week.results import AreaRow
+from vsd_analytics.figures.week.uncertain_floor import stated_floor
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.geometry.embedded_pictures import has_paper, picture_image, plan_image
 from vsd_analytics.geometry.scale_bar import nice_length_m
@@ -60,12 +62,15 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
     used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
     density = grid.density(data.this, used=used).without_small()
     polygons = grid.bands(density, steps=data.site.settings.heat_steps)
-    pictured = _picture_map(data, polygons) if data.floor.plan is None else None
+    uncertain = tuple(as_rings(p) for p in _parts(grid.uncertain.intersection(shapely.box(*extent))))
+    pictured = _picture_map(data, polygons, uncertain) if data.floor.plan is None else None
     if pictured is not None:
         return (pictured,)
     image = plan_of(data)
     recording = [c for c, own in zip(data.cameras, used[:, data.week()], strict=True) if own.any()]
     unseen = camera_views.unseen(data.floor, cameras=recording, bounds=extent)
+    if unseen and not (stated := stated_floor(data, recording)).is_empty:
+        unseen = _parts(shapely.union_all(unseen).difference(stated))
     return (
         FloorMap(
             kind="plan" if image else "floor",
@@ -74,6 +79,7 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
             image=image,
             bands=polygons,
             unseen=tuple(as_rings(p) for p in unseen or ()),
+            uncertain=uncertain,
             fixtures=map_fixtures(floor_fixtures(data)),
             areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in data.areas),
             spots=_spots(data, grid, density, areas) if is_ranked else (),
@@ -153,7 +159,7 @@ def _heaviest_patch(density: Array, least: float) -> Array:
     return np.where(patches == 1 + int(np.argmax(sums)), density, 0.0) if sums else np.zeros_like(density)
 
 
-def _picture_map(data: WeekData, polygons: tuple[MapBand, ...]) -> FloorMap | None:
+def _picture_map(data: WeekData, polygons: tuple[MapBand, ...], uncertain: tuple[Polygon, ...]) -> FloorMap | None:
     """Return the bands over the picture of the floor's only camera, when it is calibrated."""
     if len(data.cameras) != 1:
         return None
@@ -178,7 +184,12 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...]) -> FloorMap | No
             )
             for band in polygons
         ),
+        uncertain=heat.project_polygons(uncertain, homography=homography, size_px=full),
     )
+
+
+def _parts(shape: BaseGeometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > 0]
 
 
 def as_rings(shape: shapely.Polygon) -> Polygon:

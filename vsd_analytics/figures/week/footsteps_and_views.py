@@ -9,7 +9,7 @@ from typing import Final
 import shapely
 import shapely.ops
 
-from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.data import WeekData, in_force
 from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.floor_maps import as_rings
 from vsd_analytics.figures.week.model_map import Extent, Footsteps, MapView, MapViews, Point, Polygon
@@ -115,13 +115,6 @@ def _near(camera: Camera, calibration: Calibration | None, view: shapely.Polygon
         elif not (inner := view.buffer(-LABEL_M)).is_empty:
             at = shapely.ops.nearest_points(inner, shapely.Point(x, y))[0]
     return round(at.x, 2), round(at.y, 2)
-
-
-def in_force(data: WeekData, camera: Camera) -> Calibration | None:
-    """Return the calibration of a camera at the end of the week; None when it has none."""
-    _, end_ms = data.this.span_ms
-    valid = [c for c in camera.calibrations if c.valid_from is None or c.valid_from.timestamp() * 1000 < end_ms]
-    return valid[-1] if valid else None
 
 
 def _polygons(shape: shapely.Geometry) -> tuple[Polygon, ...]:

@@ -161,6 +161,9 @@ class FloorMap:
         "Weakest first; see `bands.heat_bands`.", "violations per m2 per open hour", "M17", default=()
     )
     unseen: tuple[Polygon, ...] = _f("Floor that no camera sees which recorded this week.", default=())
+    uncertain: tuple[Polygon, ...] = _f(
+        "Floor without bands: the calibration states an sd of a distance above half the legal one.", default=()
+    )
     fixtures: tuple[MapFixture, ...] = _f("What stands on the floor; no band runs below it.", default=())
     areas: tuple[MapArea, ...] = _f("Named areas.", default=())
     cameras: tuple[MapCamera, ...] = _f("Camera positions, if known.", default=())

@@ -7,6 +7,7 @@ when one of these is missed; low when two are, or its camera was down in its usu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
@@ -29,6 +30,7 @@ from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots,
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
+from vsd_analytics.site.model import Calibration
 
 SPOTS_MAX: Final = 3
 """Cards on a page; all hotspots are in the JSON file."""
@@ -59,11 +61,13 @@ class _Seen:
     day: Ints
     hour: Ints
     camera: list[str]
+    xy: NDArray[np.float64]
 
     def since(self, first: date) -> _Seen:
         """Return those from a day on."""
         kept = self.day >= first.toordinal()
-        return _Seen(self.day[kept], self.hour[kept], [c for c, k in zip(self.camera, kept, strict=True) if k])
+        cameras = [c for c, k in zip(self.camera, kept, strict=True) if k]
+        return _Seen(self.day[kept], self.hour[kept], cameras, self.xy[kept])
 
 
 def spots(
@@ -226,11 +230,11 @@ def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
     )
     day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
     kept = np.ones(rows.num_rows, dtype=np.bool_)
+    xy = (np.column_stack([rows[c].to_numpy() for c in ("cx", "cy")]) + 0.5) * FLOOR_CELL_M
     if not isinstance(where, str):
-        x, y = ((rows[c].to_numpy() + 0.5) * FLOOR_CELL_M for c in ("cx", "cy"))
-        kept = np.asarray(shapely.contains_xy(where, x, y))
+        kept = np.asarray(shapely.contains_xy(where, xy[:, 0], xy[:, 1]))
     cameras = [c for c, k in zip(rows["camera_id"].to_pylist(), kept, strict=True) if k]
-    return _Seen(day[kept], rows["local_hour"].to_numpy().astype(np.int64)[kept], cameras)
+    return _Seen(day[kept], rows["local_hour"].to_numpy().astype(np.int64)[kept], cameras, xy[kept])
 
 
 def _evidence(
@@ -250,7 +254,7 @@ def _evidence(
         recorded = row.recorded_share
     until = data.midnight(data.monday + timedelta(days=7))
     valid = [c for c in camera.calibrations if c.valid_from is None or c.valid_from < until]
-    error_m = valid[-1].error_m if valid else None
+    error_m = _error_m(valid[-1], week.xy) if valid else None
     lost = open_h = 0.0
     usual_hours = range(0) if usual is None else range(usual.first_hour, usual.last_hour + 1)
     for day in records[camera_id].days:
@@ -271,6 +275,20 @@ def _evidence(
         lost_h=lost,
         is_camera_down=is_down,
     ), usual
+
+
+def _error_m(used: Calibration, xy: NDArray[np.float64]) -> float | None:
+    """Return the error of a position where violations were, metres; None where the calibration does not state it.
+
+    A calibration from people states the sd of a distance of 2 m, cell by cell. Two positions make a distance, so the
+    error of one is taken as that over the square root of two.
+    """
+    if not used.error_cells:
+        return used.error_m
+    stated = {(math.floor(x), math.floor(y)): sd for x, y, sd in used.error_cells}
+    found = [stated.get((x, y), math.nan) for x, y in np.floor(xy).astype(int).tolist()]
+    typical = float(np.median(found))  # NaN where any is not known
+    return None if math.isnan(typical) else typical / math.sqrt(2)
 
 
 def _usual(seen: _Seen, data: WeekData) -> UsualHours | None:

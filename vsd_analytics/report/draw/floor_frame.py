@@ -95,6 +95,18 @@ def hatch_defs(frame: Frame, *, hatch: str, clip: str, step: float = 9) -> Marku
     return el("defs", pattern + el("clipPath", el("rect", **frame.whole), id=clip))
 
 
+def dot_defs(*, dots: str, step: float = 9) -> Markup:
+    """Return the pattern of floor whose distances are too uncertain, dots `step` SVG units apart."""
+    dot = el("circle", class_="dd", fill=HATCH, cx=step / 2, cy=step / 2, r=round(step * 0.16, 1))
+    return el("defs", el("pattern", dot, id=dots, width=step, height=step, patternUnits="userSpaceOnUse"))
+
+
+def uncertain(polygons: Sequence[Polygon], frame: Frame, *, dots: str) -> Markup:
+    """Draw floor whose distances are too uncertain to colour it."""
+    path = straight_path(frame.rings(polygons))
+    return el("path", class_="un", fill=f"url(#{dots})", fill_rule="evenodd", d=path)
+
+
 def ground(frame: Frame) -> Markup:
     """Draw bare floor."""
     return el("rect", class_="fl", fill=WHITE, **frame.whole)

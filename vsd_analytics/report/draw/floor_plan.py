@@ -27,7 +27,7 @@ _Box = tuple[float, float, float, float]
 
 
 def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Markup:
-    """Draw a map: floor, bands, unseen floor, plan, fixtures, areas, cameras, spots, scale bar and legal distance.
+    """Draw a map: floor, bands, uncertain and unseen floor, plan, fixtures, areas, cameras, spots, scales.
 
     Args:
         shown: What to draw; metres with y up, or pixels with y down on a picture.
@@ -43,6 +43,9 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     image = None if shown.image is None else draw.image(shown.image, frame, name=f"plan{index}")
     drawn = [] if image is None or frame.is_metric else [image]
     drawn += draw.heat(shown.bands, frame, steps=rules.heat_steps, edges=draw.edges_of(shown))
+    if shown.uncertain:
+        parts.insert(0, draw.dot_defs(dots=f"dot{index}"))
+        drawn.append(draw.uncertain(shown.uncertain, frame, dots=f"dot{index}"))
     if shown.unseen:
         drawn.append(draw.unseen(shown.unseen, frame, hatch=hatch))
     if image is not None and frame.is_metric:

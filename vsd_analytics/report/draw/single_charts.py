@@ -79,7 +79,7 @@ def cut(said: str, *, width: float, size: float, n_lines: int = 1) -> list[str]:
 
 
 def legend(steps: tuple[Step, ...], hatch: str = "", closed: str = "") -> Drawing:
-    """Draw the steps of a ramp side by side, then what hatching and dashes mean."""
+    """Draw the steps of a ramp side by side, then what hatching and dashes (or, on a map, dots) mean."""
     slot, parts = 78, []
     for i, step in enumerate(steps):
         parts.append(el("rect", fill=RAMP_LIGHT[min(i, 4)], stroke=BAR, x=i * slot, width=slot, height=12))

@@ -206,7 +206,8 @@ def _map(page: Page, *, index: int, is_bare: bool = False) -> Drawing | None:
         raise AssertionError("a map has a viewBox")
     height = min(INNER * float(size[2]) / float(size[1]), 1.2 * INNER)
     title = f"{page.titles['where']}. {say('where.sub', week=page.report.week.number)}"
-    key = legend(page.heat_legend, page.not_recorded if shown.unseen else "")
+    dotted = say("where.dotted", what=page.too_uncertain) if shown.uncertain else ""
+    key = legend(page.heat_legend, page.not_recorded if shown.unseen else "", dotted)
     top = 0.0 if is_bare else key.height
     place = f'<svg y="{top:g}" width="{INNER}" height="{height:.0f}" '
     lettered = _large(str(drawing)) if is_bare else str(drawing)

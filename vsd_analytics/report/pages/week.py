@@ -18,6 +18,7 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.model_recording import Outage
 from vsd_analytics.figures.week.results import AreaRow
+from vsd_analytics.figures.week.uncertain_floor import LIMIT_SHARE
 from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages import sections, tables
@@ -107,6 +108,7 @@ class Page:
         areas: Areas in the order of the page.
         table: The timetable.
         not_recorded: What hatched floor of a map means.
+        too_uncertain: What dotted floor of a map means.
         down: Names of cameras that were down in some hour.
         masked_hours: True when the count of any hour is too small to print.
         held_hours: True when any other hour is held back, as it would tell such a count.
@@ -158,6 +160,7 @@ class Page:
     areas: tuple[AreaRow, ...]
     table: tables.TimetableRows
     not_recorded: str
+    too_uncertain: str
     down: str
     masked_hours: bool
     held_hours: bool
@@ -238,6 +241,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
         not_recorded=not_recorded(report),
+        too_uncertain=say("where.too_uncertain", half=_half_the_distance(report)),
         down=terms.joined(terms.camera_name(names.get(c, c)) for c in _down(report)),
         masked_hours=any(c.is_masked for c in report.when.cells),
         held_hours=any(c.is_held_back for c in report.when.cells),
@@ -281,6 +285,10 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
         maps |= {"spots"}
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
     return frozenset({"changed"} | always | hours | maps)
+
+
+def _half_the_distance(report: WeekReport) -> str:
+    return fmt.distance(LIMIT_SHARE * report.rules.distance_m, report.rules.distance_unit)
 
 
 def _things_title(n: int) -> str:
@@ -340,6 +348,8 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
         label += say("where.label_none")
     if shown.unseen:
         label += say("where.label_unseen")
+    if shown.uncertain:
+        label += say("where.label_uncertain")
     if report.areas:
         label += say("where.label_table")
     if not is_ranked and shown.spots:
