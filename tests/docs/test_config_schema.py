@@ -47,6 +47,9 @@ polygon = [[0, 0], [4, 0], [4, 4]]
 id = "queue-too-full"
 kind = "gathering"
 for_s = 60
+[[source]]
+id = "tills"
+files = "till-*.csv"
 """
 )
 
