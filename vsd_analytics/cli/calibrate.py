@@ -15,6 +15,9 @@ from vsd_analytics.site.instants import instant
 if TYPE_CHECKING:
     from datetime import datetime
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from vsd_analytics.config.calibrate import Calibrated
     from vsd_analytics.engine.people_calibration import FromPeople
     from vsd_analytics.site.model import Camera
@@ -27,6 +30,20 @@ if TYPE_CHECKING:
 )
 @click.option("--points", type=click.Path(path_type=Path), metavar="FILE", help="CSV of u,v,x,y: four points or more.")
 @click.option(
+    "--camera-file",
+    "camera_files",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Camera matrix, place and lens distortion: OpenCV's XML, YAML or JSON, or Oxford's; repeat it for two files.",
+)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm"]),
+    default="m",
+    help="Length unit of --camera-file (default: m); its floor is z = 0.",
+)
+@click.option(
     "--from-people",
     type=click.Path(path_type=Path),
     metavar="FILE",
@@ -38,7 +55,7 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Boxes or joints with times: tell whether the camera has moved since its calibration, and when.",
 )
-@click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people and --check.")
+@click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people, --check and --camera-file.")
 @click.option("--from", "valid_from", metavar="INSTANT", help="When the camera was put there (default: always).")
 @json_option
 @pass_project
@@ -47,6 +64,8 @@ def calibrate(
     camera: str,
     matrix: Path | None,
     points: Path | None,
+    camera_files: tuple[Path, ...],
+    unit: str,
     from_people: Path | None,
     check: Path | None,
     size: str | None,
@@ -62,7 +81,10 @@ def calibrate(
     With --check, nothing is calibrated: people of later days tell whether the camera has moved (exit code 1), when, by
     how much, and the command that calibrates it again from then on. Weeks before and after it are then not compared.
 
-    Without --matrix, --points, --from-people and --check, draw the calibration in force again.
+    With --camera-file, a lens with distortion gets the homography that fits the floor in the picture best, up to 30 m,
+    and what that leaves is printed and stored as the error.
+
+    Without --matrix, --points, --camera-file, --from-people and --check, draw the calibration in force again.
 
     \b
     Example:
@@ -70,16 +92,20 @@ def calibrate(
       vsd calibrate cam-1 --matrix cam-1.txt --from 2026-11-01T07:00
       vsd calibrate cam-1 --from-people people.csv --size 1920x1080
       vsd calibrate cam-1 --check week.csv
+      vsd calibrate cam-1 --camera-file intr.xml --camera-file extr.xml --unit cm
       vsd calibrate cam-1
     """
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.errors import UsageError
 
-    if sum(given is not None for given in (matrix, points, from_people, check)) > 1:
-        raise UsageError("--matrix, --points, --from-people and --check exclude each other", fix="give one of them")
+    if sum(given is not None for given in (matrix, points, camera_files or None, from_people, check)) > 1:
+        which = "--matrix, --points, --camera-file, --from-people and --check"
+        raise UsageError(f"{which} exclude each other", fix="give one of them")
     since = None if valid_from is None else instant(valid_from, zone=project.site.timezone, what="--from")
     if check is not None:
         return _check(project, camera, check, size=size, as_json=as_json)
+    if camera_files:
+        return _from_camera_files(project, camera, camera_files, unit=unit, size=size, since=since, as_json=as_json)
     if from_people is not None:
         return _from_people(project, camera, from_people, size=size, since=since, as_json=as_json)
     done = calibration.calibrate(project.site, camera_id=camera, matrix=matrix, points=points, valid_from=since)
@@ -102,10 +128,6 @@ def _from_people(
     project: Project, camera_id: str, people: Path, *, size: str | None, since: datetime | None, as_json: bool
 ) -> int:
     """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
-    import tempfile
-
-    import numpy as np
-
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.people_calibration import calibrate_from_people
     from vsd_analytics.engine.people_calibration_file import write_stated_error
@@ -117,13 +139,51 @@ def _from_people(
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
     found = calibrate_from_people(seen, size_px=picture_px)
-    with tempfile.TemporaryDirectory() as folder:
-        matrix = Path(folder) / f"{camera_id}.txt"
-        np.savetxt(matrix, found.homography, fmt="%.12g")
-        done = calibration.calibrate(project.site, camera_id=camera_id, matrix=matrix, valid_from=since)
+    done = _put_into_force(project, camera_id, found.homography, since=since)
     stated = beside(project.site.root / done.file, "people")
     write_stated_error(stated, found, calibration_id=done.calibration_id)
     return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
+
+
+def _from_camera_files(
+    project: Project,
+    camera_id: str,
+    files: tuple[Path, ...],
+    *,
+    unit: str,
+    size: str | None,
+    since: datetime | None,
+    as_json: bool,
+) -> int:
+    """Calibrate a camera from files that describe it, and put the result into force."""
+    from vsd_analytics.config import calibrate as calibration
+    from vsd_analytics.geometry.camera_files import floor_fit, read_camera
+
+    picture_px = _picture_px(calibration.camera_called(project.site, camera_id), size)
+    fit = floor_fit(read_camera(files, unit_m={"m": 1.0, "cm": 0.01, "mm": 0.001}[unit]), picture_px=picture_px)
+    done = _put_into_force(project, camera_id, fit.homography, since=since)
+    calibration.state_error(project.site.root / done.file, calibration_id=done.calibration_id, error_m=fit.error_m)
+    lines = [f"{camera_id}: given camera without lens distortion", *_lines(done)[1:]]
+    if fit.error_m:
+        left = f"{fit.error_m:.2f} m (root mean square), {fit.worst_m:.2f} m at most"
+        lines[0] = f"{camera_id}: given camera; the best homography leaves of the lens distortion {left}"
+    more: dict[str, object] = {"lens_error_m": round(fit.error_m, 4), "lens_worst_m": round(fit.worst_m, 4)}
+    return _shown(project, done, lines, more, as_json=as_json)
+
+
+def _put_into_force(
+    project: Project, camera_id: str, homography: NDArray[np.float64], *, since: datetime | None
+) -> Calibrated:
+    import tempfile
+
+    import numpy as np
+
+    from vsd_analytics.config import calibrate as calibration
+
+    with tempfile.TemporaryDirectory() as folder:
+        matrix = Path(folder) / f"{camera_id}.txt"
+        np.savetxt(matrix, homography, fmt="%.12g")
+        return calibration.calibrate(project.site, camera_id=camera_id, matrix=matrix, valid_from=since)
 
 
 def _check(project: Project, camera_id: str, source: Path, *, size: str | None, as_json: bool) -> int:

@@ -192,6 +192,10 @@ Fix: the line named.""",
     "E406": """\
 A calibration file cannot be read: it is not there, you may not read it, or it is not plain text.
 Fix: check the path (on the command line it starts where you are, in vsd.toml at the folder of that file).""",
+    "E407": """\
+Camera files do not describe a camera above a floor; the message says what is missing. Needed are a camera matrix
+(camera_matrix, K), a rotation (rvec, R) and a translation (tvec, T), in one file or several; the floor is z = 0.
+Fix: give all files, vsd calibrate CAMERA --camera-file intr.xml --camera-file extr.xml, and their --unit.""",
     "E411": """\
 The people of a recording cannot calibrate their camera; the message says why. Nothing was changed.
 Common causes: a short recording, a wrong --size, people all at one distance, boxes of half bodies.

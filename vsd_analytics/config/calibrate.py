@@ -85,7 +85,8 @@ def calibrate(
         is_same_file = same is not None and same.source is not None and same.source.resolve() == given.resolve()
         stored, needed = (same, None) if same and is_same_file else _store(site, camera, made, replaced=same)
         if pairs and made.error_m is not None and stored.source is not None:
-            _state_error(stored.source, calibration_id=stored.calibration_id, rmse_m=made.error_m, n_points=len(pairs))
+            error_m = position_error_m(made.error_m, len(pairs))
+            state_error(stored.source, calibration_id=stored.calibration_id, error_m=error_m)
     overlay = site.root / FOLDER / f"{camera_id}-overlay.png"
     _publish(overlay, draw_overlay(camera, homography=stored.homography, points=pairs))
     errors = errors_m(stored.homography, pairs)
@@ -178,13 +179,12 @@ def _store(
     return stored, None if is_named else line
 
 
-def _state_error(matrix: Path, *, calibration_id: str, rmse_m: float, n_points: int) -> None:
-    """Write the error of a position, by the points, beside the matrix, where so many points tell it."""
+def state_error(matrix: Path, *, calibration_id: str, error_m: float | None) -> None:
+    """Write the error of a position beside a matrix, where it is known and not 0."""
     import json
 
-    error_m = position_error_m(rmse_m, n_points)
-    if error_m is not None:
-        content = {"calibration_id": calibration_id, "error_m": round(error_m, 4), "n_points": n_points}
+    if error_m:
+        content = {"calibration_id": calibration_id, "error_m": round(error_m, 4)}
         _publish(beside(matrix, "points"), json.dumps(content).encode() + b"\n")
 
 

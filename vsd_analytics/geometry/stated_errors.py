@@ -1,7 +1,8 @@
 """What a calibration states about its own error, in a JSON file beside its matrix.
 
 `cam-1-from-people.json` lies beside `cam-1.txt` and has a map: how uncertain a distance of 2 m is, cell by cell of 1 m.
-`cam-1-from-points.json` has one number: how far off a position is. Each names the matrix that it belongs to.
+`cam-1-from-points.json` has one number: how far off a position is, by points or by what a lens distortion leaves. Each
+names the matrix that it belongs to.
 """
 
 from __future__ import annotations

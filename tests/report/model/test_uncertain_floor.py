@@ -11,7 +11,10 @@ import pytest
 import shapely
 from report import ingested_worlds as w
 
+from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.geometry.calibration_files import calibration_id, read_matrix
+from vsd_analytics.report.draw.floor_plan import floor_map
+from vsd_analytics.report.draw.svg import INK, WHITE
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.headline import finish
@@ -108,3 +111,13 @@ def test_error_of_another_matrix_is_not_taken(tmp_path: Path, unstated: WeekRepo
     path = tmp_path / "calibration" / "cam-1-from-people.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"calibration_id": "00000000"}))
     assert world(tmp_path, far_sd_m=None).maps[0].bands == unstated.maps[0].bands
+
+
+def test_dots_on_a_picture_are_white_with_a_dark_edge(stated: WeekReport) -> None:
+    square = ((((100.0, 100.0), (300.0, 100.0), (300.0, 200.0), (100.0, 200.0)),),)
+    shown = FloorMap(kind="picture", title="Door", extent=(0, 0, 640, 480), uncertain=square)
+    drawing = floor_map(shown, index=3, rules=stated.rules, label="Door")
+    dot = drawing[drawing.index('id="dot3"') : drawing.index("</pattern>", drawing.index('id="dot3"'))]
+    assert f'fill="{WHITE}"' in dot
+    assert f'stroke="{INK}"' in dot
+    assert 'fill="url(#dot3)"' in drawing

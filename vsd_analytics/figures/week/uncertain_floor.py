@@ -31,17 +31,15 @@ def uncertain_floor(data: WeekData, cameras: Iterable[Camera]) -> BaseGeometry:
         data: The week.
         cameras: Cameras of the floor that count.
     """
-    unsure: list[BaseGeometry] = []
-    known: list[BaseGeometry] = []
-    for camera in cameras:
-        used = in_force(data, camera)
-        if used is None or not used.error_cells:
-            view = view_polygon(camera, calibration=used)
-            known += [] if view is None else [view]
-            continue
-        unsure += [_square(x, y) for x, y, sd in used.error_cells if sd > limit_m(data)]
-        known += [_square(x, y) for x, y, sd in used.error_cells if sd <= limit_m(data)]
-    return shapely.union_all(unsure).difference(shapely.union_all(known)) if unsure else shapely.Polygon()
+    used = [(camera, in_force(data, camera)) for camera in cameras]
+    cells = [cell for _, calibration in used if calibration is not None for cell in calibration.error_cells]
+    unsure = [_square(x, y) for x, y, sd in cells if sd > limit_m(data)]
+    if not unsure:
+        return shapely.Polygon()
+    known: list[BaseGeometry] = [_square(x, y) for x, y, sd in cells if sd <= limit_m(data)]
+    others = [view_polygon(c, calibration=own) for c, own in used if own is None or not own.error_cells]
+    known += [view for view in others if view is not None]
+    return shapely.union_all(unsure).difference(shapely.union_all(known))
 
 
 def stated_floor(data: WeekData, cameras: Iterable[Camera]) -> BaseGeometry:

@@ -95,9 +95,13 @@ def hatch_defs(frame: Frame, *, hatch: str, clip: str, step: float = 9) -> Marku
     return el("defs", pattern + el("clipPath", el("rect", **frame.whole), id=clip))
 
 
-def dot_defs(*, dots: str, step: float = 9) -> Markup:
-    """Return the pattern of floor whose distances are too uncertain, dots `step` SVG units apart."""
-    dot = el("circle", class_="dd", fill=HATCH, cx=step / 2, cy=step / 2, r=round(step * 0.16, 1))
+def dot_defs(*, dots: str, is_picture: bool, step: float = 9) -> Markup:
+    """Return the pattern of floor whose distances are too uncertain, dots `step` SVG units apart.
+
+    On a picture, which may be bright or dark, they are white with a dark edge.
+    """
+    look = {"fill": WHITE, "stroke": INK, "stroke_width": 0.7} if is_picture else {"class_": "dd", "fill": HATCH}
+    dot = el("circle", **look, cx=step / 2, cy=step / 2, r=round(step * (0.22 if is_picture else 0.16), 1))
     return el("defs", el("pattern", dot, id=dots, width=step, height=step, patternUnits="userSpaceOnUse"))
 
 

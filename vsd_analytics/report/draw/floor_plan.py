@@ -44,7 +44,7 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     drawn = [] if image is None or frame.is_metric else [image]
     drawn += draw.heat(shown.bands, frame, steps=rules.heat_steps, edges=draw.edges_of(shown))
     if shown.uncertain:
-        parts.insert(0, draw.dot_defs(dots=f"dot{index}"))
+        parts.insert(0, draw.dot_defs(dots=f"dot{index}", is_picture=not frame.is_metric))
         drawn.append(draw.uncertain(shown.uncertain, frame, dots=f"dot{index}"))
     if shown.unseen:
         drawn.append(draw.unseen(shown.unseen, frame, hatch=hatch))
