@@ -322,6 +322,13 @@ def nothing_shows(said: Said, truth: Truth) -> bool | None:
     return bool(truth.tale.entries) and not falls
 
 
+def small_fall(said: Said, truth: Truth) -> bool | None:
+    """Judge that some area of the log fell beside the others."""
+    falls = [c for c in said.report.redesigns if c.running is not None and c.running.verdict == "clear_fall"]
+    true = [beside_others(int(c.area_name.rsplit("-", 1)[1]), truth) for c in falls]
+    return any(allows("clear_fall", ratio) for ratio in true)
+
+
 def nothing_logged(said: Said, truth: Truth) -> bool | None:
     return not truth.tale.entries or truth.week > truth.start // 7 + 1
 
@@ -520,6 +527,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "things.none_fell_text": nothing_shows,
     "things.none_fell_doubtful": since("clear_fall"),
     "things.none_fell_quiet": nothing_logged,
+    "things.none_fell_small": small_fall,
     "things.busiest_recorded": busiest_recorded,
     "things.busiest_spot": busiest,
     "things.busiest_still": busiest,

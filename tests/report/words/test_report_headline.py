@@ -332,6 +332,14 @@ def test_a_fall_since_a_log_entry_is_not_called_its_success() -> None:
     assert "Not yet tested beside other areas." in worked.text
 
 
+def test_a_fall_in_a_small_area_is_not_said_to_be_invisible() -> None:
+    report = weeks.normal()
+    areas = tuple(replace(a, often=replace(a.often, verdict="cannot_tell"), is_material=False) for a in report.areas)
+    small = replace(planted_redesign(), is_credible=False, contribution=-0.01)
+    told = story_of(replace(report, areas=areas, log=(), redesigns=(small,))).things[0]
+    assert told.text == "What was changed at the site shows in small parts of the floor only."
+
+
 def test_a_short_log_entry_is_quoted() -> None:
     report = weeks.normal()
     entry = replace(report.log[1], text="Display moved.")

@@ -128,7 +128,7 @@ def trend(report: WeekReport) -> TrendView | None:
     ahead = outlook(report)
     if ahead is not None and not ahead.lines:
         notes += ahead.notes
-    if found.left_out and panels:
+    if found.left_out and panels and report.state != "no_data":
         cameras = terms.joined(terms.camera_name(c) for c in found.left_out)
         notes.append(say("trend.left_out", plural=len(found.left_out), cameras=cameras))
     marks = [

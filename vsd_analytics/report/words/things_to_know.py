@@ -128,6 +128,9 @@ def _worked(report: WeekReport) -> Thing:
         change = doubtful[-1]
         text = say("things.none_fell_doubtful", area=change.area_name, at=fmt.date_short(change.at.date()))
         return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
+    if any(c.running is not None and c.running.verdict == "clear_fall" for c in report.redesigns):
+        text = say("things.none_fell_small")
+        return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
     is_logged = any(line.kind == "logged" for line in report.log)
     is_quiet = report.agenda is not None and not is_logged and not report.redesigns
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
