@@ -92,15 +92,6 @@ KEYS: Final[dict[TableName, tuple[str, ...]]] = {
     ),
 }
 
-# What a user may name a column of a file after: time, ids, places and boxes
-FILE_NUMBERS: Final = ("x_m", "y_m", "u_px", "v_px", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
-FILE_BOX: Final = ("left", "top", "right", "bottom", "width", "height")
-FILE_TEXTS: Final = ("camera_id", "track_id", "track_a", "track_b")
-FILE_COLUMNS: Final = ("ts", "frame", *FILE_TEXTS, *FILE_NUMBERS, *FILE_BOX)
-
-METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "km": 1000.0, "ft": 0.3048, "in": 0.0254}
-"""Metres of one unit that positions and distances of a file may have."""
-
 # The output of adapters, before validation, unit conversion and pseudonyms: engine's own names and metres.
 # zone is the one a time without an offset was read in; null = the time had an offset of its own.
 RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import socket
+import subprocess
+import time
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -10,7 +13,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, write_project
+from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, free_port, write_project
 
 from vsd_analytics.cli import cli
 from vsd_analytics.config import load_site
@@ -23,6 +26,8 @@ from vsd_analytics.site.model import Broker, Site
 
 NOW = datetime(2026, 11, 20, 12, tzinfo=UTC)
 GONE_PID = 2**22 - 7
+ALONE = f"{recommended_config()}persistence_location /var/lib/mosquitto/\n"
+"""The recommended configuration without Debian's own file beside it."""
 
 
 @pytest.fixture
@@ -96,14 +101,14 @@ def test_a_status_file_of_deep_json_is_as_none(site: Site, name: str) -> None:
 
 def test_the_recommended_configuration_has_no_fault(tmp_path: Path) -> None:
     file = tmp_path / "mosquitto.conf"
-    file.write_text(recommended_config())
+    file.write_text(ALONE)
     assert config_faults(parse_config(file)) == []
     assert [f.state for f in examine_config(file)] == ["ok"]
 
 
 def test_mosquittos_defaults_have_all_faults() -> None:
     assert len(config_faults({})) == 3
-    assert len(config_faults({"persistence": "true"})) == 3
+    assert len(config_faults({"persistence": "true"})) == 4
 
 
 @pytest.mark.parametrize(
@@ -120,7 +125,7 @@ def test_mosquittos_defaults_have_all_faults() -> None:
 )
 def test_each_setting_that_loses_messages_is_reported(tmp_path: Path, line: str, words: str) -> None:
     file = tmp_path / "mosquitto.conf"
-    file.write_text(f"{recommended_config()}\n{line}\n")
+    file.write_text(f"{ALONE}\n{line}\n")
     (fault,) = config_faults(parse_config(file))
     assert words in fault
 
@@ -130,13 +135,13 @@ def test_each_setting_that_loses_messages_is_reported(tmp_path: Path, line: str,
 )
 def test_what_is_as_good_is_accepted(tmp_path: Path, line: str) -> None:
     file = tmp_path / "mosquitto.conf"
-    file.write_text(f"{recommended_config()}\n{line}\n")
+    file.write_text(f"{ALONE}\n{line}\n")
     assert config_faults(parse_config(file)) == []
 
 
 def test_saving_at_every_change_is_accepted_with_a_word_on_its_price(tmp_path: Path) -> None:
     file = tmp_path / "mosquitto.conf"
-    file.write_text(f"{recommended_config()}\nautosave_on_changes true\n")
+    file.write_text(f"{ALONE}\nautosave_on_changes true\n")
     assert [f.state for f in examine_config(file)] == ["ok", "note"]
 
 
@@ -144,8 +149,59 @@ def test_included_files_count(tmp_path: Path) -> None:
     (tmp_path / "conf.d").mkdir()
     (tmp_path / "conf.d" / "vsd.conf").write_text(recommended_config())
     file = tmp_path / "mosquitto.conf"
-    file.write_text(f"# comment\npersistence false\ninclude_dir {tmp_path}/conf.d\n")
+    file.write_text(f"# comment\npersistence false\npersistence_location /tmp/\ninclude_dir {tmp_path}/conf.d\n")
     assert config_faults(parse_config(file)) == []
+
+
+def debian(folder: Path, *, included: str) -> Path:
+    """Write the settings of the mosquitto.conf that Debian 12 installs, below a folder, with one included file."""
+    (folder / "conf.d").mkdir(parents=True)
+    (folder / "conf.d" / "vsd.conf").write_text(included)
+    file = folder / "mosquitto.conf"
+    settings = {
+        "pid_file": folder / "mosquitto.pid",
+        "persistence": "true",
+        "persistence_location": f"{folder}/",
+        "log_dest": f"file {folder}/mosquitto.log",
+        "include_dir": folder / "conf.d",
+        "user": os.environ.get("USER", "root"),  # the folders of a test are its own
+    }
+    file.write_text("".join(f"{key} {value}\n\n" for key, value in settings.items()))
+    return file
+
+
+def test_setting_that_keeps_the_broker_from_starting_is_reported(tmp_path: Path) -> None:
+    (finding,) = examine_config(debian(tmp_path, included=ALONE))
+    assert finding.state == "needs you"
+    assert "persistence_location is there 2 times: the broker does not start" in finding.detail
+
+
+@pytest.mark.skipif(MOSQUITTO is None, reason=WHY_NOT)
+@pytest.mark.parametrize(("included", "starts"), [(recommended_config(), True), (ALONE, False)], ids=["as is", "twice"])
+def test_recommended_configuration_starts_beside_that_of_debian(tmp_path: Path, included: str, starts: bool) -> None:
+    port = free_port()
+    file = debian(tmp_path, included=included.replace("listener 1883", f"listener {port}"))
+    assert (examine_config_states(file) == ["ok"]) == starts
+    broker = subprocess.Popen([str(MOSQUITTO), "-c", str(file)], stderr=subprocess.DEVNULL)
+    try:
+        assert is_listening(port, broker) == starts
+    finally:
+        broker.terminate()
+        broker.wait(10)
+
+
+def examine_config_states(file: Path) -> list[str]:
+    return [f.state for f in examine_config(file)]
+
+
+def is_listening(port: int, broker: subprocess.Popen[bytes]) -> bool:
+    until_s = time.monotonic() + 10
+    while broker.poll() is None and time.monotonic() < until_s:
+        with socket.socket() as s:
+            if s.connect_ex(("127.0.0.1", port)) == 0:
+                return True
+        time.sleep(0.02)
+    return False
 
 
 def test_a_configuration_that_cannot_be_read_is_reported(tmp_path: Path) -> None:

@@ -31,7 +31,6 @@ class Mosquitto:
         folder.mkdir(parents=True, exist_ok=True)
         self.port = free_port()
         changes = {
-            "persistence_location": f"{folder}/",
             "listener": f"{self.port} 127.0.0.1",
             **(replace or {}),
         }
@@ -40,7 +39,10 @@ class Mosquitto:
             key = line.partition(" ")[0]
             lines.append(f"{key} {changes[key]}" if key in changes else line)
         self.config = folder / "mosquitto.conf"
-        self.config.write_text("\n".join([*lines, *extra, f"user {os.environ.get('USER', 'root')}"]) + "\n")
+        self.config.write_text(
+            "\n".join([*lines, f"persistence_location {folder}/", *extra, f"user {os.environ.get('USER', 'root')}"])
+            + "\n"
+        )
         self.log = folder / "mosquitto.log"
         self.process: subprocess.Popen[bytes] | None = None
 

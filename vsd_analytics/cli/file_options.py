@@ -10,9 +10,9 @@ import click
 
 from vsd_analytics.cli.options import F
 from vsd_analytics.cli.project import Project
+from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.adapters import formats
-from vsd_analytics.schema import FILE_COLUMNS, METRES
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:

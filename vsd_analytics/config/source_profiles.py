@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import Any
 
+from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.config.reader import Form, TableReader, nearest
 from vsd_analytics.config.row_filter import EXAMPLE, FilterError, parse_filter
 from vsd_analytics.config.values import parse_picture_px, zone
-from vsd_analytics.schema import FILE_COLUMNS, METRES
 from vsd_analytics.site.model import Camera, SourceProfile
 
 _FILES: Form = {

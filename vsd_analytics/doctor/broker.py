@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -23,6 +24,8 @@ OLD_STATUS_S = 60.0
 AUTOSAVE_MAX_S = 10
 _ANSWER_S = 2.0
 _UNITS = {"h": 1 / 24, "d": 1.0, "w": 7.0, "m": 30.0, "y": 365.0}
+_ONCE = frozenset({"persistence_location", "persistence_file", "pid_file", "log_timestamp_format"})
+"""Settings that Mosquitto 2 refuses to find twice, also when the second is in an included file."""
 _PRINT = "vsd listen --broker-config"
 _EXPLAINED = {CLOCKS_DISAGREE: "E708", CANNOT_STORE: "E304"}
 
@@ -205,7 +208,7 @@ def examine_config(path: Path) -> Iterator[Finding]:
     except (OSError, UnicodeDecodeError) as error:
         yield Finding(name, "needs you", f"it cannot be read: {error}", "name the right file: --broker-config FILE")
         return
-    faults = config_faults(values)
+    faults = [*repeated(path), *config_faults(values)]
     if faults:
         yield Finding(name, "needs you", "; ".join(faults), f"{_PRINT}  prints what to write and why")
     else:
@@ -215,6 +218,17 @@ def examine_config(path: Path) -> Iterator[Finding]:
         yield Finding(name, "note", f"{detail} (docs/live.md)")
 
 
+def repeated(path: Path) -> list[str]:
+    """Return a sentence for each setting that a broker accepts once only and that its files have more than once.
+
+    Raises:
+        OSError: A file cannot be read.
+        UnicodeDecodeError: It is not text.
+    """
+    counts = Counter(key for key, _ in _settings(path) if key in _ONCE)
+    return [f"{key} is there {n} times: the broker does not start" for key, n in sorted(counts.items()) if n > 1]
+
+
 def parse_config(path: Path) -> dict[str, str]:
     """Return the settings of a mosquitto.conf and of its `include_dir`; of several with one name the last.
 
@@ -222,16 +236,19 @@ def parse_config(path: Path) -> dict[str, str]:
         OSError: A file cannot be read.
         UnicodeDecodeError: It is not text.
     """
-    values: dict[str, str] = {}
+    return dict(_settings(path))
+
+
+def _settings(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield key and value of each line, those of included files in their place."""
     for line in path.read_text(encoding="utf-8").splitlines():
         key, _, value = line.strip().partition(" ")
         if not key or key.startswith("#"):
             continue
-        values[key] = value.strip()
+        yield key, value.strip()
         if key == "include_dir":
             for included in sorted(Path(value.strip()).glob("*.conf")):
-                values.update(parse_config(included))
-    return values
+                yield from _settings(included)
 
 
 def config_faults(values: Mapping[str, str]) -> list[str]:
@@ -240,6 +257,8 @@ def config_faults(values: Mapping[str, str]) -> list[str]:
     if values.get("persistence", "false") != "true":
         faults.append("persistence is not true: a restart forgets sessions and queues")
     else:
+        if "persistence_location" not in values:
+            faults.append("persistence_location is missing: the broker saves where it was started, if it may")
         interval = _whole(values.get("autosave_interval", "1800"))
         on_changes = values.get("autosave_on_changes", "false") == "true"
         if interval is None or not 1 <= interval <= (1 if on_changes else AUTOSAVE_MAX_S):

@@ -110,7 +110,7 @@ class IngestOptions:
         threshold_m: smart-social-distancing: distance under which its pairs were counted.
         engine: Engine name and version to note when the file does not say.
         per_camera: wildtrack: each view is a camera of its own, instead of the positions fused from all.
-        unit: Unit of positions and distances whose column does not name one, a key of `schema.METRES`.
+        unit: Unit of positions and distances whose column does not name one, a key of `file_columns.METRES`.
         where: Which rows of a table are read, see `vsd_analytics.ingest.where`.
         zone: IANA zone of times without an offset, as the user states it; it takes the place of all clocks.
         time_format: How a table writes its times, in the words of strptime.

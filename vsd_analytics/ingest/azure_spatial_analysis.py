@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, inner, listed, text
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
-from vsd_analytics.schema import METRES
 
 OTHERS = "not a person"
 

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
@@ -14,7 +15,7 @@ from vsd_analytics.ingest.table_file import Header
 from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import parse_where
-from vsd_analytics.schema import FILE_COLUMNS, METRES, TableName
+from vsd_analytics.schema import TableName
 
 _FLOOR: tuple[str, ...] = ("x_m", "y_m")
 _PIXELS: tuple[str, ...] = ("u_px", "v_px")
@@ -39,7 +40,7 @@ class ColumnPlan:
         kind: "observations" or "pairs".
         theirs: Number of the file's column for each of our names that is read.
         names: Their names, by ours.
-        units: Unit of each of our columns in metres that is not in metres, see `schema.METRES`.
+        units: Unit of each of our columns in metres that is not in metres, see `file_columns.METRES`.
         where: Comparisons that a row must fulfil.
         compared: Number of the file's column for each column of `where`.
         time_format: How texts in `ts` are written, in the words of strptime; None = ISO 8601.

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.config.file_columns import FILE_BOX, METRES
 from vsd_analytics.geometry.picture_size import picture_size
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.instants import utc_to_local
@@ -17,7 +18,6 @@ from vsd_analytics.ingest.sample import Sample
 from vsd_analytics.ingest.table_head import TableHead
 from vsd_analytics.ingest.telling_names import OBJECTS, PERSON, VAGUE, letters, named_like
 from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
-from vsd_analytics.schema import FILE_BOX, METRES
 from vsd_analytics.site.model import Camera, Site
 
 SPEED_MAX_M_S: Final = 8.0

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.ingest.cell_values import trimmed
 from vsd_analytics.ingest.columns import ColumnPlan, beside
 from vsd_analytics.ingest.table_file import TableFile
 from vsd_analytics.ingest.telling_names import Role, named_like
-from vsd_analytics.schema import FILE_COLUMNS
 
 HEAD_ROWS = 50_000
 VALUES_MAX = 200

@@ -8,13 +8,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from vsd_analytics.config.file_columns import FILE_BOX, FILE_NUMBERS, METRES
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers, trimmed
 from vsd_analytics.ingest.columns import TIME_OF_DAY, ColumnPlan, beside
 from vsd_analytics.ingest.instants import Instants, parse_instants
 from vsd_analytics.ingest.raw import raw_table, rejected
 from vsd_analytics.ingest.where import rows_where
-from vsd_analytics.schema import FILE_BOX, FILE_NUMBERS, METRES
 
 _MAX_MS = 2.0**53
 LEFT_OUT = "by --where"

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest import arrow_file
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected, Source
@@ -26,7 +27,7 @@ from vsd_analytics.ingest.table_rows import raw_batch
 from vsd_analytics.ingest.text_table import TextTable, as_text, delimiter_of, split_by
 from vsd_analytics.ingest.time_formats import time_format
 from vsd_analytics.ingest.workbook import Workbook
-from vsd_analytics.schema import FILE_COLUMNS, TableName
+from vsd_analytics.schema import TableName
 
 _PARQUET = b"PAR1"
 _ZIP = b"PK\x03\x04"

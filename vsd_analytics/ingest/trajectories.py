@@ -11,12 +11,12 @@ from array import array
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.frame_rows import finite
 from vsd_analytics.ingest.instants import frame_ms
 from vsd_analytics.ingest.raw import BadRowError, bounded_lines, raw_table, rejected
-from vsd_analytics.schema import METRES
 
 _FPS = re.compile(rb"^#.*?frame\s*rate\D{0,20}?(\d+(?:\.\d+)?)", re.IGNORECASE | re.MULTILINE)
 _UNIT = re.compile(

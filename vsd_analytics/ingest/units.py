@@ -31,7 +31,7 @@ def unit_in_name(name: str) -> str | None:
         name: The name as the file gives it.
 
     Returns:
-        A key of `schema.METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`.
+        A key of `file_columns.METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`.
     """
     if joined := _AXIS.fullmatch(name.strip()):
         return _WORDS[joined[1].lower()]
