@@ -123,10 +123,11 @@ def trend(report: WeekReport) -> TrendView | None:
     notes = []
     if not panels and len(weeks) == 1:
         notes.append(say("trend.one"))
-    elif found.state != "ok":
+    if found.state != "ok":
         notes.append(say("trend.too_few"))
     ahead = outlook(report)
-    if ahead is not None and not ahead.lines:
+    why = None if report.outlook is None else report.outlook.reason
+    if ahead is not None and not ahead.lines and not _is_named_by_trend(report, why, "forecast.weeks"):
         notes += ahead.notes
     if found.left_out and panels and report.state != "no_data":
         cameras = terms.joined(terms.camera_name(c) for c in found.left_out)
@@ -146,6 +147,12 @@ def trend(report: WeekReport) -> TrendView | None:
         has_usual=found.usual_often is not None or found.usual_close is not None,
         has_others=any(w.missing for w in weeks),
     )
+
+
+def _is_named_by_trend(report: WeekReport, reason: Reason | None, code: str) -> bool:
+    """Tell whether the section of the weeks already says that more recorded weeks are needed."""
+    is_short = report.trend is not None and bool(report.trend.weeks) and report.trend.state != "ok"
+    return is_short and reason is not None and reason.code == code
 
 
 def trend_title(report: WeekReport, measure: Measure) -> str:
@@ -253,6 +260,8 @@ def unusual(report: WeekReport) -> Listed | None:
     if found is None or (found.n_unusual == 1 and found.first is not None):
         return None
     sub = say("when.unusual_sub")
+    if found.state != "ok" and _is_named_by_trend(report, found.reason, "unusual.weeks"):
+        return None
     if found.state != "ok":
         return Listed(title="", sub="", lines=(), notes=(say("when.unusual_why", reason=_because(found.reason)),))
     lines = [

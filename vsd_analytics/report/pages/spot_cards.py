@@ -31,7 +31,6 @@ class Card:
         change: What became of it, in words.
         direction: good, bad or same; colours that.
         notes: Further lines: excess.
-        area: How often in its area, where the figure above is not that.
         when: When it is busy.
         dots: For each of three dots, whether it is full.
         sure: high, medium or low, in words.
@@ -47,7 +46,6 @@ class Card:
     change: str
     direction: str
     notes: tuple[str, ...]
-    area: str
     when: str
     dots: tuple[bool, ...]
     sure: str
@@ -109,7 +107,7 @@ def watched(name: str, changed_on: date | None) -> str:
 
 
 def _card(card: SpotCard, report: WeekReport) -> Card:
-    value, unit, notes, area = _figures(card, report)
+    value, unit, notes = _figures(card, report)
     change, direction = _change(card.often, report) if card.ratio is None else _since(card)
     evidence = card.evidence
     level = {"high": 3, "medium": 2, "low": 1}.get(evidence.sureness if evidence is not None else "", 0)
@@ -121,7 +119,6 @@ def _card(card: SpotCard, report: WeekReport) -> Card:
         change=change,
         direction=direction,
         notes=notes,
-        area=area,
         when=_when(card.usual),
         dots=tuple(i < level for i in range(N_DOTS)),
         sure=say(f"spots.{evidence.sureness}") if evidence is not None else "",
@@ -131,13 +128,13 @@ def _card(card: SpotCard, report: WeekReport) -> Card:
     )
 
 
-def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, ...], str]:
+def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, ...]]:
     often = card.often
     if card.ratio is None:
-        return fmt.number(often.value if often is not None else None), say("spots.rate_unit"), (), ""
+        return fmt.number(often.value if often is not None else None), say("spots.rate_unit"), ()
     if card.ratio.value is None:
-        return fmt.MISSING, reason_text(card.ratio.reason), (), ""
-    unit, notes, area = say("spots.ratio_unit"), [], ""
+        return fmt.MISSING, reason_text(card.ratio.reason), ()
+    unit, notes = say("spots.ratio_unit"), []
     if card.ratio.lo is not None and card.ratio.hi is not None:
         unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
     if card.excess_min_per_week is not None:
@@ -147,11 +144,7 @@ def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, .
         value, before = (fmt.number(float(f"{v or 0.0:.2g}")) for v in (here.value, here.previous))
         around = fmt.distance(report.rules.distance_m / 2, report.rules.distance_unit)
         notes.append(say("spots.here", distance=around, rate=value, before=before, week=report.previous.number))
-    if often is not None and often.value is not None:
-        change, _ = _change(often, report, within=True)
-        key = "spots.area_rate_change" if change else "spots.area_rate"
-        area = say(key, rate=fmt.number(often.value), change=change)
-    return fmt.number(card.ratio.value), unit, tuple(notes), area
+    return fmt.number(card.ratio.value), unit, tuple(notes)
 
 
 def _since(card: SpotCard) -> tuple[str, str]:
@@ -163,7 +156,7 @@ def _since(card: SpotCard) -> tuple[str, str]:
     return say(key, date=fmt.date_short(card.since)) if card.since is not None else "", "same"
 
 
-def _change(often: Estimate | None, report: WeekReport, *, within: bool = False) -> tuple[str, str]:
+def _change(often: Estimate | None, report: WeekReport) -> tuple[str, str]:
     """Return the change of an area in words, and its direction; empty where nothing is compared."""
     if report.state != "normal" or report.previous is None or often is None:
         return "", "same"
@@ -171,7 +164,7 @@ def _change(often: Estimate | None, report: WeekReport, *, within: bool = False)
         said = say("spots.change", change=fmt.fewer_more(often.change), week=report.previous.number)
         return said, terms.direction(often.verdict)
     key = "no_change" if often.verdict in ("about_same", "cannot_tell") else "little"
-    return say(f"spots.{'' if within else 'cap_'}{key}", week=report.previous.number), "same"
+    return say(f"spots.cap_{key}", week=report.previous.number), "same"
 
 
 def _when(usual: UsualHours | None) -> str:

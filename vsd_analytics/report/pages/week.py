@@ -372,7 +372,7 @@ def _change_row(
     clear = estimate.verdict in ("clear_fall", "clear_rise")
     said = say("changed.not_measurable") if estimate.state == "not_measurable" else terms.verdict_words(estimate)
     unknown = estimate.change is None
-    detail = fmt.likely_signed(estimate) or reason_text(estimate.reason)
+    detail = fmt.range_signed(estimate) or reason_text(estimate.reason)
     if estimate.reason == GIVES_AWAY:
         said, detail = say("changed.held"), say("changed.held_text")
     return ChangeRow(

@@ -141,6 +141,13 @@ def likely_signed(estimate: Estimate) -> str:
     return say("format.likely_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
 
 
+def range_signed(estimate: Estimate) -> str:
+    """Write the interval of a change for a table whose heading says what it is: −49% to −37%; empty without one."""
+    if estimate.change_lo is None or estimate.change_hi is None:
+        return ""
+    return say("format.range_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
+
+
 def likely_level(estimate: Estimate, *, written: Callable[[float | None], str] | None = None) -> str:
     """Write the interval of a level: likely between 116 and 126; empty when there is none.
 

@@ -251,9 +251,9 @@ def _weak(camera: CameraRecord, report: WeekReport) -> Thing:
     areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]
     is_clear = any(a.often.verdict in ("clear_fall", "clear_rise") for a in areas)
     key = "things.weak_areas_clear" if is_clear else "things.weak_areas"
-    seen = say(key, areas=terms.joined(a.name for a in areas)) if areas else ""
+    text = say(key, areas=terms.joined(a.name for a in areas)) if areas else say("things.weak_camera_text")
     title = say("things.weak_camera", camera=terms.camera_name(camera.name), share=fmt.percent(camera.share))
-    return _doubt(title, say("things.weak_camera_text", areas=seen), "data")
+    return _doubt(title, text, "data")
 
 
 def _doubt(title: str, text: str, target: str) -> Thing:
