@@ -24,7 +24,8 @@ from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import make_page, render_html
 from vsd_analytics.report.words import questions
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.site.model import Area, Fixture
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, Fixture, Floor
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.forecast import ForecastScore
@@ -177,6 +178,7 @@ class _Data:
     monday = weeks.MONDAY
     sunday = weeks.MONDAY + timedelta(days=6)
     areas = (Area("a1", "Main entrance", "ground", ((0, 0), (1, 0), (1, 1))),)
+    floor = Floor("ground", "Ground floor")
 
     def hidden_in(self, monday: date) -> SimpleNamespace:
         """Return a week that holds nothing back."""
@@ -439,7 +441,22 @@ def test_what_is_refused_is_said_in_a_line_and_not_in_a_section() -> None:
     assert (
         "The change cannot be split into people, room and behaviour: needs at least 20 person-hours, has 4.2." in text
     )
-    assert "A trend needs three recorded weeks." in text
+    assert "A trend needs three recorded weeks; a forecast and unusual hours need four." in text
+
+
+def test_what_only_needs_more_weeks_is_said_once() -> None:
+    report = sections.refused()
+    assert report.outlook is not None
+    assert report.unusual is not None
+    report = replace(
+        report,
+        outlook=replace(report.outlook, reason=Reason("forecast.weeks", least=4, has=2)),
+        unusual=replace(report.unusual, reason=Reason("unusual.weeks", least=4, has=1)),
+    )
+    text = seen(render_html(report))
+    assert "A trend needs three recorded weeks; a forecast and unusual hours need four." in text
+    assert "cannot be forecast yet" not in text
+    assert "Unusual hours cannot be found yet" not in text
 
 
 # ---- units ----

@@ -643,7 +643,6 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "ledger.sub": _DEFINITION,
     "spots.busiest_recorded": "names the cards",
     "spots.title": "a heading",
-    "spots.read_*": _DEFINITION,
     "spots.two": "a number",
     "spots.three": "a number",
     "spots.ask": "names a line",
@@ -728,7 +727,7 @@ _CELLS: Final = "tested hotspots need positions; tests/stats/prove_hotspots.py p
 UNJUDGED: Final[Mapping[str, str]] = {
     **{f"spots.{n}": _CELLS for n in ("tested", "sub_tested", "near", "on_the_rest", "this", "ratio*", "excess")},
     "spots.here": _CELLS,
-    **{f"spots.{n}": _CELLS for n in ("more", "area_rate*", "no_change", "little", "new", "since*")},
+    **{f"spots.{n}": _CELLS for n in ("more", "new", "since*")},
     "planner.log.elsewhere": "how much the rest of the floor took up has no range; tests/stats proves its bias",
     "planner.log.cautions": "counts the cautions below it",
 }  # fmt: skip
