@@ -190,7 +190,8 @@ def test_bytes_do_not_depend_on_range_or_batch(
         build(hourly, first_hour=number, last_hour=number)
     assert fact_files(hourly) == expected
     small = make_site(tmp_path / "small", cameras=cameras)
-    monkeypatch.setattr(build_module, "BATCH_ROWS", 1000)
+    for limit in ("BATCH_ROWS", "QUIET_ROWS"):
+        monkeypatch.setattr(build_module, limit, 1000)
     build(small)
     assert fact_files(small) == expected
 
