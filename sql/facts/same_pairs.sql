@@ -16,7 +16,7 @@
 --   n_same            whole seconds in which each person is at most 0.5 m apart in the two views, and no other pair fits better
 --   n_both            whole seconds in which both segments place the pair on floor from which several cameras may report
 -- steps:
---   segments    a number stands for camera, tracks and start of a segment, in their order: the joins and ranks below carry one integer
+--   segments    numbered in the order of camera, tracks and start: the joins and ranks below carry one integer for all of these
 --   lasting     pairs on floor without an owner cell are seen by one camera alone and cannot be counted twice; 4 s and 1 s bound how
 --               far a position may be carried on without a record
 --   seconds     a stretch of at most 4 s holds at most four whole seconds
