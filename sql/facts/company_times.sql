@@ -11,27 +11,83 @@
 --   company         track ids of all that were closer than distance_m, in order, joined by chr(1); null when one has no id
 --   violation_ms    person-milliseconds counted by this camera (it owns the person's own position)
 -- steps:
---   companies   chr(1) separates ids, as no pseudonym holds it; a company with an unknown member is null, since it cannot be compared
---               with a group
 --   in_buckets  people are counted by the camera that owns their own place, not that of the pair: sums equal violation_time
+--   small       most companies are one or two people: their least and greatest id are all of them, so times add up by ids before any text
+--               is joined; a company with an unknown member is null, since it cannot be compared with a group
+--   sides       the others of people with three or more around them
+--   companies   chr(1) separates ids, as no pseudonym holds it
 -- assumes: sums over all rows are the violation_ms of violation_time
-with sides as (
+with in_buckets as (
     select
-        p.camera_id,
-        p.ts_ms,
-        p.member_a as member,
+        v.camera_id,
+        cast(floor(v.ts_ms / (900000 * s.bucket_quarters)) as bigint) * s.bucket_quarters as bucket_quarter,
+        v.ts_ms,
+        v.member,
+        v.track_id,
+        case when v.n_named = v.n_others then v.n_others else 0 end as n_known,
+        v.first_other_id,
+        v.last_other_id,
+        v.weight_ms
+    from in_violation as v
+    cross join params as s
+    where v.is_owned
+),
+
+small as (
+    select
+        camera_id,
+        bucket_quarter,
+        track_id,
+        case when n_known >= 1 then first_other_id end as first_other_id,
+        case when n_known = 2 then last_other_id end as second_other_id,
+        weight_ms
+    from in_buckets
+    where n_known <= 2
+),
+
+small_times as (
+    select
+        camera_id,
+        bucket_quarter,
+        track_id,
+        first_other_id,
+        second_other_id,
+        sum(weight_ms) as violation_ms
+    from small
+    group by camera_id, bucket_quarter, track_id, first_other_id, second_other_id
+),
+
+large as materialized (
+    select
+        camera_id,
+        bucket_quarter,
+        ts_ms,
+        member,
+        track_id,
+        weight_ms
+    from in_buckets
+    where n_known > 2
+),
+
+sides as (
+    select
+        v.camera_id,
+        v.ts_ms,
+        v.member,
         p.track_b as other_id
     from pairs as p
     cross join params as s
+    inner join large as v on p.camera_id = v.camera_id and p.ts_ms = v.ts_ms and p.member_a = v.member
     where p.distance_mm < s.distance_mm
     union all
     select
-        p.camera_id,
-        p.ts_ms,
-        p.member_b as member,
+        v.camera_id,
+        v.ts_ms,
+        v.member,
         p.track_a as other_id
     from pairs as p
     cross join params as s
+    inner join large as v on p.camera_id = v.camera_id and p.ts_ms = v.ts_ms and p.member_b = v.member
     where p.distance_mm < s.distance_mm
 ),
 
@@ -40,26 +96,39 @@ companies as (
         camera_id,
         ts_ms,
         member,
-        case
-            when count(other_id) < count(*) then null
-            when count(*) = 1 then min(other_id)
-            else array_to_string(list_sort(list(other_id)), chr(1))
-        end as company
+        array_to_string(list_sort(list(other_id)), chr(1)) as company
     from sides
     group by camera_id, ts_ms, member
 ),
 
-in_buckets as (
+large_times as (
     select
         v.camera_id,
-        cast(floor(v.ts_ms / (900000 * s.bucket_quarters)) as bigint) * s.bucket_quarters as bucket_quarter,
+        v.bucket_quarter,
         v.track_id,
         c.company,
-        v.weight_ms
-    from in_violation as v
-    cross join params as s
+        sum(v.weight_ms) as violation_ms
+    from large as v
     inner join companies as c on v.camera_id = c.camera_id and v.ts_ms = c.ts_ms and v.member = c.member
-    where v.is_owned
+    group by v.camera_id, v.bucket_quarter, v.track_id, c.company
+),
+
+every_company as (
+    select
+        camera_id,
+        bucket_quarter,
+        track_id,
+        cast(first_other_id as varchar) || coalesce(chr(1) || cast(second_other_id as varchar), '') as company,
+        violation_ms
+    from small_times
+    union all
+    select
+        camera_id,
+        bucket_quarter,
+        track_id,
+        company,
+        violation_ms
+    from large_times
 )
 
 select
@@ -68,7 +137,6 @@ select
     bucket_quarter,
     track_id,
     company,
-    cast(sum(weight_ms) as bigint) as violation_ms
-from in_buckets
-group by camera_id, bucket_quarter, track_id, company
+    cast(violation_ms as bigint) as violation_ms
+from every_company
 order by hour, camera_id, bucket_quarter, track_id, company

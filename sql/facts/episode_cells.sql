@@ -1,7 +1,7 @@
 -- name: facts/episode_cells
 -- One row per run of violation records of one pair within one UTC hour and floor cell: how long either person stood there in violation.
 -- grain: camera_id, track_a, track_b, started_ms, cx, cy
--- reads: close_records, instants
+-- reads: close_records
 -- params: cell_mm
 -- columns:
 --   hour          UTC hour number
@@ -20,8 +20,8 @@ with persons as (
         camera_id,
         track_a,
         track_b,
-        ts_ms,
         started_ms,
+        weight_ms,
         is_owned,
         x_a_mm as x_mm,
         y_a_mm as y_mm
@@ -33,8 +33,8 @@ with persons as (
         camera_id,
         track_a,
         track_b,
-        ts_ms,
         started_ms,
+        weight_ms,
         is_owned,
         x_b_mm as x_mm,
         y_b_mm as y_mm
@@ -51,11 +51,10 @@ in_cells as (
         p.started_ms,
         cast(floor(p.x_mm / s.cell_mm) as integer) as cx,
         cast(floor(p.y_mm / s.cell_mm) as integer) as cy,
-        i.weight_ms,
-        case when p.is_owned then i.weight_ms else 0 end as owned_ms
+        p.weight_ms,
+        case when p.is_owned then p.weight_ms else 0 end as owned_ms
     from persons as p
     cross join params as s
-    inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
 )
 
 select

@@ -2,8 +2,8 @@
 -- One row per camera, time bucket and number of others closer than distance_m: person-time in such company.
 -- stored_by: utc_day
 -- grain: camera_id, bucket_quarter, n_others
--- reads: pairs, in_violation
--- params: bucket_quarters, distance_mm
+-- reads: in_violation
+-- params: bucket_quarters
 -- columns:
 --   hour            UTC hour number
 --   camera_id
@@ -11,43 +11,14 @@
 --   n_others        others closer than distance_m at the instant, at least 1
 --   violation_ms    person-milliseconds counted by this camera (it owns the person's own position)
 -- assumes: sums over all rows are the violation_ms of violation_time; who has nobody so close is in no row
-with sides as (
-    select
-        p.camera_id,
-        p.ts_ms,
-        p.member_a as member
-    from pairs as p
-    cross join params as s
-    where p.distance_mm < s.distance_mm
-    union all
-    select
-        p.camera_id,
-        p.ts_ms,
-        p.member_b as member
-    from pairs as p
-    cross join params as s
-    where p.distance_mm < s.distance_mm
-),
-
-companies as (
-    select
-        camera_id,
-        ts_ms,
-        member,
-        count(*) as n_others
-    from sides
-    group by camera_id, ts_ms, member
-),
-
-in_buckets as (
+with in_buckets as (
     select
         v.camera_id,
         cast(floor(v.ts_ms / (900000 * s.bucket_quarters)) as bigint) * s.bucket_quarters as bucket_quarter,
-        c.n_others,
+        v.n_others,
         v.weight_ms
     from in_violation as v
     cross join params as s
-    inner join companies as c on v.camera_id = c.camera_id and v.ts_ms = c.ts_ms and v.member = c.member
     where v.is_owned
 )
 

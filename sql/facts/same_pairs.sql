@@ -16,6 +16,7 @@
 --   n_same            whole seconds in which each person is at most 0.5 m apart in the two views, and no other pair fits better
 --   n_both            whole seconds in which both segments place the pair on floor from which several cameras may report
 -- steps:
+--   segments    numbered in the order of camera, tracks and start: the joins and ranks below carry one integer for all of these
 --   lasting     pairs on floor without an owner cell are seen by one camera alone and cannot be counted twice; 4 s and 1 s bound how
 --               far a position may be carried on without a record
 --   seconds     a stretch of at most 4 s holds at most four whole seconds
@@ -24,17 +25,38 @@
 --   corners     joining by squares compares each pair with those around it, not with all of the floor
 --   ranked      250000 is the square of 500 mm; each must be the best fit of the other, so that in a crowd a pair is not joined with
 --               its neighbours
+--   candidates  a step of its own, so that no engine compares all segments of a second with each other first
 --   compared    seconds in which only one camera sees its pair say nothing, so agreement is counted over seconds that both have
 -- assumes: at least half of n_both agree; clocks of the cameras agree; ids of different cameras are never compared
-with lasting as materialized (
+with segments as (
     select
-        r.hour,
-        c.floor_id,
+        hour,
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        cast(row_number() over (order by camera_id, track_a, track_b, started_ms) as integer) as segment_no,
+        cast(dense_rank() over (order by camera_id, track_a, track_b) as integer) as pair_no
+    from close_records
+    group by hour, camera_id, track_a, track_b, started_ms
+),
+
+floors as (
+    select
+        floor_id,
+        min(camera_no) as floor_no
+    from cameras
+    group by floor_id
+),
+
+lasting as materialized (
+    select
+        g.segment_no,
+        g.pair_no,
+        f.floor_no,
         r.camera_id,
-        r.track_a,
-        r.track_b,
+        r.hour,
         r.ts_ms,
-        r.started_ms,
         r.x_a_mm,
         r.y_a_mm,
         r.x_b_mm,
@@ -52,6 +74,13 @@ with lasting as materialized (
     from close_records as r
     cross join params as s
     inner join cameras as c on r.camera_id = c.camera_id
+    inner join floors as f on c.floor_id = f.floor_id
+    inner join segments as g
+        on
+            r.camera_id = g.camera_id
+            and r.track_a = g.track_a
+            and r.track_b = g.track_b
+            and r.started_ms = g.started_ms
     left join owner_cells as o
         on
             c.floor_id = o.floor_id
@@ -73,12 +102,11 @@ seconds as (
 
 at_seconds as (
     select
-        p.hour,
-        p.floor_id,
+        p.segment_no,
+        p.pair_no,
+        p.floor_no,
         p.camera_id,
-        p.track_a,
-        p.track_b,
-        p.started_ms,
+        p.hour,
         cast(ceil(p.ts_ms / 1000) as bigint) + n.k as second,
         (1000 * (cast(ceil(p.ts_ms / 1000) as bigint) + n.k) - p.ts_ms) / (p.to_ms - p.ts_ms) as share,
         p.x_a_mm,
@@ -96,12 +124,11 @@ at_seconds as (
 
 seen as materialized (
     select
-        hour,
-        floor_id,
+        segment_no,
+        pair_no,
+        floor_no,
         camera_id,
-        track_a,
-        track_b,
-        started_ms,
+        hour,
         second,
         x_a_mm + share * (to_x_a_mm - x_a_mm) as x_a_mm,
         y_a_mm + share * (to_y_a_mm - y_a_mm) as y_a_mm,
@@ -133,12 +160,11 @@ corners as (
 
 reaching as (
     select
-        p.hour,
-        p.floor_id,
+        p.segment_no,
+        p.pair_no,
+        p.floor_no,
         p.camera_id,
-        p.track_a,
-        p.track_b,
-        p.started_ms,
+        p.hour,
         p.second,
         p.x_a_mm,
         p.y_a_mm,
@@ -153,16 +179,13 @@ reaching as (
 -- whichever person of one is which of the other, the worse placed of the two counts
 near as materialized (
     select
-        p.hour,
         p.second,
         p.camera_id,
-        p.track_a,
-        p.track_b,
-        p.started_ms,
+        p.pair_no,
+        p.segment_no,
         q.camera_id as other_camera_id,
-        q.track_a as other_track_a,
-        q.track_b as other_track_b,
-        q.started_ms as other_started_ms,
+        q.pair_no as other_pair_no,
+        q.segment_no as other_segment_no,
         least(
             greatest(
                 (p.x_a_mm - q.x_a_mm) * (p.x_a_mm - q.x_a_mm) + (p.y_a_mm - q.y_a_mm) * (p.y_a_mm - q.y_a_mm),
@@ -176,7 +199,7 @@ near as materialized (
     from seen as p
     inner join reaching as q
         on
-            p.floor_id = q.floor_id
+            p.floor_no = q.floor_no
             and p.hour = q.hour
             and p.second = q.second
             and p.gx = q.gx
@@ -186,22 +209,13 @@ near as materialized (
 
 ranked as (
     select
-        hour,
-        camera_id,
-        track_a,
-        track_b,
-        started_ms,
-        other_camera_id,
-        other_track_a,
-        other_track_b,
-        other_started_ms,
+        segment_no,
+        other_segment_no,
         row_number() over (
-            partition by second, camera_id, track_a, track_b, other_camera_id
-            order by square_mm2, other_track_a, other_track_b, other_started_ms, started_ms
+            partition by second, pair_no, other_camera_id order by square_mm2, other_segment_no, segment_no
         ) as rank,
         row_number() over (
-            partition by second, other_camera_id, other_track_a, other_track_b, camera_id
-            order by square_mm2, track_a, track_b, started_ms, other_started_ms
+            partition by second, other_pair_no, camera_id order by square_mm2, segment_no, other_segment_no
         ) as other_rank
     from near
     where square_mm2 <= 250000
@@ -209,74 +223,49 @@ ranked as (
 
 agreeing as (
     select
-        hour,
-        camera_id,
-        track_a,
-        track_b,
-        started_ms,
-        other_camera_id,
-        other_track_a,
-        other_track_b,
-        other_started_ms,
+        segment_no,
+        other_segment_no,
         count(*) as n_same
     from ranked
     where rank = 1 and other_rank = 1
-    group by
-        hour, camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms
+    group by segment_no, other_segment_no
+),
+
+candidates as materialized (
+    select
+        g.segment_no,
+        g.other_segment_no,
+        g.n_same,
+        p.second
+    from agreeing as g
+    inner join seen as p on g.segment_no = p.segment_no
 ),
 
 compared as (
     select
-        g.hour,
-        g.camera_id,
-        g.track_a,
-        g.track_b,
-        g.started_ms,
-        g.other_camera_id,
-        g.other_track_a,
-        g.other_track_b,
-        g.other_started_ms,
-        g.n_same,
-        count(distinct p.second) as n_both
-    from agreeing as g
-    inner join seen as p
-        on
-            g.camera_id = p.camera_id
-            and g.track_a = p.track_a
-            and g.track_b = p.track_b
-            and g.started_ms = p.started_ms
-    inner join seen as q
-        on
-            g.other_camera_id = q.camera_id
-            and g.other_track_a = q.track_a
-            and g.other_track_b = q.track_b
-            and g.other_started_ms = q.started_ms
-            and p.second = q.second
-    group by
-        g.hour,
-        g.camera_id,
-        g.track_a,
-        g.track_b,
-        g.started_ms,
-        g.other_camera_id,
-        g.other_track_a,
-        g.other_track_b,
-        g.other_started_ms,
-        g.n_same
+        c.segment_no,
+        c.other_segment_no,
+        c.n_same,
+        count(distinct c.second) as n_both
+    from candidates as c
+    inner join seen as q on c.other_segment_no = q.segment_no and c.second = q.second
+    group by c.segment_no, c.other_segment_no, c.n_same
 )
 
 select
-    hour,
-    camera_id,
-    track_a,
-    track_b,
-    started_ms,
-    other_camera_id,
-    other_track_a,
-    other_track_b,
-    other_started_ms,
-    n_same,
-    n_both
-from compared
-where 2 * n_same >= n_both
-order by hour, camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms
+    p.hour,
+    p.camera_id,
+    p.track_a,
+    p.track_b,
+    p.started_ms,
+    q.camera_id as other_camera_id,
+    q.track_a as other_track_a,
+    q.track_b as other_track_b,
+    q.started_ms as other_started_ms,
+    c.n_same,
+    c.n_both
+from compared as c
+inner join segments as p on c.segment_no = p.segment_no
+inner join segments as q on c.other_segment_no = q.segment_no
+where 2 * c.n_same >= c.n_both
+order by p.hour, p.camera_id, p.track_a, p.track_b, p.started_ms, q.camera_id, q.track_a, q.track_b, q.started_ms

@@ -10,6 +10,7 @@
 --   track_b      the greater track id
 --   ts_ms        milliseconds since 1970, UTC
 --   started_ms   first record of its run in this hour
+--   weight_ms    time that the frame represents
 --   interval_ms  frame interval of the camera's day
 --   gap_ms       episode_gap_s, at least 2.5 frame intervals
 --   x_a_mm       place of track_a, floor millimetres, null when unknown
@@ -35,6 +36,7 @@ with close as (
         p.hour,
         p.camera_id,
         p.ts_ms,
+        p.weight_ms,
         d.interval_ms,
         greatest(s.episode_gap_ms, cast(floor(5 * d.interval_ms / 2) as bigint)) as gap_ms,
         p.distance_mm,
@@ -58,6 +60,7 @@ neighboured as (
         track_a,
         track_b,
         ts_ms,
+        weight_ms,
         interval_ms,
         gap_ms,
         x_a_mm,
@@ -85,6 +88,7 @@ select
     max(case when follows and hour_before = hour then null else ts_ms end) over (
         partition by camera_id, track_a, track_b order by ts_ms rows between unbounded preceding and current row
     ) as started_ms,
+    weight_ms,
     interval_ms,
     gap_ms,
     x_a_mm,

@@ -5,13 +5,17 @@
 -- params: distance_mm, owner_cell_mm
 -- columns:
 --   camera_id
---   ts_ms      milliseconds since 1970, UTC
---   member     number of the person, as in pairs
---   track_id   null when the engine does not track
---   x_mm       floor millimetres, null when unknown
---   y_mm       floor millimetres
---   weight_ms  person-time: that of the instant
---   is_owned   false where another camera counts, because it sees the place better; without a position, that of the pairs
+--   ts_ms           milliseconds since 1970, UTC
+--   member          number of the person, as in pairs
+--   track_id        null when the engine does not track
+--   n_others        others closer than distance_m, at least 1
+--   n_named         those with a track id
+--   first_other_id  least track id of them, null without any
+--   last_other_id   greatest track id of them
+--   x_mm            floor millimetres, null when unknown
+--   y_mm            floor millimetres
+--   weight_ms       person-time: that of the instant
+--   is_owned        false where another camera counts, because it sees the place better; without a position, that of the pairs
 -- steps:
 --   persons  one row per person however many neighbours are close: person-time is counted once
 -- assumes: a person with three close neighbours is one person in violation
@@ -21,6 +25,7 @@ with sides as (
         p.ts_ms,
         p.member_a as member,
         p.track_a as track_id,
+        p.track_b as other_id,
         p.x_a_mm as x_mm,
         p.y_a_mm as y_mm,
         p.weight_ms,
@@ -34,6 +39,7 @@ with sides as (
         p.ts_ms,
         p.member_b as member,
         p.track_b as track_id,
+        p.track_a as other_id,
         p.x_b_mm as x_mm,
         p.y_b_mm as y_mm,
         p.weight_ms,
@@ -49,6 +55,10 @@ persons as (
         ts_ms,
         member,
         min(track_id) as track_id,
+        count(*) as n_others,
+        count(other_id) as n_named,
+        min(other_id) as first_other_id,
+        max(other_id) as last_other_id,
         min(x_mm) as x_mm,
         min(y_mm) as y_mm,
         min(weight_ms) as weight_ms,
@@ -62,6 +72,10 @@ select
     p.ts_ms,
     p.member,
     p.track_id,
+    p.n_others,
+    p.n_named,
+    p.first_other_id,
+    p.last_other_id,
     p.x_mm,
     p.y_mm,
     p.weight_ms,

@@ -35,9 +35,9 @@ from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit, merged_parts
 
-BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
+BATCH_HOURS, BATCH_ROWS = 48, 2_000_000
 """Hours and stored rows per batch. Hours of a busy site are computed one by one, so that memory stays bounded."""
-QUIET_HOURS, QUIET_ROWS = 168, 100_000
+QUIET_HOURS, QUIET_ROWS = 168, 500_000
 """A batch of a quiet site goes on for a week: with so few rows, planning the queries costs more than running them."""
 
 
@@ -253,8 +253,8 @@ def _fresh_days(
     for batch in _batches([u for u in units if not is_whole(paths[u.number])]):
         check(p for parts in merged_parts(batch).values() for p in parts)
         rows = day_facts(site, merged_parts(batch), first_day=batch[0].number, last_day=batch[-1].number)
-        for unit in batch:
-            _write(paths[unit.number], _slice(rows, "utc_day", unit.number), unit.inputs)
+        for unit, own in _slices(rows, "utc_day", batch):
+            _write(paths[unit.number], own, unit.inputs)
         for folder in {paths[u.number].parent for u in batch}:
             sweep_temporaries(folder)
     return _read_days(units, paths)
@@ -362,8 +362,8 @@ def _build_batch(site: Site, files: _Files, units: Sequence[Unit], days: Mapping
         )
         for relation, rows in computed:
             name = relation.name
-            for unit in missing[name]:
-                _write(files.path(name, unit), _slice(rows, "hour", unit.number), files.inputs(name, unit))
+            for unit, own in _slices(rows, "hour", missing[name]):
+                _write(files.path(name, unit), own, files.inputs(name, unit))
     for name in files.names:
         for folder in {files.path(name, unit).parent for unit in units}:
             sweep_temporaries(folder)
@@ -385,13 +385,14 @@ def is_whole(path: Path) -> bool:
     return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size
 
 
-def _slice(rows: pa.Table, column: str, number: int) -> pa.Table:
-    """Return the rows of one unit, given rows in order of unit."""
+def _slices(rows: pa.Table, column: str, units: Iterable[Unit]) -> Iterator[tuple[Unit, pa.Table]]:
+    """Yield units with their rows, given rows in order of the units' numbers in `column`."""
     import numpy as np
 
     numbers = rows[column].to_numpy()
-    first, after = np.searchsorted(numbers, [number, number + 1])
-    return rows.slice(int(first), int(after - first))
+    for unit in units:
+        first, after = np.searchsorted(numbers, [unit.number, unit.number + 1])
+        yield unit, rows.slice(int(first), int(after - first))
 
 
 def _write(path: Path, rows: pa.Table, inputs: InputHashes) -> None:
