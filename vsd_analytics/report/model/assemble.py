@@ -152,7 +152,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         coverage=coverage,
         level=level,
         busiest_spot=report_areas.busiest_spot(data, areas.rows) if has_ranking else None,
-        busiest_hour=hours.busiest if has_ranking else None,
+        busiest_hour=hours.busiest if has_ranking and hours.busiest and not hours.busiest.is_masked else None,
         areas=areas.rows,
         when=hours.when,
         maps=floor_maps(data, areas=areas.rows, is_ranked=is_ranked) if state != "no_data" else (),

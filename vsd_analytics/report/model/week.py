@@ -108,7 +108,9 @@ class WeekReport:
     coverage: Coverage = _f("Data recorded.", metric="M1")
     level: Level = _f("How often, how risky, how many people.")
     busiest_spot: BusiestSpot | None = _f("None when nothing is ranked.", metric="M15", default=None)
-    busiest_hour: BusiestHour | None = _f("None when nothing is ranked.", metric="M14", default=None)
+    busiest_hour: BusiestHour | None = _f(
+        "None when nothing is ranked or all counts are small.", metric="M14", default=None
+    )
     areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
     when: When = _f("The timetable.", metric="M8")
     maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())

@@ -172,10 +172,8 @@ def _hour(report: WeekReport) -> Tile | None:
     busiest = report.busiest_hour
     if busiest is None:
         return None
-    shown = fmt.masked(report.rules.mask_below) if busiest.is_masked else fmt.count(busiest.violations)
-    is_set_beside = busiest.ratio_to_mean is not None and not busiest.is_masked
-    key = "tiles.in_that_hour_times" if is_set_beside else "tiles.in_that_hour"
-    note = say(key, n=shown, times=fmt.number(busiest.ratio_to_mean))
+    key = "tiles.in_that_hour" if busiest.ratio_to_mean is None else "tiles.in_that_hour_times"
+    note = say(key, n=fmt.count(busiest.violations), times=fmt.number(busiest.ratio_to_mean))
     at = f"{fmt.day_short(busiest.start.date())} {fmt.clock(busiest.start)}"
     return Tile(title=say("tiles.hour"), value=at, note=sentences([note]))
 
