@@ -7,6 +7,7 @@ import re
 from datetime import date
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -107,6 +108,7 @@ def test_a_map_is_drawn_over_its_metres(week: vsd.Days) -> None:
     ax = risk.plot()
     assert tuple(ax.images[0].get_extent()) == risk.extent_m
     assert ax.get_title() == "Ground floor: risk"
+    plt.close("all")
 
 
 def test_own_tables_join_and_cannot_replace_a_relation(week: vsd.Days) -> None:
