@@ -40,7 +40,7 @@ def read_matrix(path: Path) -> Matrix:
         CalibrationError: Not nine finite numbers in three rows (E403), or a matrix that cannot be inverted (E404).
     """
     rows: list[list[float]] = []
-    for number, line in enumerate(_read_text(path).splitlines(), start=1):
+    for number, line in enumerate(calibration_text(path).splitlines(), start=1):
         words = line.partition("#")[0].replace(",", " ").split()
         if not words:
             continue
@@ -111,7 +111,7 @@ def read_points(path: Path) -> tuple[PointPair, ...]:
     """
     lines = [
         line
-        for line in enumerate(_read_text(path).splitlines(), start=1)
+        for line in enumerate(calibration_text(path).splitlines(), start=1)
         if line[1].strip() and not line[1].lstrip().startswith("#")
     ]
     rows: list[list[str]] = []
@@ -161,7 +161,8 @@ def _numbers(row: list[str], order: list[int]) -> PointPair | None:
     return (u, v, x, y) if all(math.isfinite(value) for value in (u, v, x, y)) else None
 
 
-def _read_text(path: Path) -> str:
+def calibration_text(path: Path) -> str:
+    """Return the text of a file; CalibrationError E406 when it cannot be read."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

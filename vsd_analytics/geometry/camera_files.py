@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.errors import CalibrationError, Where
+from vsd_analytics.geometry.calibration_files import calibration_text
 from vsd_analytics.geometry.homography import as_matrix, fit_homography, to_floor
 
 Array = NDArray[np.float64]
@@ -131,7 +132,7 @@ def floor_fit(camera: CameraFile, *, picture_px: tuple[int, int]) -> FloorFit:
 
 def _oxford(path: Path) -> dict[str, Array]:
     """Return a camera of lines `Name = number`; empty for another format."""
-    values = dict(re.findall(r"^(\w+)\s*=\s*([-+.\deE]+)\s*$", _text(path), flags=re.MULTILINE))
+    values = dict(re.findall(r"^(\w+)\s*=\s*([-+.\deE]+)\s*$", calibration_text(path), flags=re.MULTILINE))
     if "FocalLengthX" not in values:
         return {}
     try:
@@ -161,7 +162,7 @@ def _oxford(path: Path) -> dict[str, Array]:
 
 def _named(path: Path) -> dict[str, Array]:
     """Return what a file of OpenCV's `FileStorage` or of JSON has, by our names."""
-    text, read = _text(path), {}
+    text, read = calibration_text(path), {}
     if path.suffix.lower() == ".json":
         try:
             content = json.loads(text)
@@ -194,15 +195,6 @@ def _node(node: Any) -> Array | None:
     if matrix is not None:
         return np.asarray(matrix)
     return np.array([node.at(i).real() for i in range(node.size())]) if node.isSeq() else None
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        fix = "check the path; it must be a plain text file"
-        raise CalibrationError(f"cannot read {path}", code="E406", where=Where(str(path)), why=why, fix=fix) from None
 
 
 def _refused(path: Path, why: str) -> CalibrationError:

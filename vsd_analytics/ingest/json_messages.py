@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -11,11 +10,10 @@ from typing import Any, ClassVar
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
 from vsd_analytics.ingest.frame_rows import FrameRows
+from vsd_analytics.ingest.json_values import json_values
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.text_lines import line_blocks
 
-READ_BYTES = 1 << 20
-_BETWEEN = " \t\r\n,"
 _ARRAY = re.compile(rb"\s*\[")
 
 
@@ -128,33 +126,16 @@ def _as_object(line: bytes) -> dict[str, Any] | None:
 def _one_after_the_other(
     source: Source, options: IngestOptions
 ) -> Iterator[tuple[int, dict[str, Any] | None, bytes, int]]:
-    """Yield objects that span lines; the file is never in memory."""
-    decode = json.JSONDecoder().raw_decode
-    as_text = codecs.getincrementaldecoder("utf-8-sig")("backslashreplace")
-    text, at, number, is_end = "", 0, 0, False
-    with source.open() as stream:
-        while True:
-            while at < len(text) and (text[at] in _BETWEEN or (number == 0 and text[at] == "[")):
-                at += 1
-            if at < len(text) and text[at] == "]":
-                return
-            try:
-                if at == len(text):
-                    raise json.JSONDecodeError("nothing", text, at)
-                found, end = decode(text, at)
-            except (ValueError, RecursionError) as error:
-                if is_end and at == len(text):
-                    return
-                if is_end or len(text) - at > options.line_max_bytes:
-                    raise _damaged(source, number, text[at : at + 80], error) from None
-                more = stream.read(READ_BYTES)
-                is_end = not more
-                text, at = text[at:] + as_text.decode(more, final=is_end), 0
-                continue
-            number += 1
-            record = json.dumps(found).encode() if isinstance(found, dict) else text[at:end].encode("utf-8", "replace")
-            at = end
-            yield number, found if isinstance(found, dict) else None, record, bytes_read(stream)
+    """Yield objects that span lines."""
+
+    def damaged(number: int, text: str, error: Exception) -> InputError:
+        return _damaged(source, number, text, error)
+
+    for number, found, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
+        if isinstance(found, dict):
+            yield number, found, json.dumps(found).encode(), done
+        else:
+            yield number, None, text.encode("utf-8", "replace"), done
 
 
 def _damaged(source: Source, number: int, text: str, error: Exception) -> InputError:

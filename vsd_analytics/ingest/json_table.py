@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import codecs
-import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import IngestOptions, Source, bytes_read, empty
+from vsd_analytics.ingest.adapter import IngestOptions, Source, empty
 from vsd_analytics.ingest.cell_texts import CellTable
+from vsd_analytics.ingest.json_values import json_values
 from vsd_analytics.ingest.table_file import Header
 
-READ_BYTES = 1 << 20
 HEADER_ROWS = 200
 """Objects whose keys are the columns: engines leave out keys of objects that lack them."""
 COLUMNS_MAX = 500
-_BETWEEN = " \t\r\n,"
 
 
 class JsonTable(CellTable):
@@ -48,33 +45,11 @@ class JsonTable(CellTable):
             yield number, [found.get(key) for key in self._keys], done
 
     def _objects(self) -> Iterator[tuple[dict[str, Any], int]]:
-        """Yield the objects, each read by itself, so that the file is never in memory."""
-        decode = json.JSONDecoder().raw_decode
-        text, at, number, is_end = "", 0, 0, False
-        as_text = codecs.getincrementaldecoder("utf-8-sig")("backslashreplace")
-        with self._source.open() as stream:
-            while True:
-                while at < len(text) and (text[at] in _BETWEEN or (number == 0 and text[at] == "[")):
-                    at += 1
-                if at < len(text) and text[at] == "]":
-                    return
-                try:
-                    if at == len(text):
-                        raise json.JSONDecodeError("nothing", text, at)
-                    found, at = decode(text, at)
-                except (ValueError, RecursionError) as error:
-                    if is_end and at == len(text):
-                        return
-                    if is_end or len(text) - at > self._max:
-                        raise self._damaged(number, text[at : at + 80], error) from None
-                    more = stream.read(READ_BYTES)
-                    is_end = not more
-                    text, at = text[at:] + as_text.decode(more, final=is_end), 0
-                    continue
-                number += 1
-                if not isinstance(found, dict):
-                    raise self._no_object(number, text[max(0, at - 80) : at])
-                yield found, bytes_read(stream)
+        """Yield the objects, and how far the file has been read."""
+        for number, found, text, done in json_values(self._source, value_max_bytes=self._max, damaged=self._damaged):
+            if not isinstance(found, dict):
+                raise self._no_object(number, text[-80:])
+            yield found, done
 
     def _damaged(self, number: int, text: str, error: Exception) -> InputError:
         why = str(error) if len(text) < self._max else f"an object is longer than {self._max:,} bytes (line_max_bytes)"
