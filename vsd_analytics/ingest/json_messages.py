@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
@@ -17,7 +18,7 @@ from vsd_analytics.ingest.text_lines import line_blocks
 _ARRAY = re.compile(rb"\s*\[")
 
 
-class JsonMessages:
+class JsonMessages(ABC):
     """An adapter of JSON messages; a subclass says how they are recognised and what is in one."""
 
     name: ClassVar[str]
@@ -62,13 +63,13 @@ class JsonMessages:
         if damage is not None:
             raise damage
 
+    @abstractmethod
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add what one message says.
 
         Raises:
             BadRowError: It cannot be used.
         """
-        raise NotImplementedError
 
 
 def inner(message: Mapping[str, Any], key: str) -> dict[str, Any]:
