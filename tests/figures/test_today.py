@@ -186,13 +186,16 @@ def test_where_days_only_differ_by_chance_one_card_in_twenty_names_a_day(tmp_pat
         busy = np.where(hours["camera_no"] == 0, 20.0, 10.0) * hours["open_s"] / 3600
         hours["n_violations_open"] = rng.poisson(busy * days.map(factor)).astype(float)
 
-    n_cards = n_named = 0
+    n_cards = n_named = n_unusual = 0
     with planted(site, vary, n_weeks=weeks) as warehouse:
         for k in range(280):
             day = MONDAY + timedelta(days=6 - k)
             found = today(warehouse, datetime(day.year, day.month, day.day, 23, tzinfo=site.zone))
             levels = [d for d in (found.yesterday, found.so_far) if d is not None and d.usual is not None]
             n_cards += len(levels) == 2
+            n_unusual += bool(found.unusual.rows)
             n_named += any(d.usual.position(d.violations or 0.0) != "within" for d in levels if d.usual)
     assert n_cards == 280
     assert 1 / 100 < n_named / n_cards < 8 / 100
+    assert n_unusual / n_cards <= 8 / 100
+    print(f"{n_named} cards name a day, {n_unusual} an hour, of {n_cards}")

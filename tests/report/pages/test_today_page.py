@@ -69,6 +69,16 @@ def test_small_counts_are_not_printed() -> None:
     assert said.unusual == ("Saturday 10:00: a count too small to print, usually 40 to 110.",)
 
 
+def test_a_day_with_a_small_hour_is_given_in_round_numbers_so_that_the_hour_cannot_be_worked_out() -> None:
+    pages = []
+    for n in (1.0, 4.0):
+        hours = (cards.hour(cards.FRIDAY, 8, n), cards.hour(cards.FRIDAY, 9, 146.0 - n))
+        made = cards.card(hours=hours, yesterday=cards.level(cards.FRIDAY, 146.0))
+        pages.append(make_today_page(made, cards.site()))
+    assert [p.card.days[0].value for p in pages] == ["about 150", "about 150"]
+    assert pages[0].chart == pages[1].chart
+
+
 def test_a_number_that_makes_up_for_a_camera_is_called_an_estimate() -> None:
     said = today_words(cards.card(yesterday=cards.level(cards.FRIDAY, 151.4, is_estimated=True)), cards.site())
     assert any("estimate" in note for note in said.days[0].notes)

@@ -10,7 +10,7 @@ from email.message import EmailMessage
 
 from markupsafe import Markup
 
-from vsd_analytics.figures.today import Today
+from vsd_analytics.figures.today import Today, publishable
 from vsd_analytics.report.draw.day_hours import day_hours
 from vsd_analytics.report.pages import mail
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
@@ -66,7 +66,12 @@ def make_today_page(found: Today, site: Site, *, is_made_up: bool = False) -> To
         at=found.at,
         style=Markup(style),
         style_hash=policy_hash(style),
-        chart=day_hours(found.hours, names=days, unusual=unusual, label=say("today.chart_label")),
+        chart=day_hours(
+            publishable(found.hours, below=site.settings.mask_below),
+            names=days,
+            unusual=unusual,
+            label=say("today.chart_label"),
+        ),
         has_missing=any(h.is_over and h.violations is None for h in found.hours),
         has_unusual=bool(unusual),
         is_made_up=is_made_up,

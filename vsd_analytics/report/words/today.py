@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final, Literal
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.suppression import is_small
-from vsd_analytics.figures.today import DayLevel, SilentCamera, Today, TodayHour
+from vsd_analytics.figures.today import DayLevel, SilentCamera, Today, TodayHour, coarse, coarse_days
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
@@ -80,7 +80,8 @@ def today_words(found: Today, site: Site) -> TodayWords:
     """
     below = site.settings.mask_below
     floors = {f.floor_id: f.name for f in site.floors}
-    days = (_yesterday(found, below=below), _so_far(found, below=below))
+    rough = coarse_days(found.hours, below=below)
+    days = (_yesterday(found, below=below, rough=rough), _so_far(found, below=below, rough=rough))
     chance = [say("today.chance")] if any(d.position for d in days) else []
     return TodayWords(
         site=site.name,
@@ -118,21 +119,21 @@ def _headline(found: Today, days: tuple[DayWords, DayWords], site: Site) -> str:
     return say("today.h_within" if yesterday.position or so_far.position else "today.h_unknown")
 
 
-def _yesterday(found: Today, *, below: int) -> DayWords:
+def _yesterday(found: Today, *, below: int, rough: Collection[date]) -> DayWords:
     before = found.at.date() - timedelta(days=1)
-    return _day(found.yesterday, title=say("today.yesterday", day=fmt.date_short(before)), below=below)
+    return _day(found.yesterday, title=say("today.yesterday", day=fmt.date_short(before)), below=below, rough=rough)
 
 
-def _so_far(found: Today, *, below: int) -> DayWords:
+def _so_far(found: Today, *, below: int, rough: Collection[date]) -> DayWords:
     level = found.so_far
     is_begun = level is not None and level.until_hour is not None
     title = (
         say("today.so_far", clock=fmt.hour_label(level.until_hour or 0)) if level and is_begun else say("today.today")
     )
-    return _day(level, title=title, below=below)
+    return _day(level, title=title, below=below, rough=rough)
 
 
-def _day(level: DayLevel | None, *, title: str, below: int) -> DayWords:
+def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[date]) -> DayWords:
     if level is None:
         return DayWords(title=title, value=fmt.MISSING, unit="", position=None, judged="", notes=(say("today.closed"),))
     notes, position = [], None
@@ -152,17 +153,24 @@ def _day(level: DayLevel | None, *, title: str, below: int) -> DayWords:
         notes.append(say("today.partly", n=level.recorded_hours, of=level.open_hours))
     if level.is_estimated:
         notes.append(say("today.estimated"))
-    is_held = level.violations is not None and is_small(round(level.violations), below=below)
     return DayWords(
         title=title,
-        value=fmt.masked(below)
-        if is_held
-        else fmt.count(None if level.violations is None else round(level.violations)),
+        value=_count(level, below=below, is_rough=level.day in rough),
         unit="" if level.violations is None else say("today.unit"),
         position=position,
         judged=say(f"today.{position}") if position in ("above", "below") else "",
         notes=tuple(notes),
     )
+
+
+def _count(level: DayLevel, *, below: int, is_rough: bool) -> str:
+    """Write the violations of a day; in round numbers where one of its hours is too small to print."""
+    if level.violations is None:
+        return fmt.MISSING
+    n = round(level.violations)
+    if is_small(n, below=below):
+        return fmt.masked(below)
+    return say("today.about", n=fmt.count(coarse(n, below=below))) if is_rough else fmt.count(n)
 
 
 def _unusual(found: Today, *, below: int) -> tuple[str, ...]:
