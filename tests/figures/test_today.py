@@ -198,4 +198,3 @@ def test_where_days_only_differ_by_chance_one_card_in_twenty_names_a_day(tmp_pat
     assert n_cards == 280
     assert 1 / 100 < n_named / n_cards < 8 / 100
     assert n_unusual / n_cards <= 8 / 100
-    print(f"{n_named} cards name a day, {n_unusual} an hour, of {n_cards}")
