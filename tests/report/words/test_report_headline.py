@@ -294,7 +294,9 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
         replace(planted_redesign(), net=rise),
         replace(planted_redesign(), net=None),
         # a clear fall of the floor, and not sure enough for a page that is read every week
-        replace(planted_redesign(), net=replace(rise, change=-0.1, change_lo=-0.2, change_hi=-0.02, verdict="clear_fall")),
+        replace(
+            planted_redesign(), net=replace(rise, change=-0.1, change_lo=-0.2, change_hi=-0.02, verdict="clear_fall")
+        ),
         replace(planted_redesign(), moved_elsewhere=0.6),
     ):
         titles = [t.title for t in story_of(replace(report, redesigns=(doubtful,))).things]
