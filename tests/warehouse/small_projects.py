@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
+from vsd_analytics.warehouse.factfiles import by_hour, noted_inputs
+from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 HOUR = 3_600_000
@@ -131,6 +134,18 @@ def fact_files(site: Site) -> dict[str, bytes]:
     root = site.root / "facts"
     paths = [p for p in sorted(root.rglob("*.parquet")) if p.relative_to(root).parts[0] != "days"]
     return {str(p.relative_to(root)): p.read_bytes() for p in paths}
+
+
+def fact_hours(site: Site) -> dict[tuple[str, int], tuple[list[dict[str, Any]], dict[str, str]]]:
+    """Return rows and input hashes of every hourly fact by fact and UTC hour number."""
+    found = {}
+    for name in (r.name for r in relations("facts").values() if r.unit == "hour"):
+        for path in (site.root / "facts" / name).rglob("*.parquet"):
+            day = (date.fromisoformat(path.parent.name.removeprefix("date=")) - date(1970, 1, 1)).days
+            rows: list[dict[str, Any]] = pq.ParquetFile(path).read().to_pylist()
+            for hour, inputs in by_hour(noted_inputs(path.read_bytes()), day).items():
+                found[name, hour] = ([row for row in rows if row["hour"] == hour], inputs)
+    return found
 
 
 def day_after(day: str) -> str:

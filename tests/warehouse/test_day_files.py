@@ -15,7 +15,7 @@ import pytest
 from warehouse.small_projects import HOUR, Frame, Person, beats, make_site, put
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.retention.purge import Terms, purge_range
+from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Area, Camera, Site
 from vsd_analytics.store import durable
 from vsd_analytics.warehouse import sources
@@ -24,7 +24,8 @@ from vsd_analytics.warehouse.day_files import FOLDER, relations_stored_by_day
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
 
-KEPT = [r.name for r in relations_stored_by_day()]
+KEPT = [r.name for r in relations_stored_by_day() if r.layer == "marts"]
+OF_SEALED = [r.name for r in relations_stored_by_day() if r.layer == "facts"]
 CAMERAS = [
     Camera("left", "Left", "ground", hz=0.5, view=((0, 0), (7, 0), (7, 10), (0, 10))),
     Camera("right", "Right", "ground", hz=0.5, view=((3, 0), (10, 0), (10, 10), (3, 10))),
@@ -94,7 +95,7 @@ def test_days_one_by_one_have_the_rows_of_the_whole_range(zone: str, tmp_path: P
     site = site_of(tmp_path, zone)
     put(site, crowd(ZONES.index(zone), zone))
     at_once = rows(site, uses_days=False)
-    assert all(found for name, (_, found) in at_once.items() if name not in ("sequence_runs", "calibrations_used"))
+    assert all(found for _, found in at_once.values())
     assert rows(site, first=FIRST + timedelta(days=1), last=FIRST + timedelta(days=1))
     kept = rows(site)
     for name in KEPT:
@@ -113,6 +114,23 @@ def test_a_day_is_computed_once(project: Site, monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(warehouse._sources, "_rows_of_days", never)
         warehouse.materialise(*KEPT)
     assert day_files(project) == before
+
+
+def test_days_with_sealed_hours_have_their_facts_in_one_file(project: Site) -> None:
+    """Sealed facts are a file for each hour; the others need no copy, because a day of them is one file already."""
+
+    def facts(*, uses_days: bool) -> dict[str, list[dict[str, object]]]:
+        with Warehouse(project, FIRST, LAST, uses_days=uses_days) as warehouse:
+            return {name: warehouse.rows(f"select * from {name}") for name in OF_SEALED}
+
+    before = facts(uses_days=True)
+    assert not [n for n in day_files(project) if n.split("/")[0] in OF_SEALED]
+    terms = Terms(now=datetime(2026, 4, 10, tzinfo=UTC), is_forced=True)
+    purge_older(project, before=FIRST + timedelta(days=2), terms=terms)
+    assert facts(uses_days=True) == facts(uses_days=False) == before
+    written = [n for n in day_files(project) if n.split("/")[0] in OF_SEALED]
+    assert {n.split("date=")[1][:10] for n in written} == {"2026-03-26", "2026-03-27", "2026-03-28", "2026-03-29"}
+    assert facts(uses_days=True) == before
 
 
 def test_late_records_renew_the_days_around_them_and_no_other(project: Site) -> None:

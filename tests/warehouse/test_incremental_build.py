@@ -7,20 +7,36 @@ import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import (
+    HOUR,
+    T0,
+    Frame,
+    Pair,
+    Person,
+    beats,
+    fact_files,
+    fact_hours,
+    make_site,
+    open_days,
+    put,
+)
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Calibration, Camera
 from vsd_analytics.warehouse import build as build_module
+from vsd_analytics.warehouse import factfiles
 from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.compute import hour_facts
 from vsd_analytics.warehouse.sqlfiles import relations
 
 HOUR0 = T0 // HOUR
-N_FACTS = len([r for r in relations("facts").values() if r.unit == "hour"])
+FACTS = [r.name for r in relations("facts").values() if r.unit == "hour"]
+N_FACTS = len(FACTS)
 
 
 def three_hours(rng: np.random.Generator) -> list[Person | Frame]:
@@ -41,8 +57,8 @@ def project(tmp_path: Path) -> Path:
 
 def test_first_build_is_new_and_second_computes_nothing(project: Path) -> None:
     files = fact_files(make_site(project))
-    hours = [f for f in files if not f.startswith("camera_days")]
-    assert len(hours) == 3 * N_FACTS
+    assert len(files) == N_FACTS + 1, "a file for each fact and UTC day, however many hours it has"
+    assert fact_hours(make_site(project)).keys() == {(name, HOUR0 + k) for name in FACTS for k in range(3)}
     done: list[int] = []
     planned: list[int] = []
     result = build(make_site(project), on_hours=done.append, on_plan=planned.append)
@@ -56,10 +72,10 @@ def test_late_data_recomputes_the_hour_and_those_beside_it(project: Path) -> Non
     put(site, beats(T0 + 10 * HOUR, T0 + 11 * HOUR))
     assert dict(build(site).reasons) == {"new": 1}
     put(site, [Person(T0 + HOUR // 2, "late", 0, 0)])
-    before = fact_files(site)
+    before = fact_hours(site)
     assert dict(build(site).reasons) == {"late data": 2}
-    changed = {f.split("/")[-1][:2] for f in fact_files(site).keys() - before.keys() if "camera_days" not in f}
-    assert changed == {"08", "09"}
+    after = fact_hours(site)
+    assert {hour for name, hour in after if after[name, hour] != before[name, hour]} == {HOUR0, HOUR0 + 1}
     put(site, [Person(T0 + HOUR + HOUR // 2, "late", 0, 0)])
     assert dict(build(site).reasons) == {"late data": 3}
 
@@ -139,9 +155,69 @@ def test_a_removed_fact_file_is_rebuilt(project: Path, relation: str) -> None:
     assert fact_files(site) == before
 
 
-def test_a_removed_fact_file_of_an_hour_is_called_incomplete(project: Path) -> None:
-    next(iter((project / "facts" / "pairs").rglob("09-*.parquet"))).unlink()
-    assert dict(build(make_site(project)).reasons) == {"incomplete": 1}
+def test_the_hours_of_a_removed_fact_file_are_called_incomplete(project: Path) -> None:
+    next(iter((project / "facts" / "pairs").rglob("*.parquet"))).unlink()
+    result = build(make_site(project))
+    assert (dict(result.reasons), dict(result.facts)) == ({"incomplete": 3}, {"pairs": 3})
+
+
+def test_late_data_computes_no_other_hour_again(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others come from the file that is replaced, to the byte."""
+    site, asked = make_site(project), list[tuple[int, int]]()
+
+    def noting(*args: Any, first_hour: int, last_hour: int, **options: Any) -> Any:
+        asked.append((first_hour, last_hour))
+        return hour_facts(*args, first_hour=first_hour, last_hour=last_hour, **options)
+
+    monkeypatch.setattr(build_module, "hour_facts", noting)
+    put(site, [Person(T0 + 10 * HOUR + 1000, "x", 0, 0), *beats(T0 + 10 * HOUR, T0 + 11 * HOUR)])
+    build(site)
+    assert asked == [(HOUR0 + 10, HOUR0 + 10)]
+    stepwise = fact_files(site)
+    shutil.rmtree(project / "facts")
+    build(site)
+    assert fact_files(site) == stepwise
+
+
+def test_rows_of_a_damaged_file_are_not_used_again(project: Path) -> None:
+    """Else a flipped bit would get a digest that says it is right."""
+    path = next((project / "facts" / "exposure").rglob("*.parquet"))
+    data = path.read_bytes()
+    path.write_bytes(data[:50] + bytes([data[50] ^ 1]) + data[51:])
+    put(make_site(project), [Person(T0 + 10 * HOUR + 1000, "x", 0, 0), *beats(T0 + 10 * HOUR, T0 + 11 * HOUR)])
+    build(make_site(project))
+    stepwise = fact_files(make_site(project))
+    shutil.rmtree(project / "facts")
+    build(make_site(project))
+    assert fact_files(make_site(project)) == stepwise
+
+
+def test_row_groups_end_where_the_hours_do_whatever_was_computed_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(factfiles, "ROW_GROUP", 100)
+    late = [Person(T0 + 2 * HOUR + HOUR // 2, "late", 0, 0)]
+    sites = [make_site(tmp_path / name) for name in ("at-once", "stepwise")]
+    put(sites[1], three_hours(np.random.default_rng(1)))
+    build(sites[1])
+    put(sites[1], late)
+    shutil.copytree(tmp_path / "stepwise" / "store", tmp_path / "at-once" / "store")
+    for site in sites:
+        build(site)
+    assert fact_files(sites[0]) == fact_files(sites[1])
+    (path,) = (sites[0].root / "facts" / "pairs").rglob("*.parquet")
+    assert pq.read_metadata(path).num_row_groups == 3
+
+
+def test_files_of_hours_of_an_older_version_give_way_to_those_of_days(project: Path) -> None:
+    site = make_site(project)
+    files = fact_files(site)
+    for name in files:
+        path = project / "facts" / name
+        shutil.copy(path, path.with_name("09-0123456789abcdef.parquet"))
+    shutil.rmtree(project / "facts" / "pairs")
+    build(site)
+    assert fact_files(site) == files
 
 
 def test_older_facts_are_removed_and_other_hours_left(project: Path) -> None:
@@ -150,7 +226,9 @@ def test_older_facts_are_removed_and_other_hours_left(project: Path) -> None:
     build(make_site(project, distance_m=1.5))
     second = fact_files(site)
     assert len(second) == len(first)
-    assert not first.keys() & second.keys() - {f for f in first if "camera_days" in f}
+    renamed = {f.split("/")[0] for f in second.keys() - first.keys()}
+    assert "episode_segments" in renamed
+    assert not renamed & {"pairs", "coverage", "exposure"}, "what does not read the distance keeps its file"
     causes = json.loads(pq.read_metadata(next((site.root / "facts/pairs").rglob("*.parquet"))).metadata[b"vsd.causes"])
     assert causes.keys() == {"records", "sql", "settings", "cameras", "calibration", "views", "frame interval"}
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, fact_files, make_site, open_days, put
+from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, fact_files, fact_hours, make_site, open_days, put
 
 from vsd_analytics.resources import shipped
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
@@ -61,16 +61,6 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def hourly(site: Site) -> dict[tuple[str, int], bytes]:
-    """Return the bytes of every hourly fact file by fact and UTC hour."""
-    found = {}
-    for name in FACTS:
-        for path in (site.root / "facts" / name).rglob("*.parquet"):
-            day = datetime.fromisoformat(path.parent.name.removeprefix("date=")).replace(tzinfo=UTC)
-            found[name, int(day.timestamp()) // 3600 + int(path.name[:2])] = path.read_bytes()
-    return found
-
-
 def rebuilt(site: Site, elsewhere: Path) -> Site:
     """Return the same project with all facts made anew."""
     shutil.copytree(site.root / "store", elsewhere / "store")
@@ -80,13 +70,13 @@ def rebuilt(site: Site, elsewhere: Path) -> Site:
 
 
 def changed(site: Site, tmp_path: Path) -> tuple[BuildResult, set[int], Counter[str]]:
-    """Build, and return what was said, the hours of which some file has other bytes, and the number of those by fact.
+    """Build, and return what was said, the hours of which some fact has other rows or inputs, and the number of those by fact.
 
     The result must be what a build of everything gives, and nothing in the store may be touched.
     """
-    before, store = hourly(site), {p: p.stat().st_mtime_ns for p in (site.root / "store").rglob("*.parquet")}
+    before, store = fact_hours(site), {p: p.stat().st_mtime_ns for p in (site.root / "store").rglob("*.parquet")}
     result = build(site)
-    after = hourly(site)
+    after = fact_hours(site)
     assert after.keys() >= before.keys()
     assert fact_files(site) == fact_files(rebuilt(site, tmp_path / "again"))
     assert store == {p: p.stat().st_mtime_ns for p in (site.root / "store").rglob("*.parquet")}

@@ -7,7 +7,7 @@ to remove more than half of the store without `--force`. How removal survives a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import day_files_around
+from vsd_analytics.warehouse.fact_days import hour_files
 from vsd_analytics.warehouse.sealed import CurrentRules
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -275,13 +276,14 @@ class _Sealer:
             new = [h for h in hours if h // 24 == day and (old is None or not old.holds(h))]
             if (not new and not is_whole) or (old is not None and old.is_whole):
                 continue
-            units = {h: self._hour(h, built) for h in new}
+            facts = self._facts(day, new, built)
+            units = {h: self._hour(h, built.fingerprints[h], facts[h]) for h in new}
             seal = DaySeal(
                 day=day,
                 is_whole=is_whole,
                 sealed_on=on.isoformat(),
                 hours={**({} if old is None else old.hours), **units},
-                camera_days=self._unit([DAY_FACT], day * 24, built.day_fingerprints[day]) if is_whole else None,
+                camera_days=self._day(day, built) if is_whole else None,
             )
             self._seals.write(seal)
 
@@ -289,9 +291,19 @@ class _Sealer:
         """Return the sealed hours up to and including `edge`."""
         return sorted(self._seals.between(None, edge))
 
-    def _hour(self, hour: int, built: BuildResult) -> UnitSeal:
-        names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in NOT_SEALED]
-        unit = self._unit(names, hour, built.fingerprints[hour])
+    def _facts(self, day: int, hours: Sequence[int], built: BuildResult) -> dict[int, dict[str, str]]:
+        """Put the facts of some hours of a UTC day, a file for each hour; return the digests by hour and fact."""
+        found: dict[int, dict[str, str]] = {hour: {} for hour in hours}
+        for name in (r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in NOT_SEALED):
+            for hour, data in hour_files(built.paths[name][day], day, hours).items():
+                found[hour][name] = self._seals.put(name, hour, data)
+        return found
+
+    def _day(self, day: int, built: BuildResult) -> UnitSeal:
+        digest = self._seals.put(DAY_FACT, day * 24, built.paths[DAY_FACT][day].read_bytes())
+        return UnitSeal(fingerprint=built.day_fingerprints[day], causes={}, facts={DAY_FACT: digest})
+
+    def _hour(self, hour: int, fingerprint: str, facts: Mapping[str, str]) -> UnitSeal:
         records: dict[str, int] = {}
         engines: dict[str, tuple[tuple[str, ...], ...]] = {}
         last_ms: dict[str, int] = {}
@@ -305,23 +317,16 @@ class _Sealer:
                 for camera_id, ms in _last_ms(part.path):
                     last_ms[camera_id] = max(ms, last_ms.get(camera_id, ms))
         cameras = tuple(sorted(last_ms))
-        return replace(
-            unit,
+        return UnitSeal(
+            fingerprint=fingerprint,
             causes=self._rules.of_hour(hour, present=cameras),
+            facts=facts,
             records=records,
             engines=engines,
             last_ms=last_ms,
             cameras=cameras,
             imports=tuple(sorted(imports)),
         )
-
-    def _unit(self, names: Sequence[str], hour: int, fingerprint: str) -> UnitSeal:
-        facts: dict[str, str] = {}
-        for name in names:
-            parts = list_parts(self._site.root / "facts", name, self._site.site_id, first_hour=hour, last_hour=hour)
-            data = next(p.path for p in parts if p.digest == fingerprint).read_bytes()
-            facts[name] = self._seals.put(name, hour, data)
-        return UnitSeal(fingerprint=fingerprint, causes={}, facts=facts)
 
 
 def _parts(store: Store) -> list[Part]:
@@ -362,16 +367,15 @@ def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
 
 
 def facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
-    """Return the fact files of some hours, of the UTC days they lie in, and the day files computed from them."""
-    root, wanted = site.root / "facts", set(hours)
-    days = {h // 24 for h in wanted}
+    """Return the fact files of the UTC days that some hours lie in, and the day files computed from them."""
+    root, days = site.root / "facts", {h // 24 for h in hours}
     found: list[Path] = []
-    if not wanted:
+    if not days:
         return found
-    for relation in relations("facts").values():
-        parts = list_parts(root, relation.name, site.site_id, first_hour=min(days) * 24, last_hour=max(days) * 24 + 23)
-        found += [p.path for p in parts if (p.hour // 24 in days if relation.unit == "day" else p.hour in wanted)]
-    return [*found, *day_files_around(site, wanted)]
+    for name in relations("facts"):
+        parts = list_parts(root, name, site.site_id, first_hour=min(days) * 24, last_hour=max(days) * 24 + 23)
+        found += [p.path for p in parts if p.hour // 24 in days]
+    return [*found, *day_files_around(site, hours)]
 
 
 def guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:

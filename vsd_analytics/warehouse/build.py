@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vsd_analytics.errors import StoreError, disk_error
+from vsd_analytics.errors import disk_error
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
-from vsd_analytics.store.layout import Part, unit_folder
+from vsd_analytics.store.layout import Part
+from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse import superseded
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
-from vsd_analytics.warehouse.factfiles import INPUTS, fact_bytes, is_undamaged_file
-from vsd_analytics.warehouse.input_fingerprint import (
-    FactInputs,
-    InputHashes,
-    SiteInputs,
-    fact_inputs,
-    stale_reason,
-    text_hash,
-)
+from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts, is_whole, slices
+from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
+from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit, merged_parts
@@ -55,7 +48,7 @@ def build(
 
     Args:
         site: The project; reads `<root>/store`, writes `<root>/facts`.
-        first_hour: First UTC hour number; None = everything stored.
+        first_hour: First UTC hour number; None = everything stored. Facts are computed by whole UTC days.
         last_hour: Last one, inclusive.
         on_hours: Called with the number of hours done, for a progress bar.
         on_plan: Called once with the number of stale hours.
@@ -98,16 +91,6 @@ def build(
         raise
 
 
-def damaged_facts(error: Exception) -> StoreError:
-    """Return the error for a fact file that has its full length but cannot be read."""
-    return StoreError(
-        "a file of the computed facts is damaged",
-        code="E302",
-        why=" ".join(str(error).split())[:300],
-        fix="delete the folder facts and run vsd build: facts are computed from the store again",
-    )
-
-
 def _build(
     site: Site,
     store: Store,
@@ -118,55 +101,107 @@ def _build(
     is_trusting: bool,
 ) -> BuildResult:
     root = site.root / "facts"
-    index, hours, sealed = _range(site, store, first_hour, last_hour)
+    first_day, last_day = _days(first_hour, last_hour)
+    index, hours, sealed = _range(site, store, first_day, last_day)
     check = _Checker(store)
-    days = _fresh_days(site, root, day_units(index, [*hours, *sealed.hours], site=site), check)
-    files = _Files(site, root)
-    units = [hour_unit(index, h, current=_current(h, days, files.times), depends_on=files.all_inputs) for h in hours]
-    stale = [u for u in units if not (is_trusting and files.are_named(u)) and files.missing(u)]
-    reasons = Counter(files.reason(u) for u in stale)
+    day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
+    days = _fresh_days(site, root, day_units_of, check)
+    units = _hour_units(site, index, hours, days)
+    files = FactDays(site, root, units, is_trusting=is_trusting)
+    stale = {day: {n: {u.number for u in files.stale(n, day)} for n in names} for day, names in files.missing.items()}
+    computed = [u for u in units if any(u.number in found for found in stale.get(u.number // 24, {}).values())]
+    reasons = Counter(files.reason(u) for u in computed)
     if on_plan is not None:
-        on_plan(len(stale))
-    built: Counter[str] = Counter()
-    for batch in _batches(stale):
-        check(p for parts in merged_parts(batch).values() for p in parts)
-        built += _build_batch(site, files, batch, days)
-        if on_hours is not None:
-            on_hours(len(batch))
-    fresh = {u.number: u.fingerprint for u in units}
-    fresh_days = {d: day.unit.fingerprint for d, day in days.items()}
+        on_plan(len(computed))
+    _write_hours(site, files, stale, computed, days, check=check, on_hours=on_hours)
     unneeded: tuple[Path, ...] = ()
-    if stale or not is_trusting or files.has_others(units, first_hour, last_hour):
+    of_days = {u.number: _day_path(site, root, u) for u in day_units_of if u.number not in sealed.whole_days}
+    paths = {**files.paths, DAY_FACT: of_days}
+    if files.missing or not is_trusting or files.has_others():
         unneeded = superseded.find(
-            root,
-            site_id=site.site_id,
-            hours=fresh,
-            days=fresh_days,
-            sealed=sealed,
-            first_hour=first_hour,
-            last_hour=last_hour,
+            root, site_id=site.site_id, fresh=paths, sealed=sealed, first_day=first_day, last_day=last_day
         )
+    fingerprints = {**{h: s.fingerprint for h, s in sealed.hours.items()}, **{u.number: u.fingerprint for u in units}}
     return BuildResult(
-        len(units) - len(stale),
+        len(units) - len(computed),
         reasons,
-        {**{h: s.fingerprint for h, s in sealed.hours.items()}, **fresh},
-        {d: fingerprint for d, fingerprint in fresh_days.items() if d not in sealed.whole_days},
+        {h: fingerprint for h, fingerprint in sorted(fingerprints.items()) if _is_within(h, first_hour, last_hour)},
+        {d: day.unit.fingerprint for d, day in days.items() if d not in sealed.whole_days},
+        paths,
         sealed,
-        built,
+        Counter({name: n for name in files.names if (n := sum(len(of.get(name, ())) for of in stale.values()))}),
         unneeded,
     )
 
 
+def _write_hours(
+    site: Site,
+    files: FactDays,
+    stale: Mapping[int, Mapping[str, Collection[int]]],
+    computed: Sequence[Unit],
+    days: Mapping[int, _Day],
+    *,
+    check: _Checker,
+    on_hours: Callable[[int], None] | None,
+) -> None:
+    """Compute stale hours batch by batch, and publish each missing file once all hours of its day are there."""
+    for day, of_day in stale.items():
+        for name, hours in of_day.items():
+            if not hours:  # an hour fewer than before, or all hours in several files: nothing is computed
+                files.writer(name, day)
+    writers: dict[tuple[str, int], DayWriter] = {}
+    for batch in _batches(computed):
+        check(p for parts in merged_parts(batch).values() for p in parts)
+        own = [u.number for u in batch]
+        wanted = {n: [h for h in own if h in stale[h // 24].get(n, ())] for n in files.names}
+        needed = sorted({d for h in own for d in days_around(h) if d in days})
+        facts = hour_facts(
+            site,
+            facts=[name for name, hours in wanted.items() if hours],
+            parts=merged_parts(batch),
+            camera_days=pa.concat_tables([days[d].rows for d in needed]),
+            first_hour=own[0],
+            last_hour=own[-1],
+        )
+        for relation, rows in facts:
+            name = relation.name
+            for hour, rows_of_hour in slices(rows, "hour", wanted[name]):
+                key = (name, hour // 24)
+                writer = writers.pop(key, None) or files.writer(*key)
+                writer.add(hour, rows_of_hour)
+                if not writer.is_done:
+                    writers[key] = writer
+        if on_hours is not None:
+            on_hours(len(batch))
+    for day in stale:
+        for name in files.names:
+            sweep_temporaries(files.paths[name][day].parent)
+
+
+def _days(first_hour: int | None, last_hour: int | None) -> tuple[int | None, int | None]:
+    """Return the UTC days that hold the ends of a range of hours: a file holds the facts of a whole day."""
+    return (None if first_hour is None else first_hour // 24, None if last_hour is None else last_hour // 24)
+
+
 def _range(
-    site: Site, store: Store, first_hour: int | None, last_hour: int | None
+    site: Site, store: Store, first_day: int | None, last_day: int | None
 ) -> tuple[PartIndex, list[int], SealedRange]:
-    """Return the parts of a range and around it, its hours whose facts are computed, and its sealed facts."""
+    """Return the parts of a range of UTC days and around it, its hours whose facts are computed, and its seals."""
+    first, last = (None if first_day is None else first_day * 24), (None if last_day is None else last_day * 24 + 23)
     # An hour reads its neighbours, and the UTC days of all three for `camera_days`: 25 hours reach all of these.
-    around = (None if first_hour is None else first_hour - 25, None if last_hour is None else last_hour + 25)
+    around = (None if first is None else first - 25, None if last is None else last + 25)
     index = PartIndex(store, first_hour=around[0], last_hour=around[1])
-    sealed = sealed_range(site, first_hour, last_hour)
-    hours = [h for h in index.hours() if first_hour is None or h >= first_hour]
-    return index, [h for h in hours if (last_hour is None or h <= last_hour) and not sealed.holds(h)], sealed
+    sealed = sealed_range(site, first, last)
+    return index, [h for h in index.hours() if _is_within(h, first, last) and not sealed.holds(h)], sealed
+
+
+def _is_within(hour: int, first: int | None, last: int | None) -> bool:
+    return (first is None or hour >= first) and (last is None or hour <= last)
+
+
+def _hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, _Day]) -> list[Unit]:
+    times, inputs = SiteInputs(site), hourly_inputs(site)
+    return [hour_unit(index, h, current=_current(h, days, times), depends_on=inputs) for h in hours]
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,31 +209,41 @@ class BuildPlan:
     """Which fact files a range should have.
 
     Attributes:
-        hours: By UTC hour with records, its files and the input hashes of each; None where the fingerprint is unknown,
-            because the fact `camera_days` of a day around it has to be computed first.
-        days: By UTC day, the file of `camera_days` and its input hashes.
+        days: UTC days with records.
+        inputs: By path of a fresh file, what it notes about its inputs. Files of a day are left out where their names
+            are unknown, because the fact `camera_days` of a day around it has to be computed first.
+        fresh, stale, missing: Hours with records by the state of their facts.
     """
 
-    hours: Mapping[int, Mapping[Path, InputHashes] | None]
-    days: Mapping[int, Mapping[Path, InputHashes]]
+    days: Collection[int]
+    inputs: Mapping[Path, Mapping[str, Any]]
+    fresh: Collection[int]
+    stale: Collection[int]
+    missing: Collection[int]
 
 
 def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | None = None) -> BuildPlan:
     """Return which fact files a range has after a build, without computing or writing anything."""
     root, store = site.root / "facts", Store(site.root / "store", site_id=site.site_id)
-    index, hours, sealed = _range(site, store, first_hour, last_hour)
-    low, high = first_hour if first_hour is not None else -(10**9), last_hour if last_hour is not None else 10**9
-    begun = [h for h in index.hours() if low <= h // 24 * 24 <= high]  # the file of a day lies in its first hour
-    units = day_units(index, [*hours, *sealed.hours, *begun], site=site)
-    paths = {u.number: fact_path(root, "camera_days", site.site_id, u, is_day=True) for u in units}
+    index, hours, sealed = _range(site, store, *_days(first_hour, last_hour))
+    units = day_units(index, [*hours, *sealed.hours], site=site)
+    paths = {u.number: _day_path(site, root, u) for u in units}
     days = _read_days([u for u in units if is_undamaged_file(paths[u.number])], paths)
-    known = {h for h in hours if all(d in days for d in days_around(h) if d in paths)}
-    files = _Files(site, root)
-    wanted: dict[int, Mapping[Path, InputHashes] | None] = dict.fromkeys(hours)
-    for hour in sorted(known):
-        unit = hour_unit(index, hour, current=_current(hour, days, files.times), depends_on=files.all_inputs)
-        wanted[hour] = {files.path(name, unit): files.inputs(name, unit) for name in files.names}
-    return BuildPlan(wanted, {u.number: {paths[u.number]: u.inputs} for u in units})
+    unknown = {h // 24 for h in hours if any(d in paths and d not in days for d in days_around(h))}
+    files = FactDays(site, root, _hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
+    inputs: dict[Path, Mapping[str, Any]] = {paths[u.number]: u.inputs for u in units}
+    inputs |= {of_day[day]: files.noted(name, day) for name, of_day in files.paths.items() for day in of_day}
+    asked = {h for h in hours if _is_within(h, first_hour, last_hour)}
+    stale = {u.number for day, names in files.missing.items() for n in names for u in files.stale(n, day)}
+    stale |= {h for h in hours if h // 24 in unknown}
+    missing = {h for h in stale if not files.holds(h)}
+    numbers = {h // 24 for h in hours} | {u.number for u in units}
+    return BuildPlan(numbers, inputs, asked - stale, asked & (stale - missing), asked & missing)
+
+
+def _day_path(site: Site, root: Path, unit: Unit) -> Path:
+    """Return the path of the fact `camera_days` of a UTC day."""
+    return fact_path(root, DAY_FACT, site.site_id, unit, is_day=True)
 
 
 def hourly_inputs(site: Site) -> FactInputs:
@@ -248,13 +293,13 @@ def _fresh_days(
     site: Site, root: Path, units: Sequence[Unit], check: Callable[[Iterable[Part]], None]
 ) -> dict[int, _Day]:
     """Return the fact `camera_days` of each UTC day, after computing the stale ones."""
-    relation = relations("facts")["camera_days"]
-    paths = {u.number: fact_path(root, relation.name, site.site_id, u, is_day=True) for u in units}
+    paths = {u.number: _day_path(site, root, u) for u in units}
     for batch in _batches([u for u in units if not is_whole(paths[u.number])]):
         check(p for parts in merged_parts(batch).values() for p in parts)
         rows = day_facts(site, merged_parts(batch), first_day=batch[0].number, last_day=batch[-1].number)
-        for unit, own in _slices(rows, "utc_day", batch):
-            _write(paths[unit.number], own, unit.inputs)
+        inputs = {u.number: u.inputs for u in batch}
+        for day, own in slices(rows, "utc_day", inputs):  # without fsync: facts can be computed again
+            publish(paths[day], fact_bytes(own, inputs=inputs[day]), is_synced=False)
         for folder in {paths[u.number].parent for u in batch}:
             sweep_temporaries(folder)
     return _read_days(units, paths)
@@ -268,136 +313,6 @@ def _read_days(units: Sequence[Unit], paths: Mapping[int, Path]) -> dict[int, _D
     cameras = {day: frozenset(rows["camera_id"].to_pylist()) for day, rows in tables.items()}
     digests = {day: text_hash(rows.to_pylist()) for day, rows in tables.items()}
     return {u.number: _Day(u, tables[u.number], digests[u.number], cameras[u.number]) for u in units}
-
-
-class _Files:
-    """The files of the hourly facts: which are fresh, why the others are stale, and which of those can be reused.
-
-    All files of a unit have one fingerprint in their names, over the inputs of all facts together: so one name answers
-    whether a unit is fresh. Each file holds the hashes of its own inputs. When the fingerprint changes, the file of a
-    fact that does not read what changed is linked to the new name instead of computed again.
-    """
-
-    def __init__(self, site: Site, root: Path) -> None:
-        self._root, self._site_id = root, site.site_id
-        self.names = [r.name for r in relations("facts").values() if r.unit == "hour"]
-        self.times = SiteInputs(site)
-        self.all_inputs = hourly_inputs(site)
-        self._inputs_of = {name: fact_inputs(site, [name]) for name in self.names}
-        self._listed: dict[int, list[frozenset[str]]] = {}
-
-    def path(self, name: str, unit: Unit) -> Path:
-        """Return the path of the fresh file of a fact and unit."""
-        return fact_path(self._root, name, self._site_id, unit, is_day=False)
-
-    def are_named(self, unit: Unit) -> bool:
-        """Return whether every fact has a file of the unit's fingerprint, complete or not.
-
-        Lists each day's folders once instead of opening the 24 files of every fact.
-        """
-        day = unit.number // 24
-        if day not in self._listed:
-            folders = [unit_folder(self._root, name, self._site_id, unit.number) for name in self.names]
-            self._listed[day] = [frozenset(os.listdir(f) if f.is_dir() else ()) for f in folders]
-        file = self.path(self.names[0], unit).name
-        return all(file in names for names in self._listed[day])
-
-    def has_others(self, units: Sequence[Unit], first_hour: int | None, last_hour: int | None) -> bool:
-        """Return whether the folders that `are_named` listed hold a file of the range that belongs to no unit."""
-        fresh = {(u.number // 24, self.path(self.names[0], u).name) for u in units}
-        found = {(day, name) for day, listed in self._listed.items() for names in listed for name in names} - fresh
-        hours = [day * 24 + int(name[:2]) for day, name in found if name[:2].isdecimal()]
-        low, high = min(hours, default=0) if first_hour is None else first_hour, last_hour
-        return any(low <= h and (high is None or h <= high) for h in hours)
-
-    def missing(self, unit: Unit) -> list[str]:
-        """Return the facts with a unit that has no complete fresh file."""
-        return [name for name in self.names if not is_whole(self.path(name, unit))]
-
-    def inputs(self, name: str, unit: Unit) -> InputHashes:
-        """Return the input hashes of one fact of a unit."""
-        return self._inputs_of[name].of_unit(unit.current)
-
-    def reason(self, unit: Unit) -> str:
-        """Return in words why a unit is stale."""
-        changed, has_any, has_fresh = set[str](), False, False
-        for name in self.names:
-            paths, fresh = self._any(name, unit), self.path(name, unit)
-            has_any, has_fresh = has_any or bool(paths), has_fresh or fresh in paths
-            for noted in map(_noted_inputs, () if fresh in paths else paths):
-                changed |= {c for c, h in self.inputs(name, unit).items() if noted and noted.get(c) != h}
-        if not has_any:
-            return "new"
-        # No input of an old file changed: a fresh file is torn, or a newer version added a fact.
-        return stale_reason(changed) or ("incomplete" if has_fresh else "SQL changed")
-
-    def reuse(self, unit: Unit) -> None:
-        """Link the files of facts whose own inputs did not change to the unit's new fingerprint."""
-        for name in self.missing(unit):
-            for path in self._any(name, unit):
-                if _noted_inputs(path) == self.inputs(name, unit):
-                    with contextlib.suppress(FileExistsError, FileNotFoundError):  # another build was faster
-                        os.link(path, self.path(name, unit))  # not renamed: a reader may still need the old name
-                    break
-
-    def _any(self, name: str, unit: Unit) -> list[Path]:
-        folder = unit_folder(self._root, name, self._site_id, unit.number)
-        return sorted(folder.glob(f"{unit.number % 24:02d}-*.parquet"))
-
-
-def _build_batch(site: Site, files: _Files, units: Sequence[Unit], days: Mapping[int, _Day]) -> Counter[str]:
-    """Make the facts of units fresh; return the number of computed units by fact."""
-    for unit in units:
-        files.reuse(unit)
-    missing = {name: [u for u in units if not is_whole(files.path(name, u))] for name in files.names}
-    needed = sorted({d for u in units for d in days_around(u.number) if d in days})
-    if wanted := [name for name, stale in missing.items() if stale]:
-        computed = hour_facts(
-            site,
-            facts=wanted,
-            parts=merged_parts(units),
-            camera_days=pa.concat_tables([days[d].rows for d in needed]),
-            first_hour=units[0].number,
-            last_hour=units[-1].number,
-        )
-        for relation, rows in computed:
-            name = relation.name
-            for unit, own in _slices(rows, "hour", missing[name]):
-                _write(files.path(name, unit), own, files.inputs(name, unit))
-    for name in files.names:
-        for folder in {files.path(name, unit).parent for unit in units}:
-            sweep_temporaries(folder)
-    return Counter({name: len(stale) for name, stale in missing.items() if stale})
-
-
-def is_whole(path: Path) -> bool:
-    """Return whether a fact file exists to its end: Parquet ends with the length of its footer and `PAR1`.
-
-    Reads 8 bytes. Facts are written without fsync, so a power cut can leave a short file under a right name.
-    """
-    try:
-        with path.open("rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(max(0, size - 8))
-            tail = file.read(8)
-    except OSError:
-        return False
-    return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size
-
-
-def _slices(rows: pa.Table, column: str, units: Iterable[Unit]) -> Iterator[tuple[Unit, pa.Table]]:
-    """Yield units with their rows, given rows in order of the units' numbers in `column`."""
-    import numpy as np
-
-    numbers = rows[column].to_numpy()
-    for unit in units:
-        first, after = np.searchsorted(numbers, [unit.number, unit.number + 1])
-        yield unit, rows.slice(int(first), int(after - first))
-
-
-def _write(path: Path, rows: pa.Table, inputs: InputHashes) -> None:
-    """Write a fact file whole or not at all, without fsync: facts can be computed again."""
-    publish(path, fact_bytes(rows, inputs=inputs), is_synced=False)
 
 
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
@@ -415,9 +330,3 @@ def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
         n_rows += own
     if batch:
         yield batch
-
-
-def _noted_inputs(path: Path) -> InputHashes | None:
-    """Return the input hashes in a fact file's metadata; None when it is torn or has none."""
-    noted = (pq.read_metadata(path).metadata or {}).get(INPUTS) if is_whole(path) else None
-    return None if noted is None else {str(c): str(h) for c, h in json.loads(noted).items()}

@@ -21,6 +21,8 @@ class BuildResult:
         fingerprints: Input fingerprint by UTC hour of all hours in the range, now fresh or sealed.
         day_fingerprints: Input fingerprint by UTC day number of the days of these hours and of their neighbours,
             without sealed days.
+        paths: Fresh file by fact and UTC day number, of the days of the range and their neighbours. A day whose hours
+            are all sealed has none.
         sealed: Hours and days whose records were purged. Their facts are never computed again.
         superseded_files: Fact files of the range that newer files replace.
     """
@@ -29,6 +31,7 @@ class BuildResult:
     reasons: Counter[str]
     fingerprints: Mapping[int, str]
     day_fingerprints: Mapping[int, str]
+    paths: Mapping[str, Mapping[int, Path]]
     sealed: SealedRange = field(default_factory=SealedRange)
     facts: Counter[str] = field(default_factory=Counter)
     superseded_files: Sequence[Path] = ()

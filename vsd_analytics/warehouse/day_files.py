@@ -7,7 +7,8 @@ rows of one day are one file, whose name holds the fingerprint of all their inpu
 facts/days/<relation>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
 ```
 
-The rows of a mart equal those of a warehouse of that day alone; the rows of a fact are those of the day's 24 UTC hours.
+The rows of a mart equal those of a warehouse of that day alone. A fact has a day file only of a UTC day with sealed
+hours, which are many small files: its rows are those of the day's 24 UTC hours.
 """
 
 from __future__ import annotations
@@ -73,13 +74,14 @@ class DayFiles:
         # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
         hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
         self._hours: Mapping[int, object] = {**dict(built.fingerprints), **hours}
+        self._sealed = frozenset(built.sealed.hours)
         days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
         self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
         self._hashes: dict[tuple[int, int], str] = {}
 
-    def utc_files(self, relation: Relation, *, first_hour: int, last_hour: int) -> dict[int, DayFile]:
-        """Return the day files of a fact by UTC day number: of days with records that lie whole in a range of hours."""
-        days = sorted({h // 24 for h in self._hours})
+    def sealed_files(self, relation: Relation, *, first_hour: int, last_hour: int) -> dict[int, DayFile]:
+        """Return the day files of a fact by UTC day number: of days with sealed hours that lie whole in a range."""
+        days = sorted({h // 24 for h in self._sealed})
         whole = [d for d in days if d * 24 >= first_hour and d * 24 + 23 <= last_hour]
         columns = text_hash(list(relation.columns))  # sealed rows are read with today's columns
         inputs = {d: {"facts": self._facts(d * 24, d * 24 + 23), "sql": columns} for d in whole}
@@ -186,7 +188,7 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
     found: list[Path] = []
     for relation, days in several:
         hours = {"first_hour": days[0] * 24, "last_hour": days[-1] * 24 + 23}
-        files = of_days.utc_files(relation, **hours) if relation.layer == "facts" else of_days.files(relation)
+        files = of_days.sealed_files(relation, **hours) if relation.layer == "facts" else of_days.files(relation)
         found += superseded(files.values())
     return found
 

@@ -2,6 +2,9 @@
 
 The digest is BLAKE2b over the whole file with zeros in the digest's place. So it covers rows, statistics and footer: a
 flipped bit in a statistic could make a reader skip rows that are in the file.
+
+A file of hourly facts holds the hours of a UTC day. Its metadata names the inputs of each hour as
+`{kind of input: {hash: [hours of the day]}}`, because most hours of a day share most inputs.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -17,8 +21,57 @@ import pyarrow.parquet as pq
 INPUTS = b"vsd.causes"
 """Metadata key of the input hashes. Every file on disk has it, so it keeps its name from before they were "inputs"."""
 DIGEST = b"vsd.digest"
+ROW_GROUP = 250_000
+"""A row group ends with the first hour that brings it to this many rows. So the writer of a day holds few rows, and
+where row groups end depends on the rows alone."""
 _BYTES = 16
 _ZEROS = b"0" * 2 * _BYTES
+
+
+class FactWriter:
+    """Makes the bytes of a fact file of rows that come piece by piece.
+
+    Args:
+        inputs: What the metadata notes about its inputs.
+    """
+
+    def __init__(self, inputs: Mapping[str, Any]) -> None:
+        self._noted = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
+        self._sink = pa.BufferOutputStream()
+        self._writer: pq.ParquetWriter | None = None
+        self._pieces: list[pa.Table] = []
+
+    def add(self, rows: pa.Table) -> None:
+        """Append rows; all pieces have the same columns."""
+        self._pieces.append(rows)
+        if sum(piece.num_rows for piece in self._pieces) >= ROW_GROUP:
+            self._flush()
+
+    def finish(self) -> bytes:
+        """Return the bytes of the file; at least one piece was added, with or without rows."""
+        if self._pieces:
+            self._flush()
+        assert self._writer is not None
+        self._writer.close()
+        blank: bytes = self._sink.getvalue().to_pybytes()
+        place = _place(blank)
+        return blank[:place] + _digest(blank) + blank[place + len(_ZEROS) :]
+
+    def _flush(self) -> None:
+        rows = pa.concat_tables(self._pieces).combine_chunks()
+        self._pieces = []
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(
+                self._sink,
+                rows.schema.with_metadata(self._noted),
+                compression="zstd",
+                write_page_checksum=True,
+                # Texts repeat; numbers seldom do: dictionaries of them cost a sixth of the writing and make files
+                # larger.
+                use_dictionary=[f.name for f in rows.schema if pa.types.is_string(f.type)],
+                column_encoding={f.name: "DELTA_BINARY_PACKED" for f in rows.schema if pa.types.is_integer(f.type)},
+            )
+        self._writer.write_table(rows.replace_schema_metadata(self._noted), row_group_size=max(1, rows.num_rows))
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str]) -> bytes:
@@ -28,20 +81,9 @@ def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str]) -> bytes:
         rows: Its rows.
         inputs: Hash of each kind of input they were computed from.
     """
-    noted = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
-    sink = pa.BufferOutputStream()
-    pq.write_table(
-        rows.combine_chunks().replace_schema_metadata(noted),
-        sink,
-        compression="zstd",
-        write_page_checksum=True,
-        # Texts repeat; numbers seldom do: dictionaries of them cost a sixth of the writing and make files larger.
-        use_dictionary=[f.name for f in rows.schema if pa.types.is_string(f.type)],
-        column_encoding={f.name: "DELTA_BINARY_PACKED" for f in rows.schema if pa.types.is_integer(f.type)},
-    )
-    blank: bytes = sink.getvalue().to_pybytes()
-    place = _place(blank)
-    return blank[:place] + _digest(blank) + blank[place + len(_ZEROS) :]
+    writer = FactWriter(inputs)
+    writer.add(rows)
+    return writer.finish()
 
 
 def is_undamaged(data: bytes) -> bool:
@@ -59,10 +101,30 @@ def is_undamaged_file(path: Path) -> bool:
         return False
 
 
-def noted_inputs(data: bytes) -> dict[str, str]:
-    """Return the input hashes in the metadata of an undamaged fact file."""
+def noted_inputs(data: bytes) -> dict[str, Any]:
+    """Return what the metadata of an undamaged fact file notes: hash of each kind of input, for days by hour."""
     noted = (pq.read_metadata(pa.BufferReader(data)).metadata or {}).get(INPUTS, b"{}")
-    return {str(k): str(v) for k, v in json.loads(noted).items()}
+    return dict(json.loads(noted))
+
+
+def by_kind(inputs: Mapping[int, Mapping[str, str]]) -> dict[str, dict[str, list[int]]]:
+    """Return the input hashes of the hours of a UTC day as the metadata of its file notes them."""
+    found: dict[str, dict[str, list[int]]] = {}
+    for hour, hashes in sorted(inputs.items()):
+        for kind, value in hashes.items():
+            found.setdefault(kind, {}).setdefault(value, []).append(hour % 24)
+    return found
+
+
+def by_hour(noted: Mapping[str, Any], day: int) -> dict[int, dict[str, str]]:
+    """Return the input hashes by UTC hour number that the metadata of a file of a UTC day notes; see `by_kind`."""
+    found: dict[int, dict[str, str]] = {}
+    for kind, hours_of in noted.items():
+        # a file of a version with a file for each hour notes one hash: it holds no hours that could be used again
+        for value, hours in hours_of.items() if isinstance(hours_of, dict) else ():
+            for hour in hours:
+                found.setdefault(day * 24 + int(hour), {})[str(kind)] = str(value)
+    return found
 
 
 def _place(data: bytes) -> int:

@@ -14,12 +14,11 @@ import pyarrow.compute as pc
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import literal_list
 from vsd_analytics.store.durable import publish, sweep_temporaries
-from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.seals import FOLDER as SEALED
 from vsd_analytics.store.seals import Seals
-from vsd_analytics.warehouse.build import damaged_facts, is_whole
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
+from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.relations import RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation
@@ -90,46 +89,47 @@ class RelationSources:
 
     def _of_hours(self, relation: Relation, first_hour: int, last_hour: int) -> str:
         """Return a query of the fresh and sealed rows of a fact in a range of hours."""
-        root, site_id, sealed = self._site.root / "facts", self._site.site_id, self._built.sealed
-        if relation.unit == "day":
-            # Days that an hour of the range lies in or borders on: the file of a day lies in its first hour.
-            first_hour, last_hour = first_hour - 48, last_hour + 48
-            known = {d * 24: f for d, f in self._built.day_fingerprints.items()}
-            parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
-            fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest]
-        else:
-            known = dict(self._built.fingerprints)
-            parts = list_parts(root, relation.name, site_id, first_hour=first_hour, last_hour=last_hour)
-            fresh = [(p.hour, p.path) for p in parts if known.get(p.hour) == p.digest and not sealed.holds(p.hour)]
-            if not all(is_whole(path) for _, path in fresh):
-                self._whole_facts()
-        sealed_paths = [(h, p) for h, p in sealed.fact_paths(self._site, relation.name) if first_hour <= h <= last_hour]
-        paths = [path for _, path in sorted([*fresh, *sealed_paths])]
+        is_day = relation.unit == "day"
+        # The file of a day begins with its first hour. `camera_days` is read of the days beside those of the range too.
+        first, last = (first_hour - 48, last_hour + 48) if is_day else (first_hour - 23, last_hour)
+        days = self._built.paths[relation.name]
+        fresh = [(d * 24, path) for d, path in days.items() if first <= d * 24 <= last]
+        if not is_day and not all(is_whole(path) for _, path in fresh):
+            self._whole_facts()
+        is_cut = not is_day and any(h < first_hour or h + 23 > last_hour for h, _ in fresh)
+        sealed = [
+            (h, path)
+            for h, path in self._built.sealed.fact_paths(self._site, relation.name)
+            if (first if is_day else first_hour) <= h <= last
+        ]
+        paths = [path for _, path in sorted([*fresh, *sealed])]
         self._read += paths
         if not paths:
             return _empty(relation)
-        if not sealed_paths:
-            return f"select * from read_parquet({literal_list(paths)}, hive_partitioning = false)"
+        within = f" where hour between {first_hour:d} and {last_hour:d}" if is_cut else ""
+        if not sealed:
+            return f"select * from read_parquet({literal_list(paths)}, hive_partitioning = false){within}"
         # Facts sealed by an older version may lack a column of today or have one that no longer exists.
         every = f"read_parquet({literal_list(paths)}, union_by_name = true, hive_partitioning = false)"
-        return f"select {', '.join(relation.columns)} from ({_empty(relation)} union all by name select * from {every})"
+        columns = ", ".join(relation.columns)
+        return f"select {columns} from ({_empty(relation)} union all by name select * from {every}){within}"
 
     def _fact_by_days(self, relation: Relation, days: DayFiles) -> str:
-        """Return a query of the rows of a fact: whole UTC days from day files, hours at the ends from hour files."""
+        """Return a query of the rows of a fact: UTC days with sealed hours from day files, the others as they are."""
         first, last = self._hours
-        files = days.utc_files(relation, first_hour=first, last_hour=last)
+        files = days.sealed_files(relation, first_hour=first, last_hour=last)
         missing = [d for d, file in files.items() if not is_whole(file.path)]
         rows = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in missing)
         unwritten = self._write(files, rows)
-        before, after = _edges(first, last)
-        return self._in_order(
-            relation,
-            [
-                *([self._of_hours(relation, *before)] if before else ()),
-                *(unwritten.get(d, file.path) for d, file in files.items()),
-                *([self._of_hours(relation, *after)] if after else ()),
-            ],
-        )
+        pieces: list[str | Path | pa.Table] = []
+        for d, file in files.items():
+            if first < d * 24:
+                pieces.append(self._of_hours(relation, first, d * 24 - 1))
+            pieces.append(unwritten.get(d, file.path))
+            first = d * 24 + 24
+        if first <= last:
+            pieces.append(self._of_hours(relation, first, last))
+        return self._in_order(relation, pieces)
 
     def _mart_by_days(self, relation: Relation, days: DayFiles) -> str:
         """Return a query of the rows of a mart: each day from its file, computing runs of missing days at once."""
@@ -179,14 +179,6 @@ class RelationSources:
                 self._con.register(name, pa.concat_tables(tables))
                 queries.append(f"select * from {name}")
         return " union all ".join(queries) or _empty(relation)
-
-
-def _edges(first: int, last: int) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
-    """Return the hours at either end of [first, last] whose UTC day does not lie whole in it."""
-    low, high = -(-first // 24) * 24, (last + 1) // 24 * 24
-    if low >= high:
-        return (first, last), None
-    return (first, low - 1) if first < low else None, (high, last) if high <= last else None
 
 
 def _runs(days: Sequence[date]) -> list[list[date]]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from vsd_analytics.store.durable import is_temporary, make_dirs, remove
-from vsd_analytics.store.layout import Part, list_parts
+from vsd_analytics.store.layout import list_parts
 from vsd_analytics.warehouse.sealed import SealedRange
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -38,44 +38,28 @@ def find(
     root: Path,
     *,
     site_id: str,
-    hours: Mapping[int, str],
-    days: Mapping[int, str],
+    fresh: Mapping[str, Mapping[int, Path]],
     sealed: SealedRange,
-    first_hour: int | None,
-    last_hour: int | None,
+    first_day: int | None,
+    last_day: int | None,
 ) -> tuple[Path, ...]:
-    """Return the fact files of a range whose fingerprint is not the fresh one.
+    """Return the fact files of a range of UTC days that are not the fresh ones.
 
     Args:
         root: The folder `facts`.
         site_id: The site.
-        hours: Fresh fingerprint by UTC hour.
-        days: Fresh fingerprint of `camera_days` by UTC day.
-        sealed: Sealed hours and days of the range; the purge removes their files.
-        first_hour: First UTC hour number; None = open.
-        last_hour: Last one, inclusive; None = open.
+        fresh: Fresh file by fact and UTC day.
+        sealed: What is sealed of the range; the purge removes the files of whole sealed days.
+        first_day: First UTC day number; None = open.
+        last_day: Last one, inclusive; None = open.
     """
-
-    def is_hour_superseded(part: Part) -> bool:
-        return not sealed.holds(part.hour) and hours.get(part.hour) != part.digest
-
-    def is_day_superseded(part: Part) -> bool:
-        day = part.hour // 24
-        if day in days or day in sealed.days or day in sealed.whole_days:
-            return day in days and days[day] != part.digest
-        # A day without records has no fresh file. Remove one only if the range holds the whole day: the build of a part
-        # of it does not know whether its other hours have records.
-        is_inside = first_hour is None or day * 24 >= first_hour
-        return is_inside and (last_hour is None or day * 24 + 23 <= last_hour)
-
-    found: list[Path] = []
-    for relation in relations("facts").values():
-        is_day = relation.unit == "day"
-        # The file of a day lies in its first hour, up to 23 hours before the range; 48 hours include the day before.
-        first = first_hour - 48 if is_day and first_hour is not None else first_hour
-        parts = list_parts(root, relation.name, site_id, first_hour=first, last_hour=last_hour)
-        found += [part.path for part in parts if (is_day_superseded if is_day else is_hour_superseded)(part)]
-    return tuple(found)
+    first, last = (None if first_day is None else first_day * 24), (None if last_day is None else last_day * 24 + 23)
+    return tuple(
+        part.path
+        for name in relations("facts")
+        for part in list_parts(root, name, site_id, first_hour=first, last_hour=last)
+        if part.hour // 24 not in sealed.whole_days and part.path != fresh.get(name, {}).get(part.hour // 24)
+    )
 
 
 def temporaries(root: Path) -> list[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +11,8 @@ from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import file_digest
-from vsd_analytics.store.layout import Part, date_of_hour, list_parts, unit_folder
-from vsd_analytics.store.seals import DAY_FACT, FOLDER, Seals
+from vsd_analytics.store.layout import Part, date_of_hour, list_parts
+from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.verify_files import (
     Check,
     StoreFault,
@@ -115,9 +115,7 @@ def verify(
                 raise
             return Verification(tuple(checks))
         checks += check_facts(site, wanted, first_hour=first_hour, last_hour=last_hour)
-        n_fresh = sum(files is not None and all(p.exists() for p in files) for files in wanted.hours.values())
-        n_missing = sum(not any(_files_of(site, hour)) for hour in wanted.hours)
-        return Verification(tuple(checks), n_fresh, len(wanted.hours) - n_fresh - n_missing, n_missing)
+        return Verification(tuple(checks), len(wanted.fresh), len(wanted.stale), len(wanted.missing))
 
 
 def _check_intents(store: Store) -> Check:
@@ -177,15 +175,11 @@ def check_facts(
         last_hour: Last one, inclusive.
     """
     n, damaged, orphans = 0, [], []
-    inputs = {
-        path: noted
-        for files in (*wanted.hours.values(), *wanted.days.values())
-        for path, noted in (files or {}).items()
-    }
     known = relations("facts")
+    fresh = {path.parent: path for path in wanted.inputs}
+    first = None if first_hour is None else first_hour // 24 * 24  # the file of a day lies in its first hour
     for relation in sorted(known):
-        numbers = {d * 24 for d in wanted.days} if relation == DAY_FACT else set(wanted.hours)
-        for part in list_parts(site.root / "facts", relation, site.site_id, first_hour=first_hour, last_hour=last_hour):
+        for part in list_parts(site.root / "facts", relation, site.site_id, first_hour=first, last_hour=last_hour):
             try:
                 data = part.path.read_bytes()
             except FileNotFoundError:
@@ -195,9 +189,9 @@ def check_facts(
             n += 1
             if not is_undamaged(data):
                 damaged.append(_damaged_fact(part.path))
-            elif part.path in inputs and noted_inputs(data) != inputs[part.path]:
+            elif part.path in wanted.inputs and noted_inputs(data) != wanted.inputs[part.path]:
                 damaged.append(_other_fact(part.path))
-            elif part.hour not in numbers or _is_superseded(part, relation, wanted):
+            elif part.hour // 24 not in wanted.days or _is_superseded(part, fresh):
                 orphans.append(_orphan(part.path))
 
     by_day = {r.name for r in relations_stored_by_day()}
@@ -222,7 +216,7 @@ def _check_days(
 ) -> tuple[int, list[StoreFault]]:
     """Return the number of day files checked, and findings of those that are damaged or under a wrong name."""
     n, found = 0, []
-    first = None if first_hour is None else first_hour - 24  # the file of a day lies in its first hour
+    first = None if first_hour is None else first_hour - 24  # a local day may begin in the UTC day before
     for name in sorted(names):
         for part in list_parts(site.root / DAYS_FOLDER, name, site.site_id, first_hour=first, last_hour=last_hour):
             n += 1
@@ -239,18 +233,10 @@ def _check_days(
     return n, found
 
 
-def _is_superseded(part: Part, relation: str, wanted: BuildPlan) -> bool:
-    """Return whether the fresh file of the unit exists beside this one, as a stopped build may leave it."""
-    files = wanted.days[part.hour // 24] if relation == DAY_FACT else wanted.hours[part.hour]
-    fresh = [p for p in files or {} if p.parent == part.path.parent]
-    return part.path not in fresh and bool(fresh) and fresh[0].exists()
-
-
-def _files_of(site: Site, hour: int) -> Iterator[Path]:
-    for relation in relations("facts").values():
-        if relation.unit == "hour":
-            folder = unit_folder(site.root / "facts", relation.name, site.site_id, hour)
-            yield from folder.glob(f"{hour % 24:02d}-*.parquet")
+def _is_superseded(part: Part, fresh: Mapping[Path, Path]) -> bool:
+    """Return whether the fresh file of the folder exists beside this one, as a stopped build may leave it."""
+    wanted = fresh.get(part.path.parent)
+    return wanted is not None and part.path != wanted and wanted.exists()
 
 
 def _damaged_fact(path: Path) -> StoreFault:

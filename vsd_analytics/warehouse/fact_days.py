@@ -1,0 +1,229 @@
+"""The files of the hourly facts: one for each fact and UTC day, with the hour as a column.
+
+```
+facts/<fact>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
+```
+
+The fingerprint covers the inputs of every hour of the day, so one name answers whether a day is fresh. The file notes
+the inputs of each hour. When the fingerprint changes, the new file takes the rows of the hours whose own inputs did not
+change from the old one; only the others are computed.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vsd_analytics.errors import StoreError
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.durable import publish
+from vsd_analytics.store.layout import unit_folder
+from vsd_analytics.warehouse.factfiles import FactWriter, by_hour, by_kind, fact_bytes, is_undamaged, noted_inputs
+from vsd_analytics.warehouse.input_fingerprint import InputHashes, fact_inputs, stale_reason, text_hash
+from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.units import Unit
+
+
+class FactDays:
+    """The files of the hourly facts of whole UTC days: which are fresh, and which hours of the others are stale.
+
+    Args:
+        site: The project.
+        root: The folder of its facts.
+        units: All hours of these days whose facts are computed, in order.
+        is_trusting: Do not open files whose names are right.
+    """
+
+    def __init__(self, site: Site, root: Path, units: Iterable[Unit], *, is_trusting: bool = False) -> None:
+        self._root, self._site_id = root, site.site_id
+        self.names = [r.name for r in relations("facts").values() if r.unit == "hour"]
+        self._inputs_of = {name: fact_inputs(site, [name]) for name in self.names}
+        self.units: dict[int, list[Unit]] = defaultdict(list)
+        for unit in units:
+            self.units[unit.number // 24].append(unit)
+        self._hashes: dict[tuple[int, tuple[str, ...]], str] = {}
+        self._noted: dict[tuple[str, int], dict[Path, dict[int, dict[str, str]]]] = {}
+        self._is_trusting = is_trusting
+
+    @cached_property
+    def paths(self) -> Mapping[str, Mapping[int, Path]]:
+        """The path of the fresh file of each fact and UTC day, whether it exists or not."""
+        return {name: {day: self._path(name, day) for day in self.units} for name in self.names}
+
+    @cached_property
+    def missing(self) -> Mapping[int, list[str]]:
+        """By UTC day, the facts without a complete fresh file; days with all files are left out."""
+        trusted = {day for day in self.units if self._is_trusting and self._are_named(day)}
+        found = {
+            day: [name for name in self.names if not is_whole(self.paths[name][day])]
+            for day in self.units
+            if day not in trusted
+        }
+        return {day: names for day, names in found.items() if names}
+
+    def stale(self, name: str, day: int) -> list[Unit]:
+        """Return the hours of a missing file that no older file of the fact and day holds."""
+        older = self._older(name, day).values()
+        return [u for u in self.units[day] if not any(n.get(u.number) == self.inputs(name, u) for n in older)]
+
+    def inputs(self, name: str, unit: Unit) -> InputHashes:
+        """Return the input hashes of one fact of an hour."""
+        return self._inputs_of[name].of_unit(unit.current)
+
+    def noted(self, name: str, day: int) -> dict[str, dict[str, list[int]]]:
+        """Return what the fresh file of a fact and day notes about its inputs."""
+        return by_kind({u.number: self.inputs(name, u) for u in self.units[day]})
+
+    def reason(self, unit: Unit) -> str:
+        """Return in words why an hour is stale."""
+        day = unit.number // 24
+        changed, has_any, has_fresh = set[str](), False, False
+        for name in self.names:
+            is_fresh = name not in self.missing.get(day, ())
+            has_fresh |= is_fresh or self.paths[name][day].exists()
+            older = () if is_fresh else self._older(name, day).values()
+            noted = [hours[unit.number] for hours in older if unit.number in hours]
+            has_any |= is_fresh or bool(noted)
+            for inputs in noted:
+                changed |= {kind for kind, value in self.inputs(name, unit).items() if inputs.get(kind) != value}
+        if not has_any:
+            return "incomplete" if has_fresh else "new"
+        # No input of an old file changed: a fresh file is torn or gone, or a newer version added a fact.
+        is_added = any(not (self._root / name).is_dir() for name in self.missing.get(day, ()))
+        return stale_reason(changed) or ("incomplete" if has_fresh and not is_added else "SQL changed")
+
+    def holds(self, hour: int) -> bool:
+        """Return whether any fact has a file that holds an hour, computed from whatever inputs."""
+        return any(hour in hours for name in self.names for hours in self._older(name, hour // 24).values())
+
+    def has_others(self) -> bool:
+        """Return whether a folder of the days holds a file that is not the fresh one of its fact and day."""
+        return any(
+            file.endswith(".parquet") and file != self.paths[name][day].name
+            for day in self.units
+            for name, files in self._listed(day).items()
+            for file in files
+        )
+
+    def writer(self, name: str, day: int) -> DayWriter:
+        """Return the writer of the fresh file of a fact and day; it has the rows that need not be computed."""
+        hours = {u.number: self.inputs(name, u) for u in self.units[day]}
+        reused: dict[int, pa.Table] = {}
+        for path, noted in self._older(name, day).items():
+            same = [h for h in hours if h not in reused and noted.get(h) == hours[h]]
+            reused |= dict(slices(pq.ParquetFile(path).read(), "hour", same)) if same else {}
+        return DayWriter(self.paths[name][day], hours, reused)
+
+    def _are_named(self, day: int) -> bool:
+        return all(self.paths[name][day].name in files for name, files in self._listed(day).items())
+
+    def _listed(self, day: int) -> dict[str, frozenset[str]]:
+        folders = {name: self.paths[name][day].parent for name in self.names}
+        return {name: frozenset(os.listdir(f) if f.is_dir() else ()) for name, f in folders.items()}
+
+    def _older(self, name: str, day: int) -> dict[Path, dict[int, dict[str, str]]]:
+        """Return the inputs by hour of each undamaged file of a fact and day; only of them rows may be used again."""
+        if (name, day) not in self._noted:
+            folder = unit_folder(self._root, name, self._site_id, day * 24)
+            read = {path: path.read_bytes() for path in sorted(folder.glob("00-*.parquet"))}
+            self._noted[name, day] = {
+                path: by_hour(noted_inputs(data), day) for path, data in read.items() if is_undamaged(data)
+            }
+        return self._noted[name, day]
+
+    def _path(self, name: str, day: int) -> Path:
+        given = self._inputs_of[name]
+        read = (*given.tables, *given.kinds)
+        if (day, read) not in self._hashes:  # many facts read the same inputs
+            hours = [[u.number, *(u.current[kind] for kind in read)] for u in self.units[day]]
+            self._hashes[day, read] = text_hash(hours)
+        fingerprint = text_hash([name, day, given.sql, given.settings, self._hashes[day, read]])
+        return unit_folder(self._root, name, self._site_id, day * 24) / f"00-{fingerprint}.parquet"
+
+
+class DayWriter:
+    """Collects the rows of one fact and UTC day hour by hour; the last hour publishes them as one file.
+
+    Args:
+        path: Its path.
+        hours: Input hashes by UTC hour number, of all hours of the file.
+        reused: Rows of hours that need not be computed.
+    """
+
+    def __init__(self, path: Path, hours: Mapping[int, InputHashes], reused: Mapping[int, pa.Table]) -> None:
+        self._path, self._reused = path, dict(reused)
+        self._left = sorted(hours, reverse=True)
+        self._file = FactWriter(by_kind(hours))
+        self._add_reused()
+
+    def add(self, hour: int, rows: pa.Table) -> None:
+        """Append the rows of the next hour that is not reused."""
+        assert self._left[-1] == hour
+        self._left.pop()
+        self._file.add(rows)
+        self._add_reused()
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the file was published."""
+        return not self._left
+
+    def _add_reused(self) -> None:
+        while self._left and self._left[-1] in self._reused:
+            self._file.add(self._reused.pop(self._left.pop()))
+        if self.is_done:  # whole or not at all; without fsync, because facts can be computed again
+            publish(self._path, self._file.finish(), is_synced=False)
+
+
+def hour_files(path: Path, day: int, hours: Iterable[int]) -> dict[int, bytes]:
+    """Return the bytes of one fact file for each of some hours of a UTC day, given the file of the day.
+
+    Raises:
+        StoreError: E302, the file of the day is damaged.
+    """
+    data = path.read_bytes() if path.exists() else b""
+    if not is_undamaged(data):
+        raise damaged_facts(path, "its bytes do not match the digest in it")
+    rows, noted = pq.ParquetFile(pa.BufferReader(data)).read(), by_hour(noted_inputs(data), day)
+    return {h: fact_bytes(of_hour, inputs=noted[h]) for h, of_hour in slices(rows, "hour", hours)}
+
+
+def damaged_facts(error: object, why: str = "") -> StoreError:
+    """Return the error for a fact file that has its full length but cannot be read."""
+    return StoreError(
+        "a file of the computed facts is damaged",
+        code="E302",
+        why=why or " ".join(str(error).split())[:300],
+        fix="delete the folder facts and run vsd build: facts are computed from the store again",
+    )
+
+
+def slices(rows: pa.Table, column: str, numbers: Iterable[int]) -> Iterator[tuple[int, pa.Table]]:
+    """Yield numbers with their rows, given rows in order of the numbers in `column`."""
+    import numpy as np
+
+    column_of = rows[column].to_numpy()
+    for number in numbers:
+        first, after = np.searchsorted(column_of, [number, number + 1])
+        yield number, rows.slice(int(first), int(after - first))
+
+
+def is_whole(path: Path) -> bool:
+    """Return whether a fact file exists to its end: Parquet ends with the length of its footer and `PAR1`.
+
+    Reads 8 bytes. Facts are written without fsync, so a power cut can leave a short file under a right name.
+    """
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - 8))
+            tail = file.read(8)
+    except OSError:
+        return False
+    return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size
