@@ -70,7 +70,7 @@ def rebuilt(site: Site, elsewhere: Path) -> Site:
 
 
 def changed(site: Site, tmp_path: Path) -> tuple[BuildResult, set[int], Counter[str]]:
-    """Build, and return what was said, the hours of which some fact has other rows or inputs, and the number of those by fact.
+    """Build, and return what was said, the hours in which a fact has other rows or inputs, and their number by fact.
 
     The result must be what a build of everything gives, and nothing in the store may be touched.
     """

@@ -16,6 +16,7 @@ from vsd_analytics.api.heatmap import Heatmap, as_heatmap
 from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.settings import BY_NAME
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
@@ -62,6 +63,30 @@ class Days:
 
     def __repr__(self) -> str:
         return f"{self.site.name}, {self.name}: {self.first} to {self.last}"
+
+    def at(self, **settings: float) -> Days:
+        """Return the same days with other settings, such as `distance_m=1.0`; what is stored of others stays.
+
+        Args:
+            **settings: Settings of `docs/settings.md`, in their units.
+
+        Raises:
+            UsageError: E101, there is no such setting, its value is out of range, or `distance_m` is over `pair_max_m`.
+
+        Example:
+            >>> site.week("2026-W46").at(distance_m=1.0).hours.df()  # doctest: +SKIP
+        """
+        for name, value in settings.items():
+            _check_setting(name, value)
+        site = self.site.with_settings(**settings)
+        if site.settings.pair_max_m < site.settings.distance_m:
+            raise UsageError(
+                f"distance_m = {site.settings.distance_m:g} is more than pair_max_m = {site.settings.pair_max_m:g}",
+                why="pairs farther apart than pair_max_m are not stored, so violations would be lost",
+                fix=f"give pair_max_m={site.settings.distance_m + 0.5:g} too",
+            )
+        shown = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
+        return Days(site, self.first, self.last, name=f"{self.name} at {shown}")
 
     @cached_property
     def hours(self) -> Table:
@@ -220,6 +245,16 @@ class Days:
     def _warehouse(self, first: date | None = None, last: date | None = None) -> Iterator[Warehouse]:
         with open_warehouse(self.site, first or self.first, last or self.last) as warehouse:
             yield warehouse
+
+
+def _check_setting(name: str, value: float) -> None:
+    setting = BY_NAME.get(name)
+    if setting is None or setting.minimum is None or setting.maximum is None or not setting.is_in_sql:
+        known = ", ".join(s.name for s in BY_NAME.values() if s.is_in_sql and s.minimum is not None)
+        raise UsageError(f"{name} is no setting of figures", why=f"these are {known}")
+    if not setting.minimum <= value <= setting.maximum:
+        allowed = f"{setting.minimum:g} and {setting.maximum:g} {setting.unit}".strip()
+        raise UsageError(f"{name} = {value:g} is not between {allowed}")
 
 
 def _in_zone(rows: pa.Table, timezone: str) -> pa.Table:

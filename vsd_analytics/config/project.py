@@ -164,6 +164,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         chromium=chromium,
         language=language,
         settings=Settings().with_values(settings.values),
+        own_settings=Settings().with_values(settings.own) if settings.own != settings.values else None,
         ingest_map=ingest_map,
         sources=sources,
         setting_sources=settings.sources,

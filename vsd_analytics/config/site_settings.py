@@ -22,10 +22,12 @@ class Overrides:
 
     Attributes:
         values: New value by setting name.
+        own: Those of the file alone, without the environment.
         sources: "vsd.toml line 7" or the environment variable, by setting name.
     """
 
     values: dict[str, Any] = field(default_factory=dict)
+    own: dict[str, Any] = field(default_factory=dict)
     sources: dict[str, str] = field(default_factory=dict)
 
 
@@ -42,7 +44,7 @@ def read_settings(tables: Mapping[str, TableReader], *, environ: Mapping[str, st
         table = tables[setting.section]
         value = _read(table, setting)
         if value is not None:
-            found.values[setting.name] = value
+            found.values[setting.name] = found.own[setting.name] = value
             line = mistakes.text.where((setting.section, setting.name)).line
             found.sources[setting.name] = f"{mistakes.text.file} line {line}"
         variable = ENVIRONMENT_PREFIX + setting.name.upper()

@@ -20,7 +20,7 @@ from vsd_analytics.ingest.quarantine_scope import quarantined_in_scope
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable, quarantine
-from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour, list_parts
+from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour
 from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.part_files import engines_of
 from vsd_analytics.store.removal import Intent, RecordScope, remove_records, removing, rows_in_scope
@@ -28,7 +28,7 @@ from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.day_files import day_files_around
+from vsd_analytics.warehouse.day_files import facts_around
 from vsd_analytics.warehouse.fact_days import hour_files
 from vsd_analytics.warehouse.sealed import CurrentRules
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -111,6 +111,7 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         StoreError: E310, more than half of the stored days would be removed; E311, a reader did not finish in time;
             E302, E313, a file is damaged.
     """
+    site = site.with_own_settings()  # the facts that are sealed are those of vsd.toml
     store = Store(site.root / "store", site_id=site.site_id)
     edge = (before - date(1970, 1, 1)).days * 24
     cutoff = datetime(before.year, before.month, before.day, tzinfo=UTC)
@@ -141,7 +142,7 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         if n_old:
             quarantine.drop(site.root / quarantine.FOLDER, lambda _, entry: entry is not None and is_old(entry))
         again = [p.path for t in TABLES for p in store.repeats(t, last_hour=edge - 1)]
-        unlink = [*(p.path for p in going), *again, *facts_of(site, sealer.sealed_now(edge))]
+        unlink = [*(p.path for p in going), *again, *facts_around(site, sealer.sealed_before())]
         entry = audit_line(terms, found, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
         return found
@@ -202,7 +203,7 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
         intent = Intent(
             site_id=site.site_id,
             entry=audit_line(terms, found, what),
-            unlink=below(site.root, facts_of(site, hours)),
+            unlink=below(site.root, facts_around(site, hours)),
             which=which,
             rewrite={
                 t: below(site.root, [p.path for p in (*parts, *again[t])])
@@ -287,14 +288,15 @@ class _Sealer:
             )
             self._seals.write(seal)
 
-    def sealed_now(self, edge: int) -> list[int]:
-        """Return the sealed hours up to and including `edge`."""
-        return sorted(self._seals.between(None, edge))
+    def sealed_before(self) -> list[int]:
+        """Return the sealed hours before the edge. The hour at the edge leaves its file when the next build runs."""
+        return sorted(self._seals.between(None, self._edge - 1))
 
     def _facts(self, day: int, hours: Sequence[int], built: BuildResult) -> dict[int, dict[str, str]]:
         """Put the facts of some hours of a UTC day, a file for each hour; return the digests by hour and fact."""
         found: dict[int, dict[str, str]] = {hour: {} for hour in hours}
-        for name in (r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in NOT_SEALED):
+        names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in NOT_SEALED]
+        for name in names if hours else ():
             for hour, data in hour_files(built.paths[name][day], day, hours).items():
                 found[hour][name] = self._seals.put(name, hour, data)
         return found
@@ -364,18 +366,6 @@ def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
             " include them or leave them out",
         )
     return hours
-
-
-def facts_of(site: Site, hours: Sequence[int]) -> list[Path]:
-    """Return the fact files of the UTC days that some hours lie in, and the day files computed from them."""
-    root, days = site.root / "facts", {h // 24 for h in hours}
-    found: list[Path] = []
-    if not days:
-        return found
-    for name in relations("facts"):
-        parts = list_parts(root, name, site.site_id, first_hour=min(days) * 24, last_hour=max(days) * 24 + 23)
-        found += [p.path for p in parts if p.hour // 24 in days]
-    return [*found, *day_files_around(site, hours)]
 
 
 def guard(n_going: int, n_stored: int, what: str, terms: Terms) -> None:

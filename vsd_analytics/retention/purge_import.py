@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from vsd_analytics.errors import StoreError, UsageError
-from vsd_analytics.retention.purge import Purged, Terms, audit_line, below, facts_of, guard, n_records
+from vsd_analytics.retention.purge import Purged, Terms, audit_line, below, guard, n_records
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable, quarantine
@@ -16,6 +16,7 @@ from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.taking_back import n_replacing
+from vsd_analytics.warehouse.day_files import facts_around
 
 SHORTEST_ID = 4
 """Digits of an id that must be given at least."""
@@ -99,7 +100,7 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
         intent = Intent(
             site_id=site.site_id,
             entry=audit_line(terms, found, what),
-            unlink=below(site.root, facts_of(site, sorted(going))),
+            unlink=below(site.root, facts_around(site, sorted(going))),
             rewrite={t: below(site.root, [p.path for p in parts]) for t, parts in rewrite.items() if parts},
             import_id=import_id,
             repeats={t: below(site.root, [p.path for p in parts]) for t, parts in repeats.items() if parts},

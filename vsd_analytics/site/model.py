@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from pathlib import Path
 from typing import Final, Literal, get_args
 from zoneinfo import ZoneInfo
 
-from vsd_analytics.settings import Settings
+from vsd_analytics.settings import Settings, Value
 
 Point = tuple[float, float]
 Language = Literal["en", "it"]
@@ -375,6 +375,8 @@ class Site:
         day_starts_min: Minutes after local midnight at which a site day starts.
         floors, cameras, areas, fixtures: In the order of the file.
         settings: Values in force.
+        own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of other settings lie
+            beside theirs.
         broker: `[mqtt]`; None = no live source.
         alarms: `[[alarm]]`, in the order of the file.
         alarm_delivery: `[alarms]`.
@@ -408,9 +410,19 @@ class Site:
     chromium: Path | None = None
     language: Language = "en"
     settings: Settings = field(default_factory=Settings)
+    own_settings: Settings | None = None
     ingest_map: dict[str, str] = field(default_factory=dict)
     sources: tuple[SourceProfile, ...] = ()
     setting_sources: dict[str, str] = field(default_factory=dict)
+
+    def with_settings(self, **values: Value) -> Site:
+        """Return the site with other settings in force; KeyError for an unknown name."""
+        own = self.own_settings or self.settings
+        return replace(self, settings=self.settings.with_values(values), own_settings=own)
+
+    def with_own_settings(self) -> Site:
+        """Return the site with the settings of vsd.toml in force."""
+        return self if self.own_settings is None else replace(self, settings=self.own_settings, own_settings=None)
 
     @property
     def zone(self) -> ZoneInfo:

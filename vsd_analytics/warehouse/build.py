@@ -18,9 +18,9 @@ from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.seals import DAY_FACT
-from vsd_analytics.warehouse import superseded
+from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.compute import day_facts, hour_facts
+from vsd_analytics.warehouse.compute import PAIRS, day_facts, hour_facts
 from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts, is_whole, slices
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
@@ -107,20 +107,27 @@ def _build(
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
     days = _fresh_days(site, root, day_units_of, check)
     units = _hour_units(site, index, hours, days)
-    files = FactDays(site, root, units, is_trusting=is_trusting)
+    files = FactDays(site, units, is_trusting=is_trusting)
     stale = {day: {n: {u.number for u in files.stale(n, day)} for n in names} for day, names in files.missing.items()}
     computed = [u for u in units if any(u.number in found for found in stale.get(u.number // 24, {}).values())]
     reasons = Counter(files.reason(u) for u in computed)
     if on_plan is not None:
         on_plan(len(computed))
-    _write_hours(site, files, stale, computed, days, check=check, on_hours=on_hours)
+    _write_hours(site, files, stale, computed, days, recorded=index.hours(), check=check, on_hours=on_hours)
     unneeded: tuple[Path, ...] = ()
     of_days = {u.number: _day_path(site, root, u) for u in day_units_of if u.number not in sealed.whole_days}
     paths = {**files.paths, DAY_FACT: of_days}
     if files.missing or not is_trusting or files.has_others():
         unneeded = superseded.find(
-            root, site_id=site.site_id, fresh=paths, sealed=sealed, first_day=first_day, last_day=last_day
+            beside.roots(site),
+            site_id=site.site_id,
+            fresh=paths,
+            sealed=sealed,
+            first_day=first_day,
+            last_day=last_day,
         )
+        unneeded = (*unneeded, *beside.surplus(site))
+    beside.note_use(site)
     fingerprints = {**{h: s.fingerprint for h, s in sealed.hours.items()}, **{u.number: u.fingerprint for u in units}}
     return BuildResult(
         len(units) - len(computed),
@@ -141,6 +148,7 @@ def _write_hours(
     computed: Sequence[Unit],
     days: Mapping[int, _Day],
     *,
+    recorded: Collection[int],
     check: _Checker,
     on_hours: Callable[[int], None] | None,
 ) -> None:
@@ -162,6 +170,7 @@ def _write_hours(
             camera_days=pa.concat_tables([days[d].rows for d in needed]),
             first_hour=own[0],
             last_hour=own[-1],
+            pairs=() if wanted[PAIRS] else files.whole(PAIRS, [h for h in recorded if own[0] - 1 <= h <= own[-1] + 1]),
         )
         for relation, rows in facts:
             name = relation.name
@@ -230,7 +239,7 @@ def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | No
     paths = {u.number: _day_path(site, root, u) for u in units}
     days = _read_days([u for u in units if is_undamaged_file(paths[u.number])], paths)
     unknown = {h // 24 for h in hours if any(d in paths and d not in days for d in days_around(h))}
-    files = FactDays(site, root, _hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
+    files = FactDays(site, _hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
     inputs: dict[Path, Mapping[str, Any]] = {paths[u.number]: u.inputs for u in units}
     inputs |= {of_day[day]: files.noted(name, day) for name, of_day in files.paths.items() for day in of_day}
     asked = {h for h in hours if _is_within(h, first_hour, last_hour)}

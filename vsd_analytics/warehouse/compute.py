@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
@@ -29,6 +30,8 @@ _INTERVAL_MAX_MS = 1_200_000
 _ENUMS = {"camera_id": "camera_name", "track_id": "track_name", "track_a": "track_name", "track_b": "track_name"}
 """Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
 names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
+PAIRS = "pairs"
+"""The fact with a row for almost every record, which most others are computed from."""
 _WITH_CAMERAS = ("cameras", "calibrations", "owner_cells", "camera_days")
 
 
@@ -66,7 +69,14 @@ def _day_facts(site: Site, parts: Parts, *, is_careful: bool) -> pa.Table:
 
 
 def hour_facts(
-    site: Site, *, facts: Collection[str], parts: Parts, camera_days: pa.Table, first_hour: int, last_hour: int
+    site: Site,
+    *,
+    facts: Collection[str],
+    parts: Parts,
+    camera_days: pa.Table,
+    first_hour: int,
+    last_hour: int,
+    pairs: Sequence[Path] = (),
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
@@ -80,6 +90,7 @@ def hour_facts(
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
+        pairs: Files of the fact `pairs` of these hours and their neighbours, to read it; none = compute it.
 
     Raises:
         SqlError: E604, DuckDB fails internally, also with careful settings.
@@ -100,7 +111,10 @@ def hour_facts(
                 _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
                 for relation in (r for r in relations("staging", "facts").values() if r.name in computed):
                     name = relation.name
-                    create(con, relation)
+                    if name == PAIRS and pairs:
+                        _read_fact(con, relation, pairs, *spans)
+                    else:
+                        create(con, relation)
                     if name in facts and name not in yielded:
                         yield relation, _rows(con, relation, first_hour, last_hour)
                         yielded.add(name)
@@ -123,6 +137,17 @@ def create(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
     con.register(f"_{relation.name}", components(con.sql(relation.sql).to_arrow_table()))
     con.execute(f"insert into {relation.name} select * from _{relation.name}")
     con.unregister(f"_{relation.name}")
+
+
+def _read_fact(
+    con: duckdb.DuckDBPyConnection, relation: Relation, files: Sequence[Path], first_ms: int, after_ms: int
+) -> None:
+    """Create a fact of the records in [first_ms, after_ms) from its files, as `create` does from stored records."""
+    columns = (f"cast({c} as {_ENUMS[c]}) as {c}" if c in _ENUMS else c for c in relation.columns)
+    con.execute(
+        f"create temp table {relation.name} as select {', '.join(columns)} from read_parquet({literal_list(files)}, "
+        f"hive_partitioning = false) where ts_ms >= {first_ms:d} and ts_ms < {after_ms:d}"
+    )
 
 
 def _margin_ms(site: Site) -> int:

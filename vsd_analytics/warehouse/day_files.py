@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
@@ -24,6 +24,8 @@ from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import is_temporary
 from vsd_analytics.store.layout import list_parts, unit_folder
+from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse.beside import days_folder
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.dimensions import params
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, text_hash
@@ -70,6 +72,7 @@ class DayFiles:
 
     def __init__(self, site: Site, built: BuildResult, *, extents: Sequence[Extent]) -> None:
         self._site, self._extents = site, extents
+        self._folder = days_folder(site)
         self._params, self._times = params(site), SiteInputs(site)
         # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
         hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
@@ -100,8 +103,7 @@ class DayFiles:
         }
 
     def _file(self, relation: Relation, day: date, inputs: InputHashes, *, has_facts: bool = True) -> DayFile:
-        root = self._site.root / FOLDER
-        folder = unit_folder(root, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
+        folder = unit_folder(self._folder, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
         path = folder / f"00-{day_fingerprint(relation.name, day, inputs)}.parquet"
         return DayFile(path, inputs, has_facts)
 
@@ -180,7 +182,7 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
     """
     several: list[tuple[Relation, list[int]]] = []
     for relation in relations_stored_by_day():
-        n_files = Counter(p.hour // 24 for p in list_parts(site.root / FOLDER, relation.name, site.site_id))
+        n_files = Counter(p.hour // 24 for p in list_parts(days_folder(site), relation.name, site.site_id))
         if days := sorted(d for d, n in n_files.items() if n > 1):
             several.append((relation, days))
     dates = [_EPOCH + timedelta(days=d) for d in sorted({d for _, days in several for d in days})]
@@ -193,16 +195,25 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
     return found
 
 
-def day_files_around(site: Site, hours: Iterable[int]) -> list[Path]:
-    """Return all day files, fresh or not, whose rows may have been computed from facts of some UTC hours."""
-    near = {h // 24 + k for h in hours for k in range(-_AROUND_DAYS, _AROUND_DAYS + 1)}
+def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
+    """Return all files of facts and days, of all settings, whose rows may come from records of some UTC hours.
+
+    Hourly facts are those of the days of these hours: their files hold whole days.
+    """
+    own = {h // 24 for h in hours}
+    near = {d + k for d in own for k in range(-_AROUND_DAYS, _AROUND_DAYS + 1)}
     if not near:
         return []
-    within = {"first_hour": min(near) * 24, "last_hour": max(near) * 24}
-    parts = (
-        p for r in relations_stored_by_day() for p in list_parts(site.root / FOLDER, r.name, site.site_id, **within)
-    )
-    return [p.path for p in parts if p.hour // 24 in near]
+    within = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}
+    found: list[Path] = []
+    for root in (site.root / "facts", *beside.folders(site)):
+        for name in relations("facts"):
+            parts = list_parts(root, name, site.site_id, **within)
+            found += [p.path for p in parts if p.hour // 24 in own]
+        for relation in relations_stored_by_day():
+            parts = list_parts(root / FOLDER.name, relation.name, site.site_id, **within)
+            found += [p.path for p in parts if p.hour // 24 in near]
+    return found
 
 
 def _marts_of(relation: Relation) -> list[Relation]:

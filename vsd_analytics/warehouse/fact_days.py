@@ -24,7 +24,16 @@ from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 from vsd_analytics.store.layout import unit_folder
-from vsd_analytics.warehouse.factfiles import FactWriter, by_hour, by_kind, fact_bytes, is_undamaged, noted_inputs
+from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse.factfiles import (
+    FactWriter,
+    by_hour,
+    by_kind,
+    fact_bytes,
+    is_undamaged,
+    is_undamaged_file,
+    noted_inputs,
+)
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, fact_inputs, stale_reason, text_hash
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import Unit
@@ -35,13 +44,12 @@ class FactDays:
 
     Args:
         site: The project.
-        root: The folder of its facts.
         units: All hours of these days whose facts are computed, in order.
         is_trusting: Do not open files whose names are right.
     """
 
-    def __init__(self, site: Site, root: Path, units: Iterable[Unit], *, is_trusting: bool = False) -> None:
-        self._root, self._site_id = root, site.site_id
+    def __init__(self, site: Site, units: Iterable[Unit], *, is_trusting: bool = False) -> None:
+        self._roots, self._site_id = beside.roots(site), site.site_id
         self.names = [r.name for r in relations("facts").values() if r.unit == "hour"]
         self._inputs_of = {name: fact_inputs(site, [name]) for name in self.names}
         self.units: dict[int, list[Unit]] = defaultdict(list)
@@ -66,6 +74,14 @@ class FactDays:
             if day not in trusted
         }
         return {day: names for day, names in found.items() if names}
+
+    def whole(self, name: str, hours: Iterable[int]) -> list[Path]:
+        """Return the files of a fact that hold some hours; none where one of these is not fresh and undamaged."""
+        wanted = set(hours)
+        days = sorted({h // 24 for h in wanted})
+        known = {u.number for day in days for u in self.units.get(day, ())}
+        paths = [self.paths[name][day] for day in days if day in self.units]
+        return paths if wanted <= known and all(map(is_undamaged_file, paths)) else []
 
     def stale(self, name: str, day: int) -> list[Unit]:
         """Return the hours of a missing file that no older file of the fact and day holds."""
@@ -95,7 +111,7 @@ class FactDays:
         if not has_any:
             return "incomplete" if has_fresh else "new"
         # No input of an old file changed: a fresh file is torn or gone, or a newer version added a fact.
-        is_added = any(not (self._root / name).is_dir() for name in self.missing.get(day, ()))
+        is_added = any(not (self._roots[name] / name).is_dir() for name in self.missing.get(day, ()))
         return stale_reason(changed) or ("incomplete" if has_fresh and not is_added else "SQL changed")
 
     def holds(self, hour: int) -> bool:
@@ -130,7 +146,7 @@ class FactDays:
     def _older(self, name: str, day: int) -> dict[Path, dict[int, dict[str, str]]]:
         """Return the inputs by hour of each undamaged file of a fact and day; only of them rows may be used again."""
         if (name, day) not in self._noted:
-            folder = unit_folder(self._root, name, self._site_id, day * 24)
+            folder = unit_folder(self._roots[name], name, self._site_id, day * 24)
             read = {path: path.read_bytes() for path in sorted(folder.glob("00-*.parquet"))}
             self._noted[name, day] = {
                 path: by_hour(noted_inputs(data), day) for path, data in read.items() if is_undamaged(data)
@@ -144,7 +160,7 @@ class FactDays:
             hours = [[u.number, *(u.current[kind] for kind in read)] for u in self.units[day]]
             self._hashes[day, read] = text_hash(hours)
         fingerprint = text_hash([name, day, given.sql, given.settings, self._hashes[day, read]])
-        return unit_folder(self._root, name, self._site_id, day * 24) / f"00-{fingerprint}.parquet"
+        return unit_folder(self._roots[name], name, self._site_id, day * 24) / f"00-{fingerprint}.parquet"
 
 
 class DayWriter:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from vsd_analytics.store.durable import is_temporary, make_dirs, remove
 from vsd_analytics.store.layout import list_parts
+from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.sealed import SealedRange
-from vsd_analytics.warehouse.sqlfiles import relations
 
 
 @contextlib.contextmanager
@@ -35,7 +35,7 @@ def reading(root: Path) -> Iterator[None]:
 
 
 def find(
-    root: Path,
+    roots: Mapping[str, Path],
     *,
     site_id: str,
     fresh: Mapping[str, Mapping[int, Path]],
@@ -46,7 +46,7 @@ def find(
     """Return the fact files of a range of UTC days that are not the fresh ones.
 
     Args:
-        root: The folder `facts`.
+        roots: Folder of each fact.
         site_id: The site.
         fresh: Fresh file by fact and UTC day.
         sealed: What is sealed of the range; the purge removes the files of whole sealed days.
@@ -56,7 +56,7 @@ def find(
     first, last = (None if first_day is None else first_day * 24), (None if last_day is None else last_day * 24 + 23)
     return tuple(
         part.path
-        for name in relations("facts")
+        for name, root in roots.items()
         for part in list_parts(root, name, site_id, first_hour=first, last_hour=last)
         if part.hour // 24 not in sealed.whole_days and part.path != fresh.get(name, {}).get(part.hour // 24)
     )
@@ -76,6 +76,7 @@ def clear(root: Path, paths: Sequence[Path]) -> bool:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         for path in paths:
             remove(path)
+        beside.remove_empty(root, paths)
     except BlockingIOError:
         return False
     finally:

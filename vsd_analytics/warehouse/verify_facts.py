@@ -24,11 +24,12 @@ from vsd_analytics.store.verify_files import (
     foreign_files,
     is_part,
 )
+from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.audits import audit_rows
 from vsd_analytics.warehouse.build import BuildPlan, build_plan
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import day_fingerprint, relations_stored_by_day
-from vsd_analytics.warehouse.factfiles import is_undamaged, noted_inputs
+from vsd_analytics.warehouse.factfiles import is_undamaged, is_undamaged_file, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
 
 _RECOMPUTE = "delete it and run vsd build: facts are computed from the store again"
@@ -197,7 +198,11 @@ def check_facts(
     by_day = {r.name for r in relations_stored_by_day()}
     n_day_files, day_findings = _check_days(site, by_day, first_hour=first_hour, last_hour=last_hour)
 
+    n_beside, beside_findings = _check_beside(site)
+
     def is_known(name: str) -> bool:
+        for other in beside.folders(site):
+            name = name.removeprefix(f"{other.relative_to(site.root / 'facts').as_posix()}/")
         relation, _, rest = name.partition("/")
         if relation == DAYS_FOLDER.name:
             relation, _, rest = rest.partition("/")
@@ -206,7 +211,13 @@ def check_facts(
 
     n_names, foreign = foreign_files(site.root / "facts", is_known)
     return (
-        Check("facts", n + n_day_files, "files", "their bytes are those of their digest", (*damaged, *day_findings)),
+        Check(
+            "facts",
+            n + n_day_files + n_beside,
+            "files",
+            "their bytes are those of their digest",
+            (*damaged, *day_findings, *beside_findings),
+        ),
         Check("fact names", n_names, "files", "each is of an hour with records", (*orphans, *foreign)),
     )
 
@@ -231,6 +242,12 @@ def _check_days(
             elif day_fingerprint(name, date_of_hour(part.hour), noted_inputs(data)) != part.digest:
                 found.append(_other_fact(part.path))
     return n, found
+
+
+def _check_beside(site: Site) -> tuple[int, list[StoreFault]]:
+    """Return the number of files of other settings, and findings of those that are damaged."""
+    paths = [path for folder in beside.folders(site) for path in sorted(folder.rglob("*.parquet"))]
+    return len(paths), [_damaged_fact(path) for path in paths if path.is_file() and not is_undamaged_file(path)]
 
 
 def _is_superseded(part: Part, fresh: Mapping[Path, Path]) -> bool:
