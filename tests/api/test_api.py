@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from datetime import date
 from pathlib import Path
 
@@ -144,3 +145,33 @@ def test_an_open_notebook_makes_no_purge_wait(demo_project: Path, week: vsd.Days
     assert len(week.hours)
     with removal.removing(demo_project / "store", wait_s=5.0):
         pass
+
+
+def test_another_distance_is_answered_beside_the_sites_own(demo_project: Path, tmp_path: Path) -> None:
+    def stored() -> set[Path]:
+        return {p for p in (root / "facts").rglob("*.parquet") if "beside" not in p.parts}
+
+    root = Path(shutil.copytree(demo_project, tmp_path / "demo"))
+    day = vsd.open(root).days("2026-11-15")
+    own, before = day.violations.df(), stored()
+    near = day.at(distance_m=1.0)
+    assert repr(near).endswith("2026-11-15..2026-11-15 at distance_m = 1: 2026-11-15 to 2026-11-15")
+    assert near.violations.df()["min_distance_m"].max() < 1.0 < own["min_distance_m"].max()
+    assert stored() == before
+    assert near.at(distance_m=2.0).violations.df().equals(own)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"distance": 1.0}, "distance is no setting of figures"),
+        ({"mask_below": 3}, "mask_below is no setting of figures"),
+        ({"distance_m": 11.0}, "not between 0.1 and 10 metres"),
+        ({"distance_m": 2.6}, "more than pair_max_m = 2.5"),
+    ],
+)
+def test_settings_that_no_figure_reads_or_that_cannot_be_are_refused(
+    week: vsd.Days, settings: dict[str, float], said: str
+) -> None:
+    with pytest.raises(UsageError, match=said):
+        week.at(**settings)

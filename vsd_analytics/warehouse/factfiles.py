@@ -67,8 +67,8 @@ class FactWriter:
                 rows.schema.with_metadata(self._noted),
                 compression="zstd",
                 write_page_checksum=True,
-                # Instants rise from row to row, so their differences are small; all else repeats within a day, and where
-                # it does not, Parquet gives the dictionary up by itself.
+                # Instants rise from row to row, so their differences are small; all else repeats within a day, and
+                # where it does not, Parquet gives the dictionary up by itself.
                 use_dictionary=[name for name in rows.column_names if not name.endswith(_INSTANTS)],
                 column_encoding={n: "DELTA_BINARY_PACKED" for n in rows.column_names if n.endswith(_INSTANTS)},
             )
