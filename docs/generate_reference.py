@@ -204,8 +204,8 @@ site day of each quarter-hour, for the site days that touch the range; a site da
         (
             "facts",
             "Facts",
-            "Computed from the store hour by hour and stored in `facts/`. While the records are stored, facts can be\n"
-            "computed again at any time.",
+            "Computed from the store hour by hour and stored in `facts/`, a file for each fact and UTC day. While the\n"
+            "records are stored, facts can be computed again at any time.",
         ),
         ("staging", "Staging", "Steps between the store and the facts; they exist while facts are computed only."),
     ):
@@ -251,7 +251,7 @@ def _python(name: str) -> str:
     return f"[`{short}`](../{where})"
 
 
-_DAYS = {"local_date": "local date", "site_day": "site day", "utc_day": "UTC day"}
+_DAYS = {"local_date": "local date", "site_day": "site day", "utc_day": "UTC day again where hours of it are sealed"}
 
 
 def _relation(relation: Relation) -> list[str]:

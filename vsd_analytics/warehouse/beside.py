@@ -29,6 +29,8 @@ _ID = re.compile(r"^[0-9a-f]{16}$")
 
 def folder(site: Site) -> Path | None:
     """Return the folder of the settings in force; None where they are those of vsd.toml."""
+    if site.own_settings is None:
+        return None
     own, used = params(site.with_own_settings()), params(site)
     other = {name: value for name, value in used.items() if value != own[name]}
     return site.root / FOLDER / text_hash(other) if other else None

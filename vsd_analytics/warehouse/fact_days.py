@@ -57,6 +57,7 @@ class FactDays:
             self.units[unit.number // 24].append(unit)
         self._hashes: dict[tuple[int, tuple[str, ...]], str] = {}
         self._noted: dict[tuple[str, int], dict[Path, dict[int, dict[str, str]]]] = {}
+        self._names: dict[int, Mapping[str, frozenset[str]]] = {}
         self._is_trusting = is_trusting
 
     @cached_property
@@ -119,7 +120,10 @@ class FactDays:
         return any(hour in hours for name in self.names for hours in self._older(name, hour // 24).values())
 
     def has_others(self) -> bool:
-        """Return whether a folder of the days holds a file that is not the fresh one of its fact and day."""
+        """Return whether a folder of the days holds a file that is not the fresh one of its fact and day.
+
+        Asked only where no file was missing, so nothing was written since the folders were listed.
+        """
         return any(
             file.endswith(".parquet") and file != self.paths[name][day].name
             for day in self.units
@@ -139,9 +143,12 @@ class FactDays:
     def _are_named(self, day: int) -> bool:
         return all(self.paths[name][day].name in files for name, files in self._listed(day).items())
 
-    def _listed(self, day: int) -> dict[str, frozenset[str]]:
+    def _listed(self, day: int) -> Mapping[str, frozenset[str]]:
+        if day in self._names:
+            return self._names[day]
         folders = {name: self.paths[name][day].parent for name in self.names}
-        return {name: frozenset(os.listdir(f) if f.is_dir() else ()) for name, f in folders.items()}
+        self._names[day] = {name: frozenset(os.listdir(f) if f.is_dir() else ()) for name, f in folders.items()}
+        return self._names[day]
 
     def _older(self, name: str, day: int) -> dict[Path, dict[int, dict[str, str]]]:
         """Return the inputs by hour of each undamaged file of a fact and day; only of them rows may be used again."""

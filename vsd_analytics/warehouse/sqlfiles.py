@@ -86,7 +86,7 @@ class Relation:
         description: What a row is.
         unit: "hour" or "day" (facts).
         stored_by: Kind of day of its day files: "local_date" or "site_day" (a column of the mart), or "utc_day" (of a
-            fact); empty = no day files, its rows are computed when a query names it.
+            fact, on days with sealed hours); empty = no day files, its rows are computed when a query names it.
         is_graph: The query returns edges; the relation is their connected components (`graphs.components`).
         grain: Columns that identify a row.
         reads: Relations it reads, except `params`.
