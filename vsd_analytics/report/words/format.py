@@ -41,6 +41,31 @@ def number(value: float | None) -> str:
     return (MINUS if value < 0 and text != "0" else "") + text
 
 
+def decimals(value: float) -> int:
+    """Return with how many decimals `number` writes a figure: 0 from 10 up, 1 from 1 up, else 2."""
+    size = abs(value)
+    return 0 if size == 0 or size >= 9.95 else 1 if size >= 0.995 else 2
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Write a figure with so many decimals: 1,234; 12.3; a true minus sign.
+
+    Example:
+        >>> fixed(1234.4, 0), fixed(-0.04, 1), fixed(-12.34, 1)
+        ('1,234', '0.0', '−12.3')
+    """
+    text = separated(f"{abs(value):,.{decimals}f}")
+    is_none = round(abs(value) * 10**decimals) == 0
+    return text if value >= 0 or is_none else f"{MINUS}{text}"
+
+
+def signed_fixed(value: float, decimals: int) -> str:
+    """Write a difference with its sign and so many decimals: −28, +0.6, 0."""
+    if round(abs(value) * 10**decimals) == 0:
+        return number(0.0)
+    return f"{'+' if value > 0 else ''}{fixed(value, decimals)}"
+
+
 def plain(value: float) -> str:
     """Write a number as it is, with as few digits as it needs: 2, 1.83."""
     return separated(f"{value:g}")
@@ -83,12 +108,6 @@ def signed(change: float | None) -> str:
         return MISSING
     points = round(change * 100)
     return f"{'+' if points > 0 else MINUS if points < 0 else ''}{_points(abs(points))}"
-
-
-def signed_number(value: float | None) -> str:
-    """Write a difference with its sign: −27, +0.6, 0."""
-    text = number(None if value is None else abs(value))
-    return text if not value or text == number(0.0) else f"{'+' if value > 0 else MINUS}{text}"
 
 
 def fewer_more(change: float | None) -> str:
