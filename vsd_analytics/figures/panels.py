@@ -72,11 +72,13 @@ class Place:
         n: Violations that started in opening hours, shape (n_cameras, n_hours); 0 where nothing was recorded.
         exposure_h: Person-hours in opening hours, same shape.
         cameras: Which cameras count anybody there, shape (n_cameras,).
+        is_there: Which hours count for it, shape (n_hours,); None = all.
     """
 
     n: Array
     exposure_h: Array
     cameras: Flags
+    is_there: Flags | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +148,8 @@ class FloorHours:
         ordinals = np.array([d.toordinal() for d in days], dtype=np.int64)
         of_day = (self.hours.day[chosen, None] == ordinals).astype(np.float64)
         used = counted & place.cameras[:, None]
+        if place.is_there is not None:
+            used = used & place.is_there[chosen]
         return Panel(
             *(
                 np.where(used, values[:, chosen], 0.0) @ of_day
@@ -163,6 +167,14 @@ class FloorHours:
         """Return person-hours in violation in an area, (n_cameras, n_hours); None is the rest of the floor."""
         k = len(self.areas) if area_id is None else [a.area_id for a in self.areas].index(area_id)
         return np.asarray(self._by_area[2][k])
+
+    def is_there(self, area_id: str | None) -> Flags | None:
+        """Return which hours count for an area, shape (n_hours,); None = all, as for the rest of the floor."""
+        area = next((a for a in self.areas if a.area_id == area_id), None)
+        if area is None or (area.first_day, area.end_day) == (None, None):
+            return None
+        first, end = (d.toordinal() for d in (area.first_day or date.min, area.end_day or date.max))
+        return np.asarray((self.hours.day >= first) & (self.hours.day < end))
 
     @cached_property
     def violation_h(self) -> Array:
@@ -184,7 +196,7 @@ class FloorHours:
 
         def cube(name: str) -> Array:
             made = np.zeros((len(self.areas) + 1, *self.everyone.n.shape))
-            made[area, camera, hour] = rows[name].to_numpy()
+            np.add.at(made, (area, camera, hour), rows[name].to_numpy())  # areas of other weeks are part of the rest
             return made
 
         return cube("n"), cube("exposure_h"), cube("violation_h")
@@ -282,13 +294,17 @@ class Period:
         Where those that did count less than `MIN_CAMERA_SHARE` of it together, that nothing was counted is no zero.
         """
         weights = self.data.camera_weights(place)
-        recorded = np.asarray(self.data.hours.is_counted[:, self.is_inside].any(axis=1))
+        is_inside = self.is_inside if place.is_there is None else self.is_inside & place.is_there
+        if not is_inside.any():
+            return False
+        recorded = np.asarray(self.data.hours.is_counted[:, is_inside].any(axis=1))
         return not weights.any() or float(weights[recorded].sum()) >= MIN_CAMERA_SHARE
 
     def area(self, area_id: str | None) -> Place:
         """Return what was counted in an area; None is the rest of the floor."""
         n, exposure_h = self.data.counted_in(area_id)
-        return Place(n, exposure_h, np.asarray((n + exposure_h).any(axis=1)) & self.whole.cameras)
+        cameras = np.asarray((n + exposure_h).any(axis=1)) & self.whole.cameras
+        return Place(n, exposure_h, cameras, self.data.is_there(area_id))
 
     @cached_property
     def not_counted(self) -> Mapping[str, Reason]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import shapely
@@ -16,7 +17,11 @@ from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
+
+
+NEW: Final = Reason("area.new")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +62,12 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         measured, place = found[key], places[key]
         often, risky = measured.often, measured.risky
         change = judged[key].close if key in judged else None
+        is_new = False
         close = estimates.close_share(data, drawn.get(key), change)
         if (why := now.why(key, below=below)) is not None:
             often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
+        elif is_new := is_compared and _is_new(data, place):
+            often, risky, close = (estimates.without_change(e, NEW) for e in (often, risky, close))
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
             often, risky, close = (estimates.without_change(e, why) for e in (often, risky, close))
@@ -79,7 +87,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 close_share=close,
                 exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
                 share=often.value / total if often.value is not None and total else None,
-                difference=difference(data, place) if often.change is not None else None,
+                difference=difference(data, place) if is_new or often.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
                 is_material=is_material(data, key) and key not in now,
@@ -87,6 +95,11 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         )
     rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
     return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
+
+
+def _is_new(data: WeekData, place: Place) -> bool:
+    """Tell whether an area began to count after the week before."""
+    return place.is_there is not None and not (place.is_there & data.pair.before.is_inside).any()
 
 
 def is_material(data: WeekData, area_id: str | None) -> bool:

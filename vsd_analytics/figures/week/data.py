@@ -31,6 +31,7 @@ class WeekData(FloorHours):
     def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date) -> None:
         super().__init__(warehouse, floor=floor)
         self.monday = monday
+        self.areas = [a for a in self.areas if a.is_there(monday, self.sunday)]
         self.this = Period(self, monday, self.sunday)
         self.pair = TwoPeriods(Period(self, monday - WEEK, self.sunday - WEEK), self.this)
         self._hidden: dict[date, HiddenWeek] = {}
