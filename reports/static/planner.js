@@ -110,7 +110,7 @@ function draw() {
     if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
     setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
   }
-  setCut(); setRect(); setChange(); tell(); setControls(); remember();
+  setCut(); setRect(); setChange(); setLayout(); tell(); setControls(); remember();
   document.body.dataset.ms = (performance.now() - began).toFixed(1);
 }
 

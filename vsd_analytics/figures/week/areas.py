@@ -20,7 +20,6 @@ from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 
-
 NEW: Final = Reason("area.new")
 
 
