@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, recalibrations
+from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason
@@ -437,23 +437,6 @@ class TwoPeriods:
         both = [(then[key], i) for key, i in now.items() if key in then]
         found = np.array(both, dtype=np.int64).reshape(-1, 2)
         return found[:, 0], found[:, 1]
-
-
-def pair_days(before: Sequence[date], now: Sequence[date]) -> list[tuple[date, date]]:
-    """Return days of equal weekday in pairs: the first Monday of one with the first of the other, and so on.
-
-    Args:
-        before: Days of period A, in order.
-        now: Days of period B, in order.
-
-    Returns:
-        Pairs (A, B) by the day of B; days without a partner are left out.
-    """
-    pairs = []
-    for weekday in range(7):
-        left, right = ([d for d in days if d.weekday() == weekday] for days in (before, now))
-        pairs += list(zip(left, right, strict=False))
-    return sorted(pairs, key=lambda pair: pair[1])
 
 
 def positions(values: pa.ChunkedArray, names: Sequence[str], *, otherwise: int) -> Ints:

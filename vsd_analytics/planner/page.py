@@ -15,17 +15,17 @@ from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_map import MapFixture
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import packed_numbers
+from vsd_analytics.planner.fixture_drawings import FixtureLabel, drawn_fixtures
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import script, sentences
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
-from vsd_analytics.report.draw.floor_frame import Frame, fixtures
-from vsd_analytics.report.draw.svg import el, smooth_path, straight_path
+from vsd_analytics.report.draw.floor_frame import Frame
+from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_words import place_name
 from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
@@ -52,18 +52,6 @@ class Label:
     text: str
     x: int
     y: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FixtureLabel:
-    """A fixture's name in its middle, along its longer side, and the room it has, in units of the drawing."""
-
-    text: str
-    x: int
-    y: int
-    along: int
-    is_upright: bool
-    layouts: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -400,7 +388,7 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         x, y = min(p[0] for p in ring), min(p[1] for p in ring)
         if 0 <= x < width and 0 <= y < height:
             labels.append(Label(text=area.name, x=round(x), y=round(y)))
-    standing = _standing(data)
+    fixtures, names = drawn_fixtures(data.layouts or (shown.fixtures,), frame)
     return PlannerDrawing(
         width=width,
         height=height,
@@ -410,8 +398,8 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         unseen=straight_path(frame.rings(shown.unseen)),
         bands=tuple(bands.get(step, "") for step in data.site.settings.heat_steps),
         areas=tuple((_area_place(a.area_id), straight_path([frame.ring(a.ring)])) for a in shown.areas),
-        fixtures=tuple(_fixture(f, frame, among) for f, among in standing),
-        fixture_names=tuple(_fixture_label(f, frame, among) for f, among in standing),
+        fixtures=fixtures,
+        fixture_names=names,
         hotspots=tuple(spots),
         labels=tuple(labels),
     )
@@ -419,31 +407,6 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
 
 def _area_place(area_id: str | None) -> str:
     return "rest" if area_id is None else f"area:{area_id}"
-
-
-def _standing(data: PlannerData) -> list[tuple[MapFixture, str]]:
-    """Return every fixture of any layout and the numbers of its layouts; walls first, "" where there is one layout."""
-    assert data.shown is not None
-    every = dict.fromkeys(f for layout in data.layouts or (data.shown.fixtures,) for f in layout)
-    found = [(f, " ".join(str(k) for k, layout in enumerate(data.layouts) if f in layout)) for f in every]
-    return sorted(found, key=lambda each: each[0].kind != "wall")
-
-
-def _fixture(fixture: MapFixture, frame: Frame, among: str) -> Markup:
-    drawn = Markup("").join(fixtures((fixture,), frame, is_named=False))
-    return el("g", drawn, data_in=among) if among else drawn
-
-
-def _fixture_label(fixture: MapFixture, frame: Frame, among: str) -> FixtureLabel:
-    shape = shapely.Polygon(frame.ring(fixture.ring))
-    at = shape.centroid if shape.centroid.within(shape) else shape.representative_point()
-    left, top, right, bottom = shape.bounds
-    wide, tall = round(right - left), round(bottom - top)
-    room = 2 * max(wide, tall) if fixture.is_movable else max(wide, tall)
-    is_upright = tall > wide and not fixture.is_movable
-    return FixtureLabel(
-        text=fixture.name, x=round(at.x), y=round(at.y), along=room, is_upright=is_upright, layouts=among
-    )
 
 
 def _sizes(drawing: PlannerDrawing | None) -> str:

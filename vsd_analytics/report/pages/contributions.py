@@ -129,7 +129,10 @@ def adding_up(differences: Sequence[float], *, before: float, after: float, deci
 
 
 def _parts(report: WeekReport, unseen: Sequence[AreaRow]) -> list[_Part] | None:
-    """Return the parts with a number, the largest first; None where a part that is held back would be told."""
+    """Return the parts with a number, the largest first; None where a part that is held back would be told.
+
+    What is held back shares a row: with another such area, or with the little that neighbours saw of an unseen one.
+    """
     known = [
         _Part(name=a.name, difference=a.difference, area_id=a.area_id) for a in report.areas if a.difference is not None
     ]
@@ -142,9 +145,11 @@ def _parts(report: WeekReport, unseen: Sequence[AreaRow]) -> list[_Part] | None:
     if not hidden:
         return parts
     often = report.level.often
-    if len(hidden) < UNKNOWN_MIN or often.previous is None or often.change is None:
+    if len(hidden) + len(unseen) < UNKNOWN_MIN or often.previous is None or often.change is None:
         return None
-    name = say("contributions.hidden", areas=terms.joined(a.name for a in hidden))
+    name = terms.joined(a.name for a in hidden)
+    if len(hidden) >= UNKNOWN_MIN:
+        name = say("contributions.hidden", areas=name)
     return [*parts, _Part(name=name, difference=often.previous * often.change - sum(p.difference for p in parts))]
 
 
