@@ -54,7 +54,18 @@ def test_an_area_that_no_camera_recorded_is_named_without_a_number() -> None:
     silent = replace(report.areas[3], counted=None, is_masked=False, is_held_back=False)
     found = contributions(replace(report, areas=(*report.areas[:3], silent, report.areas[4])))
     assert found is not None
-    assert (found.parts[-1].name, found.parts[-1].value, found.parts[-1].bar) == (silent.name, "not recorded", "")
+    assert (found.parts[-1].name, found.parts[-1].value, found.parts[-1].bar) == (silent.name, "–", "not recorded")
+
+
+def test_the_rest_that_hides_what_neighbours_saw_of_an_unseen_area_takes_up_both() -> None:
+    report = with_differences(2.0, -20.0, 0.5, None, None)
+    silent = replace(report.areas[3], counted=None, is_masked=False, is_held_back=False)
+    found = contributions(replace(report, areas=(*report.areas[:3], silent, report.areas[4])))
+    assert found is not None
+    assert [p.name for p in found.parts[-2:]] == [report.areas[4].name, silent.name]
+    often = report.level.often
+    total = round((often.previous or 0) * (1 + (often.change or 0))) - round(often.previous or 0)
+    assert sum(int(p.value.replace(fmt.MINUS, "-")) for p in found.parts[:-1]) == total
 
 
 def test_areas_too_small_to_print_share_a_row_that_makes_up_the_rest() -> None:

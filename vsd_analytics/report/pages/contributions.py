@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.draw.svg import step_bar
@@ -32,7 +32,7 @@ class ContributionRow:
 
     Attributes:
         name: The week, or the place.
-        bar: Its bar; empty where nothing was recorded.
+        bar: Its bar, or words where nothing was recorded.
         value: The level, or what the place adds.
         area_id: The area; None for the weeks, the rest of the floor, and rows of several areas.
         is_total: True for the weeks.
@@ -93,10 +93,7 @@ def contributions(report: WeekReport) -> Contributions | None:
         rows.append(
             ContributionRow(name=part.name, bar=bar, value=fmt.signed_fixed(value, decimals), area_id=part.area_id)
         )
-    rows += [
-        ContributionRow(name=a.name, bar=Markup(""), value=say("contributions.unseen"), area_id=a.area_id)
-        for a in unseen
-    ]
+    rows += [ContributionRow(name=a.name, bar=escape(say("contributions.unseen")), value=fmt.MISSING) for a in unseen]
     is_same = often.value is not None and fmt.fixed(often.value, decimals) == fmt.fixed(after, decimals)
     name = say("contributions.week" if is_same else "contributions.week_now", week=report.week.number)
     rows.append(_total(name, after, decimals, top))

@@ -122,7 +122,7 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
     ]
     label = say("maps.change_label", before=previous.number, now=report.week.number, title=title)
     added = contributions(report)
-    parts = [(p.area_id, p.name, p.value) for p in added.parts if p.bar] if added is not None else []
+    parts = [(p.area_id, p.name, p.value) for p in added.parts] if added is not None else []
     numbers = {area_id: value for area_id, _, value in parts if area_id is not None}
     drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone, numbers=numbers)
     moved = say("maps.change_moved", names=terms.joined(dict.fromkeys(f.name for f in gone))) if gone else ""
