@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
-from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Place
+from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
@@ -109,7 +109,7 @@ def is_material(data: WeekData, area_id: str | None) -> bool:
     own, whole = data.violation_in(area_id), data.violation_h
     if not np.isfinite(whole).all():
         own, whole = data.counted_in(area_id)[0], data.whole.n
-    weeks = (data.week(), data.week(data.monday - WEEK))
+    weeks = (data.week(), data.week(data.monday - data.span))
     sums = [(float(own[:, w].sum()), float(whole[:, w].sum())) for w in weeks]
     return any(n > 0 and n >= data.site.settings.material_share * of for n, of in sums)
 

@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vsd_analytics.figures.panels import WEEK, Array, Flags, Period, positions
+from vsd_analytics.figures.panels import Array, Flags, Period, positions
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
@@ -200,7 +200,7 @@ def fixtures_at(data: WeekData, day: date) -> tuple[Fixture, ...]:
 
 def fixed_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood in one place all through this week and the one before: nobody walked there in either."""
-    first, end = data.midnight(data.monday - WEEK), data.midnight(data.monday + WEEK)
+    first, end = data.midnight(data.monday - data.span), data.midnight(data.monday + data.span)
     return tuple(f for f in _listed(data) if f.is_there(first, until=end))
 
 

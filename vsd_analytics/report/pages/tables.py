@@ -66,6 +66,7 @@ class TimetableRows:
         day_means: One per day; None without a full hour.
         used: States that occur, so that the legend says no more than needed.
         has_means: True when any mean can be given.
+        start: Number of its first day among the days of the report.
     """
 
     days: tuple[date, ...]
@@ -73,18 +74,19 @@ class TimetableRows:
     day_means: tuple[float | None, ...]
     used: frozenset[str] = field(default_factory=frozenset)
     has_means: bool = False
+    start: int = 0
 
 
 def timetable(report: WeekReport) -> TimetableRows:
     """Lay the hours of the week out as a timetable: hours down, days across; hours closed all week are left out."""
     cells = report.when.cells
-    days = tuple(date.fromordinal(report.week.monday.toordinal() + k) for k in range(7))
+    days = tuple(date.fromordinal(report.week.monday.toordinal() + k) for k in range(report.week.days))
     at = {(c.day, c.hour, c.fold): c for c in cells}
     rows = sorted({(c.hour, c.fold) for c in cells if c.state != "closed"})
     if rows:
         inner = {(h, 0) for h in range(rows[0][0], rows[-1][0] + 1)}
         rows = sorted(inner | set(rows))
-    is_whole_week = len(cells) >= 7 * 24 - 1
+    is_whole_week = len(cells) >= 24 * len(days) - 1
 
     def absent(fold: int) -> Cell:
         """An hour that is not in the report: skipped by the clocks, or closed where only open hours are given."""
@@ -113,6 +115,17 @@ def timetable(report: WeekReport) -> TimetableRows:
         used=used,
         has_means=any(v is not None for v in by_day.values()),
     )
+
+
+def blocks(table: TimetableRows) -> tuple[TimetableRows, ...]:
+    """Return a timetable in parts of at most seven days, each as wide as a week."""
+
+    def part(start: int) -> TimetableRows:
+        days = slice(start, start + 7)
+        rows = tuple(replace(row, cells=row.cells[days]) for row in table.rows)
+        return replace(table, days=table.days[days], rows=rows, day_means=table.day_means[days], start=start)
+
+    return tuple(part(start) for start in range(0, len(table.days), 7))
 
 
 def _joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:

@@ -34,9 +34,10 @@ from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.languages import html_tag, in_its_language
+from vsd_analytics.report.words.languages import html_tag
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
 from vsd_analytics.result import Reason
 
@@ -107,6 +108,7 @@ class Page:
         is_ranked: True when areas may be ordered and shares shown.
         areas: Areas in the order of the page.
         table: The timetable.
+        blocks: It in parts of at most seven days.
         not_recorded: What hatched floor of a map means.
         too_uncertain: What dotted floor of a map means.
         down: Names of cameras that were down in some hour.
@@ -159,6 +161,7 @@ class Page:
     is_ranked: bool
     areas: tuple[AreaRow, ...]
     table: tables.TimetableRows
+    blocks: tuple[tables.TimetableRows, ...]
     not_recorded: str
     too_uncertain: str
     down: str
@@ -191,7 +194,7 @@ class Page:
     privacy: str
 
 
-@in_its_language
+@in_its_words
 def render_html(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the page of a week as one self-contained HTML file.
 
@@ -240,6 +243,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         is_ranked=is_ranked,
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
+        blocks=tables.blocks(timetable),
         not_recorded=not_recorded(report),
         too_uncertain=say("where.too_uncertain", half=_half_the_distance(report)),
         down=terms.joined(terms.camera_name(names.get(c, c)) for c in _down(report)),
@@ -395,7 +399,7 @@ def _outage(outage: Outage, names: dict[str, str]) -> OutageRow:
 
 def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
-    footer = css_string(f"{report.site.name}, week {report.week.number}, {report.week.year}")
+    footer = css_string(say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year))
     font = "font: 8pt Arial, sans-serif; color: #525d68"
     pages = (
         f"@page {{ @bottom-left {{ content: {footer}; {font} }} "

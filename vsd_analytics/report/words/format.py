@@ -259,6 +259,33 @@ def date_span(first: date, last: date) -> tuple[str, str]:
     return head, date_long(last)
 
 
+def days_span(first: date, last: date) -> str:
+    """Write days in a row: Monday 9 November 2026; 9\u201322 November 2026; 26 October \u2013 8 November 2026."""
+    if first == last:
+        return date_long(first)
+    head = [str(first.day)]
+    if (first.month, first.year) != (last.month, last.year):
+        head.append(months()[first.month - 1])
+    if first.year != last.year:
+        head.append(str(first.year))
+    dash = "\u2013" if len(head) == 1 else " \u2013 "
+    return f"{' '.join(head)}{dash}{last.day} {months()[last.month - 1]} {last.year}"
+
+
+def days_span_short(first: date, last: date) -> str:
+    """Write days in a row shortly: Mon 9 Nov; 9\u201322 Nov; 26 Oct \u2013 8 Nov."""
+    if first == last:
+        return date_short(first)
+    is_one_month = (first.month, first.year) == (last.month, last.year)
+    head = str(first.day) if is_one_month else f"{first.day} {months()[first.month - 1][:3]} "
+    return f"{head}\u2013{'' if is_one_month else ' '}{last.day} {months()[last.month - 1][:3]}"
+
+
+def n_days(n: int) -> str:
+    """Write a number of days: one day, 14 days."""
+    return say("format.days", plural=n, n=n)
+
+
 def clock(at: datetime) -> str:
     """Write the local time: 17:00."""
     return f"{at.hour:02d}:{at.minute:02d}"
