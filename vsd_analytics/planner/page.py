@@ -18,7 +18,7 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
-from vsd_analytics.planner.encode import packed_numbers
+from vsd_analytics.planner.encode import PackedNumbers, packed_numbers
 from vsd_analytics.planner.fixture_drawings import FixtureLabel, drawn_fixtures
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
@@ -103,7 +103,7 @@ class PlannerPage:
     script: Markup
     script_hash: str
     meta: Markup
-    packed: str
+    packed: PackedNumbers
     maps: tuple[map_kinds.MapKind, ...]
     legends: dict[str, tuple[str, ...]]
     diverging: dict[str, tuple[str, ...]]

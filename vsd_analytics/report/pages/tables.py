@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
 from itertools import groupby
@@ -10,14 +10,17 @@ from typing import Final
 
 from markupsafe import Markup
 
-from vsd_analytics.figures.week.model_recording import CameraRecord
+from vsd_analytics.figures.week.model_recording import CameraRecord, Outage
 from vsd_analytics.figures.week.results import HourCell
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 
 HELD_BACK: Final = "\u2026"
+BLOCK_DAYS: Final = 7
+"""Days beside each other in a table: as many as fit a phone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +69,6 @@ class TimetableRows:
         day_means: One per day; None without a full hour.
         used: States that occur, so that the legend says no more than needed.
         has_means: True when any mean can be given.
-        start: Number of its first day among the days of the report.
     """
 
     days: tuple[date, ...]
@@ -74,7 +76,6 @@ class TimetableRows:
     day_means: tuple[float | None, ...]
     used: frozenset[str] = field(default_factory=frozenset)
     has_means: bool = False
-    start: int = 0
 
 
 def timetable(report: WeekReport) -> TimetableRows:
@@ -121,11 +122,11 @@ def blocks(table: TimetableRows) -> tuple[TimetableRows, ...]:
     """Return a timetable in parts of at most seven days, each as wide as a week."""
 
     def part(start: int) -> TimetableRows:
-        days = slice(start, start + 7)
+        days = slice(start, start + BLOCK_DAYS)
         rows = tuple(replace(row, cells=row.cells[days]) for row in table.rows)
-        return replace(table, days=table.days[days], rows=rows, day_means=table.day_means[days], start=start)
+        return replace(table, days=table.days[days], rows=rows, day_means=table.day_means[days])
 
-    return tuple(part(start) for start in range(0, len(table.days), 7))
+    return tuple(part(start) for start in range(0, len(table.days), BLOCK_DAYS))
 
 
 def _joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:
@@ -191,6 +192,52 @@ def strips(report: WeekReport) -> tuple[StripRow, ...]:
         StripRow(camera=c, strips=tuple(svg.strip(d, first_hour=first, last_hour=last) for d in c.days))
         for c in cameras
     )
+
+
+@dataclass(frozen=True, slots=True)
+class StripBlock:
+    """At most seven days of the table of recorded hours.
+
+    Attributes:
+        days: The days.
+        rows: Each camera and, by day, its strip and its share.
+    """
+
+    days: tuple[date, ...]
+    rows: tuple[tuple[CameraRecord, tuple[tuple[Markup, float | None], ...]], ...]
+
+
+def strip_blocks(rows: Sequence[StripRow]) -> tuple[StripBlock, ...]:
+    """Return the table of recorded hours in parts as wide as a week; none without a camera."""
+    if not rows:
+        return ()
+    every = [
+        (row.camera, [(drawing, day.share) for drawing, day in zip(row.strips, row.camera.days, strict=True)])
+        for row in rows
+    ]
+    days = [day.day for day in rows[0].camera.days]
+    return tuple(
+        StripBlock(
+            days=tuple(days[start : start + BLOCK_DAYS]),
+            rows=tuple((camera, tuple(cells[start : start + BLOCK_DAYS])) for camera, cells in every),
+        )
+        for start in range(0, len(days), BLOCK_DAYS)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutageRow:
+    """An outage and whose it was."""
+
+    who: str
+    outage: Outage
+
+
+def outage_row(outage: Outage, names: Mapping[str, str]) -> OutageRow:
+    """Return an outage with the names of its cameras."""
+    everyone = len(outage.camera_ids) == len(names) > 1
+    who = say("data.all_cameras") if everyone else terms.joined(names.get(c, c) for c in outage.camera_ids)
+    return OutageRow(who=who, outage=outage)
 
 
 @dataclass(frozen=True, slots=True)

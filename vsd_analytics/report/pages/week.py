@@ -16,7 +16,6 @@ from markupsafe import Markup
 from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.figures.week.model_recording import Outage
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.uncertain_floor import LIMIT_SHARE
 from vsd_analytics.report.draw import floor_plan, svg
@@ -76,14 +75,6 @@ class ChangeRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutageRow:
-    """An outage and whose it was."""
-
-    who: str
-    outage: Outage
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
     """Everything the templates may use; each field is one variable.
 
@@ -122,6 +113,7 @@ class Page:
         axis: Labels above the interval bars.
         changes: Rows of the table of changes.
         strips: Rows of the table of recorded hours.
+        strip_blocks: They in parts of at most seven days.
         outages: Missing hours, one by one.
         distance: The legal distance in the site's unit, on one line.
         readings_note: How far the second reading can be trusted, or why there is none.
@@ -175,7 +167,8 @@ class Page:
     axis: Markup
     changes: tuple[ChangeRow, ...]
     strips: tuple[tables.StripRow, ...]
-    outages: tuple[OutageRow, ...]
+    strip_blocks: tuple[tables.StripBlock, ...]
+    outages: tuple[tables.OutageRow, ...]
     distance: str
     readings_note: str
     between: dict[str | None, float | None]
@@ -218,7 +211,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     weeks, figures = sections.trend(report), map_figures(report)
     log_section = "trend" if weeks is not None and weeks.panels else "changed"
     shown = _shown(report, figures, log_section=log_section)
-    timetable = tables.timetable(report)
+    timetable, strips = tables.timetable(report), tables.strips(report)
     limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
     steps = report.rules.heat_steps
     names = {c.camera_id: c.name for c in report.coverage.cameras}
@@ -256,8 +249,9 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         why_not_compared=_why_not_compared(report),
         axis=svg.change_axis(limit),
         changes=_changes(report, limit=limit) if is_compared else (),
-        strips=tables.strips(report),
-        outages=tuple(_outage(o, names) for o in report.coverage.outages),
+        strips=strips,
+        strip_blocks=tables.strip_blocks(strips),
+        outages=tuple(tables.outage_row(o, names) for o in report.coverage.outages),
         distance=fmt.distance_unbroken(report.rules.distance_m, report.rules.distance_unit),
         readings_note=sections.readings_note(report),
         between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
@@ -389,12 +383,6 @@ def _change_row(
         direction=terms.direction(estimate.verdict),
         is_total=is_total,
     )
-
-
-def _outage(outage: Outage, names: dict[str, str]) -> OutageRow:
-    everyone = len(outage.camera_ids) == len(names) > 1
-    who = say("data.all_cameras") if everyone else terms.joined(names.get(c, c) for c in outage.camera_ids)
-    return OutageRow(who=who, outage=outage)
 
 
 def _style(report: WeekReport, *, paper: str = "a4") -> str:

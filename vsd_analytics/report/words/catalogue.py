@@ -79,7 +79,7 @@ class DaysText(str):
 
 
 @dataclass(frozen=True, slots=True)
-class Days:
+class SpokenDays:
     """The days of a report that are no week.
 
     Attributes:
@@ -92,7 +92,7 @@ class Days:
 
 
 @contextmanager
-def about_days(days: Days | None) -> Iterator[None]:
+def about_days(days: SpokenDays | None) -> Iterator[None]:
     """Speak of days instead of a week inside the block: sentences of `range.` come before others.
 
     Args:
@@ -128,7 +128,7 @@ def has(key: str) -> bool:
     return key in catalogue(language())
 
 
-_DAYS: ContextVar[Days | None] = ContextVar("days", default=None)
+_DAYS: ContextVar[SpokenDays | None] = ContextVar("days", default=None)
 
 
 @cache

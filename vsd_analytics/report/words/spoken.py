@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import Days, DaysText, about_days
+from vsd_analytics.report.words.catalogue import DaysText, SpokenDays, about_days
 from vsd_analytics.report.words.languages import speaking
 
 P = ParamSpec("P")
@@ -35,7 +35,7 @@ def spoken_of(report: WeekReport) -> Iterator[None]:
     weeks = {week.number: own}
     if report.previous is not None:
         weeks[report.previous.number] = before
-    with about_days(Days(names, weeks)):
+    with about_days(SpokenDays(names, weeks)):
         yield
 
 
