@@ -110,7 +110,7 @@ function draw() {
     if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
     setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
   }
-  setCut(); setRect(); setChange(); tell(); setControls(); remember();
+  setCut(); setRect(); setChange(); setLayout(); tell(); setControls(); remember();
   document.body.dataset.ms = (performance.now() - began).toFixed(1);
 }
 
@@ -149,16 +149,16 @@ function setControls() {
 /* ---- where one looks: v is the part of the drawing that is shown ---- */
 function look(v) {
   if (!svg) return;
-  const w = Math.min(W, Math.max(W / 16, v.w)), h = w * H / W;
+  const w = Math.min(W, Math.max(W / 16, v.w)), h = w * H / W, unit = w / Math.max(1, svg.clientWidth); // read before anything is written
   state.view = { w, h, x: Math.min(W - w, Math.max(0, v.x)), y: Math.min(H - h, Math.max(0, v.y)) };
   svg.setAttribute('viewBox', [state.view.x, state.view.y, w, h].map(n => n.toFixed(2)).join(' '));
-  svg.style.setProperty('--u', w / Math.max(1, svg.clientWidth));
-  $('hat').setAttribute('patternTransform', `rotate(45) scale(${w / Math.max(1, svg.clientWidth)})`); $('dots').setAttribute('patternTransform', `scale(${w / Math.max(1, svg.clientWidth)})`);
+  svg.style.setProperty('--u', unit);
+  $('hat').setAttribute('patternTransform', `rotate(45) scale(${unit})`); $('dots').setAttribute('patternTransform', `scale(${unit})`);
   $('zl').textContent = `${Math.round(W / w * 100)}%`;
   const all100 = w >= W - 1e-6;
   $('zo').disabled = $('zr').disabled = all100; all('[data-pan]').forEach(b => { b.disabled = all100; });
   box.classList.toggle('whole', all100);
-  setCut(); setNames(w / Math.max(1, svg.clientWidth));
+  setCut(); setNames(unit);
 }
 
 /* Names stand inside their area, above it where a number or another name is in the way, or not at all until one zooms in. */

@@ -64,6 +64,19 @@ function tellChange(c) {
   return parts.join(' ');
 }
 
+/* What stood on the floor in the chosen days; beside another range, the outline of what stood there and does no longer. */
+function setLayout() {
+  const k = M.changes.indexOf(changeNow()), isPair = state.show !== 'week', own = k >= 0 && M.changes[k].spans.length;
+  const [was, now] = isPair && own ? [2 + 2 * k, 3 + 2 * k] : [1, 0];
+  let anyMoved = false;
+  for (const e of all('[data-in]')) {
+    const among = e.dataset.in.split(' '), isNow = among.includes(`${now}`), isLeft = isPair && !isNow && among.includes(`${was}`);
+    e.classList.toggle('left', isLeft); e.classList.toggle('away', !isNow && !(isLeft && e.tagName === 'g'));
+    anyMoved = anyMoved || isLeft;
+  }
+  if ($('moved')) $('moved').hidden = !anyMoved;
+}
+
 /* The strip of the log, the card of the chosen change, and what cannot be chosen beside it. */
 function setChange() {
   const c = changeNow(), isPaired = Boolean(c && c.spans.length && state.show !== 'week');

@@ -121,18 +121,25 @@ function readWalkable(r) {
   for (let i = 0; i < n; i++) if (!free[i]) fine.home[i] = r.one();
 }
 
+/* The page comes with the map of the whole week, so it opens before what lies where is unpacked, unless that is chosen
+   by the address, or a camera recorded nothing and the map has to say so. */
 async function start() {
-  const began = performance.now();
-  document.body.classList.add('live');
-  const bytes = await unpack($('data').textContent.trim()), r = reader(bytes), g = M.grid;
+  const began = performance.now(), g = M.grid, r = reader(await unpack($('data').textContent.trim()));
   fine = g ? { nx: g.nx * g.fineAcross, ny: g.ny * g.fineAcross, home: null } : null;
-  const read = k => { const p = readPanel(r); p.cells = M.hasCells[k] ? readCells(Array.from({ length: 6 }, () => r.part()), g.nx * g.ny) : null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
+  document.body.classList.add('live');
+  const read = k => { const p = readPanel(r); p.cells = null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
   week = read(0); before = M.hasBefore ? read(1) : null; past = M.hasPast ? readPanel(r) : null;
   if (g && r.one()) readWalkable(r);
   if (M.hasSeen) seen = runs(r, M.cameras * fine.nx * fine.ny);
-  readChanges(r);
   pairHours();
-  recall(); draw(); listen();
-  document.body.dataset.first = (performance.now() - began).toFixed(1);
+  let first = 0;
+  const show = () => { recall(); draw(); first = performance.now() - began; };
+  if (!location.hash && recordedBy(week, week.drawn).every(h => h > 0)) show();
+  const cells = reader(await unpack($('cells').textContent.trim()));
+  for (const [k, p] of [week, before].entries()) if (M.hasCells[k]) p.cells = readCells(Array.from({ length: 6 }, () => cells.part()), g.nx * g.ny);
+  readChanges(cells);
+  if (!first) show();
+  listen();
+  document.body.dataset.first = first.toFixed(1); document.body.dataset.ready = (performance.now() - began).toFixed(1);
 }
 start().catch(e => { document.body.classList.remove('live'); say(word('cannot_open')); throw e; });

@@ -40,7 +40,12 @@ with stood as (
     inner join calendar on floor_cells.bucket_quarter = calendar.quarter
     inner join cameras on floor_cells.camera_id = cameras.camera_id
     left join area_cells
-        on cameras.floor_id = area_cells.floor_id and floor_cells.cx = area_cells.cx and floor_cells.cy = area_cells.cy
+        on
+            cameras.floor_id = area_cells.floor_id
+            and floor_cells.cx = area_cells.cx
+            and floor_cells.cy = area_cells.cy
+            and calendar.hour_start_ms >= area_cells.from_ms
+            and calendar.hour_start_ms < area_cells.to_ms
     where calendar.is_open
     group by cameras.floor_id, area_cells.area_id, floor_cells.camera_id, calendar.hour_start_ms
 ),

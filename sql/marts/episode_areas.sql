@@ -70,7 +70,12 @@ stood as (
             and m.track_b = c.track_b
             and c.started_ms between m.started_ms and m.ended_ms
     left join area_cells
-        on cameras.floor_id = area_cells.floor_id and c.cx = area_cells.cx and c.cy = area_cells.cy
+        on
+            cameras.floor_id = area_cells.floor_id
+            and c.cx = area_cells.cx
+            and c.cy = area_cells.cy
+            and m.counted_from_ms >= area_cells.from_ms
+            and m.counted_from_ms < area_cells.to_ms
     group by
         m.counting_camera_id, m.counted_track_a, m.counted_track_b, m.counted_from_ms, area_cells.area_id
 ),
@@ -86,7 +91,12 @@ middles as (
     from episodes
     inner join cameras on episodes.camera_id = cameras.camera_id
     left join area_cells
-        on cameras.floor_id = area_cells.floor_id and episodes.cx = area_cells.cx and episodes.cy = area_cells.cy
+        on
+            cameras.floor_id = area_cells.floor_id
+            and episodes.cx = area_cells.cx
+            and episodes.cy = area_cells.cy
+            and episodes.started_ms >= area_cells.from_ms
+            and episodes.started_ms < area_cells.to_ms
 ),
 
 ranked as (

@@ -74,7 +74,13 @@ def test_a_fixture_that_was_moved_stands_in_one_place_until_it_was_moved(tmp_pat
         (SHELF + 'to = "2026-11-10"\n' + SHELF + 'from = "2026-11-09"\n', "in two places at once", "at the new one"),
         (SHELF + SHELF + 'from = "2026-11-09"\n', "in two places at once", "at the new one"),
         (SHELF + 'from = "2026-11-09"\nto = "2026-11-09"\n', "ends before it begins", "a later to"),
-        (f'[[area]]\nid = "a"\nname = "A"\n{SQUARE}from = "2026-11-09"\n', "areas hold for all weeks", "another id"),
+        (f'[[area]]\nid = "a"\nname = "A"\n{SQUARE}from = "2026-11-09T06:30"\n', "whole days", 'from = "2026-11-09"'),
+        (f'[[area]]\nid = "a"\nname = "A"\n{SQUARE}to = 2026-11-09T06:30:00\n', "whole days", 'to = "2026-11-09"'),
+        (
+            f'[[area]]\nid = "a"\nname = "A"\n{SQUARE}from = 2026-11-09\nto = "2026-11-09"\n',
+            "before it begins",
+            "later",
+        ),
     ],
 )
 def test_dates_that_contradict_each_other_are_refused(tmp_path: Path, text: str, said: str, fix: str) -> None:

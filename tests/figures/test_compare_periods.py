@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from planted_changes import planted, site_of
 
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.comparable import pair_days
 from vsd_analytics.figures.compare import Comparison, compare, days_needed
-from vsd_analytics.figures.panels import pair_days
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Floor

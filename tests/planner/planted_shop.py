@@ -108,9 +108,9 @@ def known(site: Site, **options: Any) -> PlannerData:
     return planner_pages(site, MONDAY, **options)[0]
 
 
-def numbers(page: str) -> Iterator[int]:
-    """Yield the packed numbers of a page, by a decoder of its own."""
-    found = re.search(r'<script type="text/plain" id="data">([^<]*)</script>', page)
+def numbers(page: str, name: str) -> Iterator[int]:
+    """Yield the packed numbers of a part of a page, `data` or `cells`, by a decoder of its own."""
+    found = re.search(rf'<script type="text/plain" id="{name}">([^<]*)</script>', page)
     assert found is not None
     value = shift = 0
     for byte in gzip.decompress(base64.b64decode(found[1])):
@@ -123,7 +123,8 @@ def numbers(page: str) -> Iterator[int]:
 
 def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
     """Return the weeks of a page as lists: hours, counts by place, camera and hour, rows of cells."""
-    stream = numbers(page)
+    hours, cells = (numbers(page, name) for name in ("data", "cells"))
+    stream = hours
 
     def many(n: int) -> list[int]:
         return [next(stream) for _ in range(n)]
@@ -133,6 +134,7 @@ def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
     for week in (data.week, data.before):
         if week is None:
             continue
+        stream = hours
         n = next(stream)
         told: dict[str, Any] = {"day": many(n), "weekday": many(n), "hour": many(n), "fold": many(n)}
         told["recorded"] = many(n_cameras * n)
@@ -140,6 +142,7 @@ def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
         unit = next(stream)
         told["time"], told["close"] = ([unit * v for v in many(n_places * n_cameras * n)] for _ in range(2))
         if week.cells is not None:
+            stream = cells
             for name, kinds in (("violations", 1), ("time_cells", 2)):
                 next(stream)  # how many bytes follow, as before each part
                 if name == "time_cells":

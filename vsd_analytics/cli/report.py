@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -13,19 +14,22 @@ from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_
 from vsd_analytics.cli.ranges import last_monday
 from vsd_analytics.cli.report_formats import FIGURES, Formats, ReportFiles, checked, expanded, print_one, write
 from vsd_analytics.errors import ReportError, UsageError, VsdError
-from vsd_analytics.site.instants import parse_week
+from vsd_analytics.site.instants import parse_range, parse_week
 
 if TYPE_CHECKING:
     from vsd_analytics.report.model.week import WeekReport
     from vsd_analytics.report.pages.pdf import Paper
 
 
+MOST_DAYS: Final = 31
+"""Most days of a page of --range."""
 PAGES: Final = frozenset({"html", "pdf", "json"})
 """Formats that show the week's question to somebody."""
 
 
 @click.command()
-@click.option("--week", metavar="WEEK", default="last", show_default=True, help="ISO week: 2026-W46, last, last-2.")
+@click.option("--week", metavar="WEEK", help="ISO week: 2026-W46, last, last-2.  [default: last]")
+@click.option("--range", "days", metavar="DAYS", help="Other local days: 2026-11-09..2026-11-22, 2026-11-09.")
 @click.option(
     "--format",
     "kinds",
@@ -53,7 +57,8 @@ PAGES: Final = frozenset({"html", "pdf", "json"})
 @pass_project
 def report(
     project: Project,
-    week: str,
+    week: str | None,
+    days: str | None,
     kinds: tuple[str, ...] | None,
     figure: str | None,
     paper: Paper,
@@ -80,6 +85,7 @@ def report(
       vsd report --week 2026-W46 --format html,pdf,json,csv
       vsd report --week 2026-W46 --format png --figure where
       vsd report --week 2026-W46 --format json --out -
+      vsd report --range 2026-11-09..2026-11-22
       vsd report --week last --mail --send
     """
     from vsd_analytics.cli import report_mail
@@ -99,7 +105,7 @@ def report(
         sender=sender, to=to, subject=subject, is_sent=is_sent, is_again=is_again, is_zipped=is_zipped
     )
     sender, to = report_mail.checked(project, options) if is_mailed else (None, ())
-    reports = make_reports(project, week=week, floor_id=floor_id)
+    reports = make_reports(project, week=week, days=days, floor_id=floor_id)
     every = [_files(project, r, figure=figure, paper=paper) for r in reports]
     kinds = expanded(kinds, every[0])
     checked(kinds, figure=figure, files=every[0], is_mailed=is_mailed)
@@ -126,7 +132,7 @@ def report(
         _remember(project, reports)
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
-    warning = report_mail.late(project, every[0], week=week) if is_sent else None
+    warning = report_mail.late(project, every[0], week=week or "last") if is_sent and days is None else None
     if warning is not None:
         click.echo(render_error(warning, word="warning"), err=True)
         code = 1
@@ -145,7 +151,7 @@ def _remember(project: Project, reports: list[WeekReport]) -> None:
     from vsd_analytics.report.words.questions import choose
 
     try:
-        remember(project.site, [choose(report) for report in reports])
+        remember(project.site, [choose(report) for report in reports if report.week.is_week])
     except VsdError as error:
         click.echo(render_error(error, word="warning"), err=True)
 
@@ -159,12 +165,21 @@ def _files(project: Project, report: WeekReport, *, figure: str | None = None, p
     return ReportFiles(report=report, site=project.site, is_only=is_only, figure=figure, paper=paper)
 
 
-def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[WeekReport]:
-    """Return the finished report of each floor for a week, with a progress bar over facts that must be made."""
-    from vsd_analytics.report.model.assemble import week_report
+def make_reports(
+    project: Project, *, week: str | None, floor_id: str | None, days: str | None = None
+) -> list[WeekReport]:
+    """Return the finished report of each floor for a week or other days, with a progress bar over facts to be made.
+
+    Raises:
+        UsageError: E101, a week and days, no range of days, or too many of them; an unknown floor.
+    """
+    from vsd_analytics.report.model.assemble import days_report, week_report
 
     project.speak()
-    monday = parse_week(week, last=last_monday(project))
+    if days is not None and week is not None:
+        raise UsageError("--week and --range both say which days", fix="one of them")
+    first, last = _days(days) if days is not None else (None, None)
+    monday = parse_week(week or "last", last=last_monday(project)) if first is None else first
     floors = [f.floor_id for f in project.site.floors]
     if floor_id is not None and floor_id not in floors:
         raise UsageError(
@@ -175,8 +190,22 @@ def make_reports(project: Project, *, week: str, floor_id: str | None) -> list[W
         now = project.now if project.now_text is not None else None
         return [
             week_report(project.site, monday, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
+            if last is None
+            else days_report(project.site, monday, last, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
             for f in ([floor_id] if floor_id else floors)
         ]
+
+
+def _days(text: str) -> tuple[date, date | None]:
+    """Return first and last day of a range; of one ISO week its Monday and None, since that has a report of its own."""
+    first, last = parse_range(text)
+    n = (last - first).days + 1
+    if n > MOST_DAYS:
+        raise UsageError(
+            f"{n} days are too many for one page", why=f"it has at most {MOST_DAYS}", fix="a shorter --range, or --week"
+        )
+    is_week = n == 7 and first.weekday() == 0
+    return first, None if is_week else last
 
 
 def write_report(project: Project, *, week: str, kind: str, out: str, floor_id: str | None) -> list[Path]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime, time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args
+from zoneinfo import ZoneInfo
 
-from vsd_analytics.config.reader import DATE, REFUSED, Form, Mistakes, TableReader, nearest
+from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import read_toml
 from vsd_analytics.config.values import parse_instant, parse_picture_px, zone
 from vsd_analytics.errors import CalibrationError
@@ -88,8 +89,14 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
     return tuple(cameras.values())
 
 
-def read_areas(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Area, ...]:
-    """Return the areas in the order of the file."""
+def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Area, ...]:
+    """Return the areas in the order of the file.
+
+    Args:
+        root: Reader of the whole file.
+        floors: Floors they may be on.
+        timezone: Zone of the site, in which days begin.
+    """
     areas: dict[str, Area] = {}
     for table in root.each("area"):
         area_id = _unique(table, table.id("id", example='"checkout-queue"'), areas, kind="area")
@@ -97,10 +104,10 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Area,
         floor_id = _floor(table, floors)
         polygon = _polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
-        _refuse_dates(table)
+        first_day, end_day = _days(table, timezone=timezone)
         table.close()
         if area_id is not None:
-            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask)
+            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask, first_day, end_day)
     return tuple(areas.values())
 
 
@@ -158,24 +165,28 @@ def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datet
     return since, until
 
 
+def _days(table: TableReader, *, timezone: str) -> tuple[date | None, date | None]:
+    """Return the local days `from` which and `to` which an area counts: whole days, since figures are made of days."""
+    since, until = _dates(table, timezone=timezone)
+    found = [at if at is None else at.astimezone(ZoneInfo(timezone)) for at in (since, until)]
+    for key, at in zip(("from", "to"), found, strict=True):
+        if at is not None and at.time() != time():
+            table.fault(
+                key,
+                f"{table.label} {key} has a time of day, but areas count whole days",
+                code="E125",
+                why="its figures would mix hours with and without the area",
+                fix=f'{key} = "{at.date()}"',
+            )
+    first_day, end_day = (None if at is None else at.date() for at in found)
+    return first_day, end_day
+
+
 def _overlap(one: Fixture, since: datetime | None, until: datetime | None) -> bool:
     """Tell whether a fixture is there at some time between two instants; None = without an end."""
     is_before = one.valid_to is not None and since is not None and one.valid_to <= since
     is_after = one.valid_from is not None and until is not None and one.valid_from >= until
     return not (is_before or is_after)
-
-
-def _refuse_dates(table: TableReader) -> None:
-    """Note dates of an area: its violations are counted by one polygon in all weeks."""
-    for key in ("from", "to"):
-        if table.raw(key, REFUSED) is not None:
-            table.fault(
-                key,
-                f"{table.label} has a date, but areas hold for all weeks",
-                code="E125",
-                why="weeks before and after could not be compared if one area were two places",
-                fix="give the new place an area of its own, with another id",
-            )
 
 
 def _fixture_kind(table: TableReader) -> FixtureKind:

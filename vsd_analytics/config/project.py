@@ -133,7 +133,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         table.close()
     floors = read_floors(root)
     cameras = read_cameras(root, floors=floors, timezone=timezone)
-    areas = read_areas(root, floors=floors)
+    areas = read_areas(root, floors=floors, timezone=timezone)
     fixtures = read_fixtures(root, floors=floors, timezone=timezone)
     broker = read_broker(root)
     engine = read_engine(root)

@@ -49,7 +49,8 @@ def area_borders(site: Site, *, at_ms: int) -> tuple[AreaBorder, ...]:
         at_ms: UTC milliseconds, such as the end of the week that is ranked.
     """
     cells = area_cells(site)
-    ids, cx, cy = (cells[name].to_numpy(zero_copy_only=False) for name in ("area_id", "cx", "cy"))
+    is_now = (cells["from_ms"].to_numpy() <= at_ms) & (at_ms < cells["to_ms"].to_numpy())
+    ids, cx, cy = (cells[name].to_numpy(zero_copy_only=False)[is_now] for name in ("area_id", "cx", "cy"))
     middles = (np.column_stack((cx, cy)) + 0.5) * FLOOR_CELL_M
     views = {floor.floor_id: _views(site, floor.floor_id, at_ms=at_ms) for floor in site.floors}
     bounds = {floor.floor_id: camera_views.plan_bounds(floor) for floor in site.floors}

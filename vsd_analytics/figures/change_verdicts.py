@@ -139,7 +139,8 @@ def timed(data: FloorHours, area_id: str | None) -> Place:
     """Return an area with person-hours in violation in the place of violations; None is the rest of the floor."""
     n, exposure_h = data.counted_in(area_id)
     violation_h = data.violation_in(area_id)
-    return Place(violation_h, exposure_h, np.asarray((n + exposure_h + violation_h).any(axis=1)))
+    cameras = np.asarray((n + exposure_h + violation_h).any(axis=1))
+    return Place(violation_h, exposure_h, cameras, data.is_there(area_id))
 
 
 def days_of(span: Days) -> list[date]:

@@ -35,7 +35,8 @@ def close_time(period: Period, where: Floor | Area | None) -> Place:
         area_id = None if where is None else where.area_id
         violation_h, (_, exposure_h) = data.violation_in(area_id), data.counted_in(area_id)
         cameras = np.asarray(exposure_h.any(axis=1))
-    return Place(violation_h * SECONDS, exposure_h, cameras & knows_distances(period))
+    is_there = data.is_there(where.area_id) if isinstance(where, Area) else None
+    return Place(violation_h * SECONDS, exposure_h, cameras & knows_distances(period), is_there)
 
 
 def close_share(period: Period, place: Place, *, has_history: bool = True) -> RateEstimate:

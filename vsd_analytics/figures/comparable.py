@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from statistics import median
 
 from vsd_analytics.site.model import Camera, Floor
@@ -121,3 +122,20 @@ def other_intervals(
                 found.append(OtherInterval(camera.camera_id, round(before), round(after), days[i][0] * DAY_MS))
                 break
     return found
+
+
+def pair_days(before: Sequence[date], now: Sequence[date]) -> list[tuple[date, date]]:
+    """Return days of equal weekday in pairs: the first Monday of one with the first of the other, and so on.
+
+    Args:
+        before: Days of period A, in order.
+        now: Days of period B, in order.
+
+    Returns:
+        Pairs (A, B) by the day of B; days without a partner are left out.
+    """
+    pairs = []
+    for weekday in range(7):
+        left, right = ([d for d in days if d.weekday() == weekday] for days in (before, now))
+        pairs += list(zip(left, right, strict=False))
+    return sorted(pairs, key=lambda pair: pair[1])

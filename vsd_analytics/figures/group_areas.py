@@ -36,5 +36,5 @@ def between_groups_by_area(period: Period, able: Collection[str]) -> Mapping[str
             if row["area_id"] == area_id and row["camera_id"] in able:
                 hour = int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))
                 n[data.ids.index(row["camera_id"]), hour] -= row["n"]
-        found[area_id] = Place(np.maximum(n, 0.0), place.exposure_h, place.cameras)
+        found[area_id] = Place(np.maximum(n, 0.0), place.exposure_h, place.cameras, place.is_there)
     return found

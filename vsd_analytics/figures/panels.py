@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, recalibrations
+from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason
@@ -72,11 +72,13 @@ class Place:
         n: Violations that started in opening hours, shape (n_cameras, n_hours); 0 where nothing was recorded.
         exposure_h: Person-hours in opening hours, same shape.
         cameras: Which cameras count anybody there, shape (n_cameras,).
+        is_there: Which hours count for it, shape (n_hours,); None = all.
     """
 
     n: Array
     exposure_h: Array
     cameras: Flags
+    is_there: Flags | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +148,8 @@ class FloorHours:
         ordinals = np.array([d.toordinal() for d in days], dtype=np.int64)
         of_day = (self.hours.day[chosen, None] == ordinals).astype(np.float64)
         used = counted & place.cameras[:, None]
+        if place.is_there is not None:
+            used = used & place.is_there[chosen]
         return Panel(
             *(
                 np.where(used, values[:, chosen], 0.0) @ of_day
@@ -163,6 +167,14 @@ class FloorHours:
         """Return person-hours in violation in an area, (n_cameras, n_hours); None is the rest of the floor."""
         k = len(self.areas) if area_id is None else [a.area_id for a in self.areas].index(area_id)
         return np.asarray(self._by_area[2][k])
+
+    def is_there(self, area_id: str | None) -> Flags | None:
+        """Return which hours count for an area, shape (n_hours,); None = all, as for the rest of the floor."""
+        area = next((a for a in self.areas if a.area_id == area_id), None)
+        if area is None or (area.first_day, area.end_day) == (None, None):
+            return None
+        first, end = (d.toordinal() for d in (area.first_day or date.min, area.end_day or date.max))
+        return np.asarray((self.hours.day >= first) & (self.hours.day < end))
 
     @cached_property
     def violation_h(self) -> Array:
@@ -184,7 +196,7 @@ class FloorHours:
 
         def cube(name: str) -> Array:
             made = np.zeros((len(self.areas) + 1, *self.everyone.n.shape))
-            made[area, camera, hour] = rows[name].to_numpy()
+            np.add.at(made, (area, camera, hour), rows[name].to_numpy())  # areas of other weeks are part of the rest
             return made
 
         return cube("n"), cube("exposure_h"), cube("violation_h")
@@ -282,13 +294,17 @@ class Period:
         Where those that did count less than `MIN_CAMERA_SHARE` of it together, that nothing was counted is no zero.
         """
         weights = self.data.camera_weights(place)
-        recorded = np.asarray(self.data.hours.is_counted[:, self.is_inside].any(axis=1))
+        is_inside = self.is_inside if place.is_there is None else self.is_inside & place.is_there
+        if not is_inside.any():
+            return False
+        recorded = np.asarray(self.data.hours.is_counted[:, is_inside].any(axis=1))
         return not weights.any() or float(weights[recorded].sum()) >= MIN_CAMERA_SHARE
 
     def area(self, area_id: str | None) -> Place:
         """Return what was counted in an area; None is the rest of the floor."""
         n, exposure_h = self.data.counted_in(area_id)
-        return Place(n, exposure_h, np.asarray((n + exposure_h).any(axis=1)) & self.whole.cameras)
+        cameras = np.asarray((n + exposure_h).any(axis=1)) & self.whole.cameras
+        return Place(n, exposure_h, cameras, self.data.is_there(area_id))
 
     @cached_property
     def not_counted(self) -> Mapping[str, Reason]:
@@ -421,23 +437,6 @@ class TwoPeriods:
         both = [(then[key], i) for key, i in now.items() if key in then]
         found = np.array(both, dtype=np.int64).reshape(-1, 2)
         return found[:, 0], found[:, 1]
-
-
-def pair_days(before: Sequence[date], now: Sequence[date]) -> list[tuple[date, date]]:
-    """Return days of equal weekday in pairs: the first Monday of one with the first of the other, and so on.
-
-    Args:
-        before: Days of period A, in order.
-        now: Days of period B, in order.
-
-    Returns:
-        Pairs (A, B) by the day of B; days without a partner are left out.
-    """
-    pairs = []
-    for weekday in range(7):
-        left, right = ([d for d in days if d.weekday() == weekday] for days in (before, now))
-        pairs += list(zip(left, right, strict=False))
-    return sorted(pairs, key=lambda pair: pair[1])
 
 
 def positions(values: pa.ChunkedArray, names: Sequence[str], *, otherwise: int) -> Ints:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -16,25 +17,39 @@ ORIGIN: Final = 1_000_000
 """Added to cell numbers that may be negative."""
 
 
-def packed_numbers(data: PlannerData) -> str:
+@dataclass(frozen=True, slots=True)
+class PackedNumbers:
+    """The numbers of the page as text.
+
+    Attributes:
+        hours: What the page needs to open: hours, counts by place, where people can walk.
+        cells: What lies where, of both weeks and of logged changes: many times as long, and read after the first draw.
+    """
+
+    hours: str
+    cells: str
+
+
+def packed_numbers(data: PlannerData) -> PackedNumbers:
     """Return the numbers in the order in which the script reads them."""
-    parts: list[bytes] = []
+    hours: list[bytes] = []
+    cells: list[bytes] = []
     grid = None if data.shown is None else cell_counts.grid_of(data.shown.extent)
     for week in (data.week, data.before):
         if week is not None:
-            parts += _panel_bytes(week.panel)
+            hours += _panel_bytes(week.panel)
             if week.cells is not None:
-                parts += _cell_bytes(week, grid)
+                cells += _cell_bytes(week, grid)
     if data.history.day.size:
-        parts += _panel_bytes(data.history)
+        hours += _panel_bytes(data.history)
     if grid is not None:
-        parts += _walkable_bytes(data)
-        parts += [] if data.seen is None else [_runs(data.seen)]
+        hours += _walkable_bytes(data)
+        hours += [] if data.seen is None else [_runs(data.seen)]
     for change in data.changes:
         for side in (change.before, change.after):
             if side is not None:
-                parts += _part(_side_bytes(side, grid))
-    return packed(parts)
+                cells += _part(_side_bytes(side, grid))
+    return PackedNumbers(packed(hours), packed(cells))
 
 
 def _side_bytes(side: ChangeSide, grid: cell_counts.CellGrid | None) -> list[bytes]:

@@ -15,16 +15,16 @@ from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_map import MapFixture
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
-from vsd_analytics.planner.encode import packed_numbers
+from vsd_analytics.planner.encode import PackedNumbers, packed_numbers
+from vsd_analytics.planner.fixture_drawings import FixtureLabel, drawn_fixtures
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import script, sentences
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
-from vsd_analytics.report.draw.floor_frame import Frame, fixtures
+from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_words import place_name
 from vsd_analytics.report.pages.spot_cards import watched
@@ -52,17 +52,6 @@ class Label:
     text: str
     x: int
     y: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FixtureLabel:
-    """A fixture's name in its middle, along its longer side, and the room it has, in units of the drawing."""
-
-    text: str
-    x: int
-    y: int
-    along: int
-    is_upright: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +103,7 @@ class PlannerPage:
     script: Markup
     script_hash: str
     meta: Markup
-    packed: str
+    packed: PackedNumbers
     maps: tuple[map_kinds.MapKind, ...]
     legends: dict[str, tuple[str, ...]]
     diverging: dict[str, tuple[str, ...]]
@@ -399,6 +388,7 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         x, y = min(p[0] for p in ring), min(p[1] for p in ring)
         if 0 <= x < width and 0 <= y < height:
             labels.append(Label(text=area.name, x=round(x), y=round(y)))
+    fixtures, names = drawn_fixtures(data.layouts or (shown.fixtures,), frame)
     return PlannerDrawing(
         width=width,
         height=height,
@@ -408,8 +398,8 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         unseen=straight_path(frame.rings(shown.unseen)),
         bands=tuple(bands.get(step, "") for step in data.site.settings.heat_steps),
         areas=tuple((_area_place(a.area_id), straight_path([frame.ring(a.ring)])) for a in shown.areas),
-        fixtures=tuple(fixtures(shown.fixtures, frame, is_named=False)),
-        fixture_names=tuple(_fixture_label(f, frame) for f in shown.fixtures),
+        fixtures=fixtures,
+        fixture_names=names,
         hotspots=tuple(spots),
         labels=tuple(labels),
     )
@@ -417,16 +407,6 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
 
 def _area_place(area_id: str | None) -> str:
     return "rest" if area_id is None else f"area:{area_id}"
-
-
-def _fixture_label(fixture: MapFixture, frame: Frame) -> FixtureLabel:
-    shape = shapely.Polygon(frame.ring(fixture.ring))
-    at = shape.centroid if shape.centroid.within(shape) else shape.representative_point()
-    left, top, right, bottom = shape.bounds
-    wide, tall = round(right - left), round(bottom - top)
-    room = 2 * max(wide, tall) if fixture.is_movable else max(wide, tall)
-    is_upright = tall > wide and not fixture.is_movable
-    return FixtureLabel(text=fixture.name, x=round(at.x), y=round(at.y), along=room, is_upright=is_upright)
 
 
 def _sizes(drawing: PlannerDrawing | None) -> str:

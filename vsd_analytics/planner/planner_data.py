@@ -30,6 +30,7 @@ from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells
 from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
+from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, Counted, PlannerChange, entries_of, logged_changes
 from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
@@ -131,6 +132,7 @@ class PlannerData:
         is_made_up: The data are those of `vsd demo`.
         weeks: Weeks of the log that the page holds.
         changes: The log's entries of these weeks, in order of time.
+        layouts: Fixtures by selection (`layouts.layouts`); empty where they are always those of `shown`.
     """
 
     site: Site
@@ -152,6 +154,7 @@ class PlannerData:
     is_made_up: bool
     weeks: int
     changes: tuple[PlannerChange, ...]
+    layouts: tuple[Layout, ...] = ()
 
 
 def weeks_needed(site: Site, monday: date, *, floor_id: str | None = None) -> int:
@@ -233,6 +236,13 @@ def planner_data(
         day: _week(data, Period(data, day, day + timedelta(days=6)), places=places, shown=shown)
         for day in ([monday, before] if has_before else [monday])
     }
+    counted = Counted(
+        places=[_place(data, p) for p in places],
+        areas=[p.area for p in places[1:]],
+        close_h=_close_h(data, places),
+        extent=None if shown is None else shown.extent,
+    )
+    changes = logged_changes(data, counted, weeks=weeks)
     return PlannerData(
         site=data.site,
         floor=floor,
@@ -260,16 +270,8 @@ def planner_data(
         hotspots=without_small(found, below=int(data.site.settings.mask_below), revealing=revealing_spots(data, found)),
         is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
         weeks=weeks,
-        changes=logged_changes(
-            data,
-            Counted(
-                places=[_place(data, p) for p in places],
-                areas=[p.area for p in places[1:]],
-                close_h=_close_h(data, places),
-                extent=None if shown is None else shown.extent,
-            ),
-            weeks=weeks,
-        ),
+        changes=changes,
+        layouts=layouts(data, before=before, changes=changes),
     )
 
 

@@ -92,13 +92,30 @@ class Floor:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A named polygon on a floor, in floor metres; `ask` is what the report is to ask about it, None = by rule."""
+    """A named polygon on a floor, in floor metres.
+
+    Attributes:
+        area_id: Identifier.
+        name: Display name; free text, always escaped.
+        floor_id: Its floor.
+        polygon: Its outline.
+        ask: What the report is to ask about it; None = by rule.
+        first_day: First local day that counts for it; None = always was.
+        end_day: Local day from which it counts no longer; None = still does.
+    """
 
     area_id: str
     name: str
     floor_id: str
     polygon: tuple[Point, ...]
     ask: str | None = None
+    first_day: date | None = None
+    end_day: date | None = None
+
+    def is_there(self, first: date, last: date) -> bool:
+        """Tell whether it is there on any local day from `first` to `last`."""
+        has_come = self.first_day is None or self.first_day <= last
+        return has_come and (self.end_day is None or self.end_day > first)
 
 
 FixtureKind = Literal["shelf", "wall", "till", "other"]

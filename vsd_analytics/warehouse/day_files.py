@@ -120,9 +120,6 @@ class DayFiles:
             found["cameras"] = text_hash([(c.camera_id, c.floor_id, c.hz) for c in self._site.cameras])
         if "owner_cells" in read:
             found["views"] = self._times.owners
-        if read & _OF_AREAS:
-            areas = [(a.area_id, a.floor_id, a.polygon) for a in self._site.areas]
-            found["areas"] = text_hash([areas, FLOOR_CELL_M])
         return found
 
     def _own(self, relation: Relation, day: date) -> dict[str, str]:
@@ -135,10 +132,15 @@ class DayFiles:
         if relation.stored_by == SITE_DAY:  # track ids end with it, so no row reads beyond it
             starts_s = site.day_starts_min * 60
             hours = ((edges[0] + starts_s) // 3600 - 1, (edges[1] + starts_s) // 3600 + 1)
-        return {
+        found = {
             "facts": self._facts(*hours),
             "calendar": text_hash([site.timezone, edges, site.day_starts_min, opened, day in site.closed]),
         }
+        if {name for r in _marts_of(relation) for name in r.reads} & _OF_AREAS:
+            around = (day - timedelta(days=1), day, day + timedelta(days=1))
+            areas = [[(a.area_id, a.floor_id, a.polygon) for a in site.areas if a.is_there(d, d)] for d in around]
+            found["areas"] = text_hash([areas, FLOOR_CELL_M])
+        return found
 
     def _facts(self, first_hour: int, last_hour: int) -> str:
         if (first_hour, last_hour) not in self._hashes:

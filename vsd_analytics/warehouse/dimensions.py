@@ -49,7 +49,16 @@ _OWNERS = pa.schema(
         ("cy", pa.int32()),
     ]
 )
-_AREA_CELLS = pa.schema([("floor_id", pa.string()), ("area_id", pa.string()), ("cx", pa.int32()), ("cy", pa.int32())])
+_AREA_CELLS = pa.schema(
+    [
+        ("floor_id", pa.string()),
+        ("from_ms", pa.int64()),
+        ("to_ms", pa.int64()),
+        ("area_id", pa.string()),
+        ("cx", pa.int32()),
+        ("cy", pa.int32()),
+    ]
+)
 _CALENDAR = pa.schema(
     [
         ("quarter", pa.int64()),
@@ -197,25 +206,37 @@ def in_force(camera: Camera, ms: int) -> tuple[Calibration, ...]:
 
 
 def area_cells(site: Site) -> pa.Table:
-    """Return the floor cells whose centre lies in each area; the first area in vsd.toml gets shared cells."""
+    """Return the floor cells whose centre lies in each area, by span of time; the first in vsd.toml gets shared cells.
+
+    A new span starts where an area begins or ends to count.
+    """
+    days = {day for area in site.areas for day in (area.first_day, area.end_day) if day is not None}
+    starts = [-FOREVER_MS, *(_quarter_at(day, site) * QUARTER_MS for day in sorted(days))]
+    rows: list[tuple[Any, ...]] = []
+    for from_ms, to_ms, day in zip(starts, [*starts[1:], FOREVER_MS], [date.min, *sorted(days)], strict=True):
+        taken: set[tuple[str, int, int]] = set()
+        for area in site.areas:
+            if not area.is_there(day, day):
+                continue
+            own = [c for c in _cells_in(area.polygon) if (area.floor_id, *c) not in taken]
+            taken |= {(area.floor_id, *c) for c in own}
+            rows += [(area.floor_id, from_ms, to_ms, area.area_id, *c) for c in own]
+    return _table(_AREA_CELLS, rows)
+
+
+def _cells_in(corners: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:
+    """Return the floor cells whose centre lies in a polygon."""
     import shapely
 
     cell_m = FLOOR_CELL_M
-    taken: set[tuple[str, int, int]] = set()
-    rows: list[tuple[Any, ...]] = []
-    for area in site.areas:
-        polygon = shapely.Polygon(area.polygon)
-        x0, y0, x1, y1 = polygon.bounds
-        cx, cy = np.meshgrid(
-            np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)),
-            np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m)),
-        )
-        inside = shapely.contains_xy(polygon, (cx + 0.5) * cell_m, (cy + 0.5) * cell_m)
-        for x, y in zip(cx[inside].astype(int), cy[inside].astype(int), strict=True):
-            if (area.floor_id, x, y) not in taken:
-                taken.add((area.floor_id, x, y))
-                rows.append((area.floor_id, area.area_id, int(x), int(y)))
-    return _table(_AREA_CELLS, rows)
+    polygon = shapely.Polygon(corners)
+    x0, y0, x1, y1 = polygon.bounds
+    cx, cy = np.meshgrid(
+        np.arange(np.floor(x0 / cell_m), np.ceil(x1 / cell_m)),
+        np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m)),
+    )
+    inside = shapely.contains_xy(polygon, (cx + 0.5) * cell_m, (cy + 0.5) * cell_m)
+    return list(zip(cx[inside].astype(int).tolist(), cy[inside].astype(int).tolist(), strict=True))
 
 
 def calendar(site: Site, first: date, last: date) -> pa.Table:

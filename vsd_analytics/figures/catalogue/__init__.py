@@ -13,14 +13,19 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from typing import Final
 
 from vsd_analytics.figures.catalogue.form import MAKERS, Asked
 from vsd_analytics.figures.week.results import Figure
+
+OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
+"""Figures of hours and places of several weeks, and of weeks beside each other."""
 
 for _file in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_file.name}")
 
 
 def figures(asked: Asked) -> Mapping[str, Figure]:
-    """Return all figures of a week by catalogue id, in its order."""
-    return {metric: MAKERS[metric](asked) for metric in sorted(MAKERS, key=lambda metric: int(metric[1:]))}
+    """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks."""
+    every = sorted(MAKERS, key=lambda metric: int(metric[1:]))
+    return {metric: MAKERS[metric](asked) for metric in every if asked.data.is_week or metric not in OF_WEEKS}

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import shapely
 
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
-from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Place
+from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
+
+NEW: Final = Reason("area.new")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +61,12 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         measured, place = found[key], places[key]
         often, risky = measured.often, measured.risky
         change = judged[key].close if key in judged else None
+        is_new = False
         close = estimates.close_share(data, drawn.get(key), change)
         if (why := now.why(key, below=below)) is not None:
             often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
+        elif is_new := is_compared and _is_new(data, place):
+            often, risky, close = (estimates.without_change(e, NEW) for e in (often, risky, close))
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
             often, risky, close = (estimates.without_change(e, why) for e in (often, risky, close))
@@ -79,7 +86,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 close_share=close,
                 exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
                 share=often.value / total if often.value is not None and total else None,
-                difference=difference(data, place) if often.change is not None else None,
+                difference=difference(data, place) if is_new or often.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
                 is_material=is_material(data, key) and key not in now,
@@ -87,6 +94,11 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         )
     rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
     return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
+
+
+def _is_new(data: WeekData, place: Place) -> bool:
+    """Tell whether an area began to count after the week before."""
+    return place.is_there is not None and not (place.is_there & data.pair.before.is_inside).any()
 
 
 def is_material(data: WeekData, area_id: str | None) -> bool:
@@ -97,7 +109,7 @@ def is_material(data: WeekData, area_id: str | None) -> bool:
     own, whole = data.violation_in(area_id), data.violation_h
     if not np.isfinite(whole).all():
         own, whole = data.counted_in(area_id)[0], data.whole.n
-    weeks = (data.week(), data.week(data.monday - WEEK))
+    weeks = (data.week(), data.week(data.monday - data.span))
     sums = [(float(own[:, w].sum()), float(whole[:, w].sum())) for w in weeks]
     return any(n > 0 and n >= data.site.settings.material_share * of for n, of in sums)
 

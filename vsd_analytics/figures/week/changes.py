@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import date
 
-from vsd_analytics.figures.panels import WEEK, Place
+from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.data import WeekData
@@ -17,7 +17,7 @@ def not_compared(data: WeekData) -> dict[str, Reason]:
     if not (data.pair.is_comparable & data.whole.cameras).any():
         return {}
     since = {r.camera_id: data.local(r.at_ms) for r in data.pair.recalibrated}
-    was, is_now = (recorded_cameras(data, first) for first in (data.monday - WEEK, data.monday))
+    was, is_now = (recorded_cameras(data, first) for first in (data.monday - data.span, data.monday))
     new = {c: Reason("compare.new_camera") for c in data.ids if was and c in is_now - was}
     return new | {camera_id: Reason("compare.calibrated_at", at=at) for camera_id, at in since.items()}
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from vsd_analytics.figures import rates
@@ -17,7 +19,8 @@ def difference(data: WeekData, place: Place) -> float:
     violations in the place, h the camera's recorded open hours. Areas and the rest of the floor add up to the floor.
     """
     (_, then_h), (_, now_h) = (_sums(data, data.whole, k) for k in (0, 1))
-    then, now = (_sums(data, place, k)[0] for k in (0, 1))
+    always = replace(place, is_there=None)  # before an area began, its violations are the rest of the floor's
+    then, now = (_sums(data, always, k)[0] for k in (0, 1))
     is_known = (then_h > 0) & (now_h > 0)
     return float((now[is_known] / now_h[is_known] - then[is_known] / then_h[is_known]).sum())
 

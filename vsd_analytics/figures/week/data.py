@@ -1,4 +1,7 @@
-"""The marts of one floor around one week, and the week beside the week before (`vsd_analytics.figures.panels`)."""
+"""The marts of one floor around one week, and the week beside the week before (`vsd_analytics.figures.panels`).
+
+A study of other days in a row is made of the same parts: its "week" is these days, and the week before as many days.
+"""
 
 from __future__ import annotations
 
@@ -22,23 +25,25 @@ class WeekData(FloorHours):
         warehouse: Opened over the week and the weeks before it that are to be used.
         floor: The floor.
         monday: First day of the week.
+        last: Last day of a range that is no week; None = the week's Sunday.
 
     Attributes:
+        sunday: Its last day.
+        span: How long it is.
+        is_week: False where `last` was given.
         this: The week.
         pair: The week before and this week.
     """
 
-    def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date) -> None:
+    def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date, last: date | None = None) -> None:
         super().__init__(warehouse, floor=floor)
-        self.monday = monday
+        self.monday, self.sunday = monday, monday + timedelta(days=6) if last is None else last
+        self.is_week = last is None
+        self.span = self.sunday + timedelta(days=1) - monday
+        self.areas = [a for a in self.areas if a.is_there(monday, self.sunday)]
         self.this = Period(self, monday, self.sunday)
-        self.pair = TwoPeriods(Period(self, monday - WEEK, self.sunday - WEEK), self.this)
+        self.pair = TwoPeriods(Period(self, monday - self.span, monday - timedelta(days=1)), self.this)
         self._hidden: dict[date, HiddenWeek] = {}
-
-    @property
-    def sunday(self) -> date:
-        """Return the last day of the week."""
-        return self.monday + timedelta(days=6)
 
     @property
     def week_days(self) -> list[date]:
@@ -48,7 +53,7 @@ class WeekData(FloorHours):
     def week(self, monday: date | None = None) -> Flags:
         """Return which hours lie in the week that starts on `monday`; None = this week."""
         first = monday or self.monday
-        return self.inside(first, first + timedelta(days=6))
+        return self.inside(first, first + self.span - timedelta(days=1))
 
     def compared(self, place: Place, *, since: int | None = None) -> tuple[Panel, Panel]:
         """Return the panels of the week before and of this week; see `TwoPeriods.compared`."""
@@ -67,7 +72,7 @@ class WeekData(FloorHours):
     def hidden_in(self, monday: date) -> HiddenWeek:
         """Return what is held back of the week that starts on `monday`."""
         if monday not in self._hidden:
-            self._hidden[monday] = hidden_week(self, Period(self, monday, monday + timedelta(days=6)))
+            self._hidden[monday] = hidden_week(self, Period(self, monday, monday + self.span - timedelta(days=1)))
         return self._hidden[monday]
 
     @cached_property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import date, timedelta
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vsd_analytics.figures.panels import WEEK, Array, Flags, Period, positions
+from vsd_analytics.figures.panels import Array, Flags, Period, positions
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
@@ -184,22 +184,24 @@ def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return the fixtures on the floor at the end of the week."""
-    return tuple(f for f in _listed(data) if f.is_there(_instant(data.this.span_ms[1] - 1)))
+    return fixtures_at(data, data.sunday)
 
 
 def fixtures_before(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood there at the end of the week before."""
-    return tuple(f for f in _listed(data) if f.is_there(_instant(data.this.span_ms[0] - 1)))
+    return fixtures_at(data, data.monday - timedelta(days=1))
+
+
+def fixtures_at(data: WeekData, day: date) -> tuple[Fixture, ...]:
+    """Return those that stood there at the end of a day."""
+    last = data.midnight(day + timedelta(days=1)) - timedelta(seconds=1)
+    return tuple(f for f in _listed(data) if f.is_there(last))
 
 
 def fixed_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood in one place all through this week and the one before: nobody walked there in either."""
-    first, end = data.midnight(data.monday - WEEK), data.midnight(data.monday + WEEK)
+    first, end = data.midnight(data.monday - data.span), data.midnight(data.monday + data.span)
     return tuple(f for f in _listed(data) if f.is_there(first, until=end))
-
-
-def _instant(ms: int) -> datetime:
-    return datetime.fromtimestamp(ms // 1000, tz=UTC)
 
 
 def _listed(data: WeekData) -> tuple[Fixture, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date, timedelta
+from datetime import date
 from functools import cached_property
 
 from vsd_analytics.config.change_log import read_log
@@ -46,7 +46,7 @@ class Findings:
     def __init__(self, data: WeekData) -> None:
         self._data, self._long = data, data.warehouse
         self._floor_id = data.floor.floor_id
-        self._days = (data.monday, data.monday + timedelta(days=6))
+        self._days = (data.monday, data.sunday)
 
     @cached_property
     def trend(self) -> trend.FloorTrend:

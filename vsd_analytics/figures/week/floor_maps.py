@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import timedelta
 
 import numpy as np
 import shapely
@@ -164,7 +163,7 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...], uncertain: tuple
     if len(data.cameras) != 1:
         return None
     camera = data.cameras[0]
-    until = data.monday + timedelta(days=7)
+    until = data.monday + data.span
     calibrations = [c for c in camera.calibrations if c.valid_from is None or c.valid_from.date() < until]
     if camera.picture is None or not calibrations:
         return None

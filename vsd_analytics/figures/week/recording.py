@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 import shapely
 
-from vsd_analytics.figures.panels import WEEK, Ints
+from vsd_analytics.figures.panels import Ints
 from vsd_analytics.figures.week.changes import not_compared
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_recording import CameraDay, CameraRecord, Coverage, Outage
@@ -86,7 +86,7 @@ def _camera_day(data: WeekData, camera: int, day: date, chosen: Ints) -> CameraD
 
 def _messages(data: WeekData) -> tuple[int | None, int]:
     """Return how many messages of the week are missing, None when no engine numbers them, and in how many gaps."""
-    first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + WEEK))
+    first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + data.span))
     values = {"ids": data.ids, "first": first, "last": last}
     numbered = data.warehouse.rows(
         "select 1 from sequence_runs where camera_id in (select unnest($ids)) "
@@ -102,7 +102,7 @@ def _messages(data: WeekData) -> tuple[int | None, int]:
 
 
 def _outages(data: WeekData) -> tuple[Outage, ...]:
-    first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + WEEK))
+    first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + data.span))
     rows = data.warehouse.rows(
         "select camera_id, started_ms, ended_ms, open_s, is_inferred from outages "
         "where camera_id in (select unnest($ids)) and ended_ms > $first and started_ms < $last "

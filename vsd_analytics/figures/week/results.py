@@ -47,14 +47,27 @@ class SiteRef:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeekRef:
-    """An ISO week of the site's calendar."""
+    """An ISO week of the site's calendar, or other days in a row."""
 
-    iso: str = _f("ISO name, such as 2026-W46.")
-    year: int = _f("ISO year.")
-    number: int = _f("ISO week number.")
+    iso: str = _f("ISO name, such as 2026-W46; of other days 2026-11-09--2026-11-10.")
+    year: int = _f("ISO year of the first day.")
+    number: int = _f("ISO week number of the first day.")
     monday: date = _f("First local day.")
     sunday: date = _f("Last local day.")
     zone: str = _f("IANA time zone of all local times.")
+    is_week: bool = _f("False for other days than one ISO week.", default=True)
+
+    @property
+    def days(self) -> int:
+        """Return how many local days it has."""
+        return (self.sunday - self.monday).days + 1
+
+    @classmethod
+    def of_days(cls, first: date, last: date, *, zone: str) -> Self:
+        """Return days in a row that are reported as no week, whatever they are."""
+        year, number, _ = first.isocalendar()
+        iso = f"{first}" if first == last else f"{first}--{last}"
+        return cls(iso=iso, year=year, number=number, monday=first, sunday=last, zone=zone, is_week=False)
 
     @classmethod
     def of(cls, monday: date, *, zone: str) -> Self:

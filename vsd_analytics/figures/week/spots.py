@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from datetime import date, timedelta
+from datetime import date
 from typing import Final
 
 import numpy as np
@@ -252,7 +252,7 @@ def _evidence(
     recorded = sum(n * s for n, s in shares) / sum(n for n, _ in shares)
     if row is not None and row.recorded_share is not None:
         recorded = row.recorded_share
-    until = data.midnight(data.monday + timedelta(days=7))
+    until = data.midnight(data.monday + data.span)
     valid = [c for c in camera.calibrations if c.valid_from is None or c.valid_from < until]
     error_m = _error_m(valid[-1], week.xy) if valid else None
     lost = open_h = 0.0

@@ -218,6 +218,12 @@ def places_left(gone: Sequence[MapFixture], frame: Frame) -> list[Markup]:
     return [el("path", **dash, d=straight_path([frame.ring(f.ring)])) for f in gone]
 
 
+def area_outline(ring: Ring, frame: Frame) -> Markup:
+    """Draw the border of an area."""
+    look: dict[str, str | float | None] = {"class_": "ar", "fill": "none", "stroke": MUTED, "stroke_width": 1.4}
+    return el("path", **look, stroke_dasharray="3 4", d=straight_path([frame.ring(ring)]))
+
+
 def _fixture(fixture: MapFixture, frame: Frame) -> Markup:
     import shapely
 

@@ -12,7 +12,7 @@ from vsd_analytics.figures.week.model_map import FloorMap, MapArea, Point
 from vsd_analytics.figures.week.results import Rules
 from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.floor_frame import FONT, FONT_PHONE, Frame
-from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, el, straight_path
+from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, el
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 
@@ -51,18 +51,7 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     if image is not None and frame.is_metric:
         drawn.append(image)
     drawn += draw.fixtures(shown.fixtures, frame)
-    drawn += [
-        el(
-            "path",
-            class_="ar",
-            fill="none",
-            stroke=MUTED,
-            stroke_width=1.4,
-            stroke_dasharray="3 4",
-            d=straight_path([frame.ring(a.ring)]),
-        )
-        for a in shown.areas
-    ]
+    drawn += [draw.area_outline(a.ring, frame) for a in shown.areas]
     parts.append(el("g", Markup("").join(drawn), clip_path=f"url(#{clip})"))
     parts.append(el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1.5, **frame.whole))
     labels, boxes = _area_labels(shown.areas, frame)

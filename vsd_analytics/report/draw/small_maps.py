@@ -7,7 +7,7 @@ map again, which costs no bytes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import shapely
@@ -17,6 +17,7 @@ from vsd_analytics.figures.week.model_map import (
     ChangeMaps,
     FloorMap,
     Footsteps,
+    MapArea,
     MapBand,
     MapFixture,
     MapViews,
@@ -33,6 +34,7 @@ from vsd_analytics.report.words import format as fmt
 MINI_WIDTH: Final = 480
 MINI_MAX_HEIGHT: Final = 450
 VIEW_FONT: Final = 17
+NUMBER_FONT: Final = 22
 SCENE_WIDTH: Final = 640
 SCENE_FONT: Final = 32
 SIGN: Final = 9.0
@@ -71,8 +73,25 @@ def moved_away(floor: FloorMap, shown: ChangeMaps) -> tuple[MapFixture, ...]:
     return tuple(f for f in shown.fixtures_before or () if f not in floor.fixtures)
 
 
-def mini_change(floor: FloorMap, shown: ChangeMaps, *, name: str, label: str, is_alone: bool = False) -> Markup:
-    """Draw floor with fewer and with more violations, each patch with its sign; arguments as for `mini_heat`."""
+def mini_change(
+    floor: FloorMap,
+    shown: ChangeMaps,
+    *,
+    name: str,
+    label: str,
+    is_alone: bool = False,
+    numbers: Mapping[str, str] | None = None,
+) -> Markup:
+    """Draw floor with fewer and with more violations, each patch with its sign, unless its area's number has it.
+
+    Args:
+        floor: The map whose plan, fixtures and unseen floor are shown.
+        shown: The difference.
+        name: What the ids of the drawing start with.
+        label: Text alternative.
+        is_alone: Carry the plan.
+        numbers: What is written on each area, by its id; the area is outlined.
+    """
     frame, edges = _frame(floor), draw.edges_of(floor)
     drawn: list[Markup] = []
     for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
@@ -81,10 +100,17 @@ def mini_change(floor: FloorMap, shown: ChangeMaps, *, name: str, label: str, is
             path = draw.outline(band.polygons, frame, edges=edges)
             style = f"{kind[0]}{step + 1}d"
             drawn.append(el("path", class_=style, fill=CHANGE_LIGHT[kind][step], fill_rule="evenodd", d=path))
+    named = [a for a in floor.areas if a.area_id in (numbers or {})]
+    taken: list[shapely.Geometry] = []
     for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
-        drawn += _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more")
+        sign = "+" if kind == "more" else fmt.MINUS
+        said = [shapely.Polygon(frame.ring(a.ring)) for a in named if (numbers or {})[a.area_id].startswith(sign)]
+        signs, places = _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more", said=said)
+        drawn += signs
+        taken += places
     drawn += draw.places_left(moved_away(floor, shown), frame)
-    return _mini(floor, frame, drawn, name, label, is_alone)
+    above = [draw.area_outline(a.ring, frame) for a in named] + _numbers(named, numbers or {}, taken, frame)
+    return _mini(floor, frame, drawn, name, label, is_alone, above=above)
 
 
 def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, is_alone: bool = False) -> Markup:
@@ -265,12 +291,14 @@ def _mini(
     is_alone: bool,
     *,
     is_over: bool = False,
+    above: Iterable[Markup] = (),
 ) -> Markup:
-    """Put a drawing between the floor and the fixtures on it; `is_over` puts it over the fixtures."""
+    """Put a drawing between the floor and the fixtures on it; `is_over` and `above` put one over the fixtures."""
     hatch, clip = f"{name}-hat", f"{name}-clip"
     below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
     fixed = [*_plan(floor, frame, is_alone=is_alone), *draw.fixtures(floor.fixtures, frame, is_named=False)]
     layers = [*below, *fixed, *drawn] if is_over else [*drawn, *below, *fixed]
+    layers += above
     body = (
         draw.hatch_defs(frame, hatch=hatch, clip=clip, step=7)
         + draw.ground(frame)
@@ -294,10 +322,51 @@ def _plan(floor: FloorMap, frame: Frame, *, is_alone: bool) -> list[Markup]:
     return [el("use", href="#plan0", transform=f"{move}scale({scale:.4f})")]
 
 
-def _signs(bands: Sequence[MapBand], frame: Frame, *, strong: float, is_plus: bool) -> list[Markup]:
-    """Draw a sign in the middle of the widest part of each patch's strongest colour."""
+def _numbers(
+    areas: Sequence[MapArea], numbers: Mapping[str, str], taken: Sequence[shapely.Geometry], frame: Frame
+) -> list[Markup]:
+    """Write a number on each area: in its middle or, where a sign or another number is, beside that or outside."""
+    taken, drawn = list(taken), []
+    whole = shapely.box(0, 0, frame.width, frame.height)
+    for area in areas:
+        said = numbers[area.area_id]
+        wide, high = draw.text_width(said, NUMBER_FONT) / 2 + 2, NUMBER_FONT / 2
+        shape = shapely.Polygon(frame.ring(area.ring))
+        x0, y0, x1, y1 = shape.bounds
+        middle = shape.representative_point()
+        rows = (middle.y, y0 + high + 3, y1 - high - 3, y0 - high - 2, y1 + high + 2)
+        columns = (middle.x, x0 + wide + 3, x1 - wide - 3)
+        boxes = [shapely.box(x - wide, y - high, x + wide, y + high) for y in rows for x in columns]
+        free = [b for b in boxes if whole.contains(b) and not any(b.intersects(t) for t in taken)]
+        box = next(iter(free), boxes[0])
+        taken.append(box)
+        drawn.append(
+            el(
+                "text",
+                said,
+                class_="cn halo",
+                fill=INK,
+                font_size=NUMBER_FONT,
+                font_weight=700,
+                text_anchor="middle",
+                dominant_baseline="central",
+                x=round(box.centroid.x),
+                y=round(box.centroid.y),
+            )
+        )
+    return drawn
+
+
+def _signs(
+    bands: Sequence[MapBand], frame: Frame, *, strong: float, is_plus: bool, said: Sequence[shapely.Geometry] = ()
+) -> tuple[list[Markup], list[shapely.Geometry]]:
+    """Draw a sign in the middle of the widest part of each patch's strongest colour; return them and their places.
+
+    None is drawn in `said`, areas whose number has the sign.
+    """
     if not bands:
-        return []
+        return [], []
+    places: list[shapely.Geometry] = []
     pieces = [(s, i) for i, band in enumerate(bands) for s in _shapes(band, frame)]
     drawn = []
     for patch in _shapes(bands[0], frame):
@@ -305,7 +374,10 @@ def _signs(bands: Sequence[MapBand], frame: Frame, *, strong: float, is_plus: bo
         step, _, k = max(inside)
         circle = shapely.maximum_inscribed_circle(pieces[k][0], tolerance=0.5)
         (x, y), radius = circle.coords[0], circle.length
+        if any(area.contains(shapely.Point(x, y)) for area in said):
+            continue
         half = min(SIGN, max(SIGN_MIN, 0.62 * radius))
+        places.append(shapely.box(x - half, y - half, x + half, y + half))
         path = f"M{x - half:.1f} {y:.1f}h{2 * half:.1f}"
         if is_plus:
             path += f"M{x:.1f} {y - half:.1f}v{2 * half:.1f}"
@@ -321,7 +393,7 @@ def _signs(bands: Sequence[MapBand], frame: Frame, *, strong: float, is_plus: bo
                 d=path,
             )
         )
-    return drawn
+    return drawn, places
 
 
 def _shapes(band: MapBand, frame: Frame) -> list[shapely.Polygon]:

@@ -30,7 +30,7 @@ from vsd_analytics.figures.week.results import (
 )
 from vsd_analytics.figures.week.stored_records import stored_records
 from vsd_analytics.report.model import site_changes
-from vsd_analytics.report.model.sections import with_more, with_more_maps
+from vsd_analytics.report.model.sections import with_more, with_more_maps, with_more_of_days
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import headline
 from vsd_analytics.report.words.catalogue import say
@@ -79,10 +79,55 @@ def week_report(
     first, last = _first_day(site, monday), monday + timedelta(days=6)
     opened = open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours)
     with speaking(chosen() or site.language), opened as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours", "cell_hours", "distances")
-        data = WeekData(warehouse, floor=floor, monday=monday)
+        data = WeekData(_made(warehouse), floor=floor, monday=monday)
         found = Findings(data)
         return headline.finish(with_more_maps(with_more(_report(data, floor, found, now), data, found), data))
+
+
+def days_report(
+    site: Site,
+    first: date,
+    last: date,
+    *,
+    floor_id: str | None = None,
+    now: datetime | None = None,
+    on_plan: Callable[[int], None] | None = None,
+    on_hours: Callable[[int], None] | None = None,
+) -> WeekReport:
+    """Return the report of one floor and days in a row, for a study of a day or a fortnight.
+
+    It has what such days can tell: no spots, trend, forecast or logged changes, which need weeks, and no question.
+    Whole weeks of days are compared with as many days before them; other days are compared with nothing, since the
+    days before them are other days of the week.
+
+    Args:
+        site: The project.
+        first: First local day.
+        last: Last local day, inclusive.
+        floor_id: Floor; None = the first.
+        now: Instant to print as the time of making; None = the last record's.
+        on_plan: Called with the number of fact hours to compute first; see `build`.
+        on_hours: Called after computed hours.
+
+    Raises:
+        StoreError: E301, nothing was ever stored.
+        KeyError: The site has no floor of this id.
+    """
+    floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
+    if floor is None:
+        raise KeyError(floor_id)
+    before = first - (last + timedelta(days=1) - first)
+    opened = open_warehouse(site, min(before, _first_day(site, first)), last, on_plan=on_plan, on_hours=on_hours)
+    with speaking(chosen() or site.language), opened as warehouse:
+        data = WeekData(_made(warehouse), floor=floor, monday=first, last=last)
+        found = Findings(data)
+        return headline.finish(with_more_maps(with_more_of_days(_report(data, floor, found, now), data, found), data))
+
+
+def _made(warehouse: Warehouse) -> Warehouse:
+    """Return a warehouse with the marts that every report reads."""
+    warehouse.materialise("episodes", "violations", "camera_hours", "area_hours", "cell_hours", "distances")
+    return warehouse
 
 
 def _first_day(site: Site, monday: date) -> date:
@@ -99,8 +144,9 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
     coverage = recording.coverage(data)
-    has_before = bool(data.hours.recorded_s[:, data.week(data.monday - WEEK)].any())
-    sent_before = engines(site, data.monday - WEEK, data.monday - timedelta(days=1)) if has_before else ()
+    is_alike = data.is_week or data.span % WEEK == timedelta()
+    has_before = is_alike and bool(data.hours.recorded_s[:, data.week(data.monday - data.span)].any())
+    sent_before = engines(site, data.monday - data.span, data.monday - timedelta(days=1)) if has_before else ()
     change = site_changes.settings_change(data, sent, sent_before) if has_before else None
     state = _state(data, coverage, change, has_before)
     is_compared = state == "normal"
@@ -120,8 +166,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             floor_name=floor.name,
             floors=tuple(f.floor_id for f in site.floors),
         ),
-        week=WeekRef.of(data.monday, zone=site.timezone),
-        previous=WeekRef.of(data.monday - WEEK, zone=site.timezone) if has_before else None,
+        week=_ref(data, data.monday),
+        previous=_ref(data, data.monday - data.span) if has_before else None,
         generated_at=made_at,
         provenance=Provenance(
             version=VERSION,
@@ -161,6 +207,13 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         settings_change=change if state == "settings_changed" else None,
         figures=_with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
+
+
+def _ref(data: WeekData, first: date) -> WeekRef:
+    zone = data.site.timezone
+    if data.is_week:
+        return WeekRef.of(first, zone=zone)
+    return WeekRef.of_days(first, first + data.span - timedelta(days=1), zone=zone)
 
 
 def _with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
@@ -222,7 +275,7 @@ def _made_at(data: WeekData, now: datetime | None) -> datetime:
     """Return the instant to print as the time of making: `now`, else the week's last record, else its end."""
     if now is not None:
         return now.astimezone(data.site.zone)
-    end = data.midnight(data.monday + WEEK)
+    end = data.midnight(data.monday + data.span)
     last = data.warehouse.rows("select max(ended_ms) as ms from recorded_spans")[0]["ms"]
     is_before = last is None or data.local(last) < data.midnight(data.monday)
     return end if is_before else min(end, data.local(last))

@@ -62,6 +62,17 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
     )
 
 
+def with_more_of_days(report: WeekReport, data: WeekData, found: Findings) -> WeekReport:
+    """Return the report of days that are no week with what such days can tell: readings and causes."""
+    if report.state in ("no_data", "too_incomplete") or not report.level.often.value:
+        return report
+    return replace(
+        report,
+        causes=redesigns.causes(found.mixing, people_moved_by=()) if report.state == "normal" else None,
+        readings=readings.readings(data, found.groups, level=report.level, areas=report.areas),
+    )
+
+
 def with_more_maps(report: WeekReport, data: WeekData) -> WeekReport:
     """Return the report with every map that its own map, the floor's first, can carry.
 

@@ -8,7 +8,6 @@ from typing import Final
 
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures import comparable
-from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
@@ -36,7 +35,11 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
     before.
     """
     zone, start = data.site.zone, data.midnight(data.monday)
-    entries = [e for e in read_log(data.site) if data.midnight(data.monday - WEEK) <= e.at < start + WEEK]
+    entries = [
+        e
+        for e in read_log(data.site)
+        if data.midnight(data.monday - data.span) <= e.at < data.midnight(data.monday + data.span)
+    ]
     names = {a.area_id: a.name for a in data.areas}
     elsewhere = {a.area_id for a in data.site.areas} - names.keys()
     lines = []
@@ -45,7 +48,7 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
             continue
         since = moved = share = rest = None
         is_compared_here = entry.at >= start and entry.area_id in names and is_compared
-        if is_compared_here and not data.is_held_back(str(entry.area_id), data.monday - WEEK, data.sunday):
+        if is_compared_here and not data.is_held_back(str(entry.area_id), data.monday - data.span, data.sunday):
             area = data.area(entry.area_id)
             since, moved = since_instant(data, area, round(entry.at.timestamp() * 1000))
             if since is not None and not data.is_revealed_by_comparing:
@@ -85,7 +88,7 @@ def settings_change(data: WeekData, sent: tuple[str, ...], before: tuple[str, ..
         change = SettingsChange(name="calibration", before=latest.before, after=latest.after)
         at = data.local(latest.at_ms)
         return _with_parts(data, replace(change, at=at)) if at >= start else change
-    was, is_now = (recorded_cameras(data, first) for first in (data.monday - WEEK, data.monday))
+    was, is_now = (recorded_cameras(data, first) for first in (data.monday - data.span, data.monday))
     if was and is_now and not was & is_now:
         names = [terms.joined(c.name for c in data.cameras if c.camera_id in ids) for ids in (was, is_now)]
         return SettingsChange(name="cameras", before=names[0], after=names[1])

@@ -86,7 +86,7 @@ class Story:
     rule: str = _f("Name of the rule that made it, such as fall/fall or no_data.")
     lead: tuple[Span, ...] = _f("Two to four sentences.")
     things: tuple[Thing, ...] = _f("At most three.")
-    question: str = _f("Exactly one, about the room.")
+    question: str = _f("Exactly one, about the room; empty where other days than a week are reported.")
     question_id: str = _f("Its id, for vsd log answer.", default="")
     notes: tuple[str, ...] = _f("What an abnormal week says in its box.", default=())
 

@@ -175,6 +175,8 @@ def _hour(report: WeekReport) -> Tile | None:
     key = "tiles.in_that_hour" if busiest.ratio_to_mean is None else "tiles.in_that_hour_times"
     note = say(key, n=fmt.count(busiest.violations), times=fmt.number(busiest.ratio_to_mean))
     at = f"{fmt.day_short(busiest.start.date())} {fmt.clock(busiest.start)}"
+    if not report.week.is_week:
+        at = fmt.instant_short(busiest.start)
     return Tile(title=say("tiles.hour"), value=at, note=sentences([note]))
 
 

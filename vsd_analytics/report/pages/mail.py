@@ -30,7 +30,8 @@ from vsd_analytics.report.pages.single_figures import map_svg, to_png
 from vsd_analytics.report.pages.week import Page, make_page
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.languages import html_tag, in_its_language
+from vsd_analytics.report.words.languages import html_tag
+from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
 
 PICTURE_MAX_BYTES: Final = 60_000
@@ -56,7 +57,7 @@ class Attachment:
     data: bytes
 
 
-@in_its_language
+@in_its_words
 def make_mail(
     report: WeekReport,
     *,

@@ -9,6 +9,7 @@ from markupsafe import Markup
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.draw import small_maps
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.contributions import contributions
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
@@ -46,6 +47,7 @@ class MapFigure:
         caption: Caption of the table.
         head: Heads of its columns.
         rows: Its rows, texts.
+        moved: What was moved between the weeks drawn, for the end of a line.
     """
 
     title: str
@@ -57,6 +59,7 @@ class MapFigure:
     caption: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    moved: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,12 +121,16 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
         for week, bands, name, place, left in weeks
     ]
     label = say("maps.change_label", before=previous.number, now=report.week.number, title=title)
-    drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone)
+    added = contributions(report)
+    parts = [(p.area_id, p.name, p.value) for p in added.parts] if added is not None else []
+    numbers = {area_id: value for area_id, _, value in parts if area_id is not None}
+    drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone, numbers=numbers)
+    moved = say("maps.change_moved", names=terms.joined(dict.fromkeys(f.name for f in gone))) if gone else ""
     low, high = (fmt.plain(s) for s in shown.steps)
     return MapFigure(
         title=title,
-        unit=say("maps.change_sub", hours=fmt.count(shown.hours_compared))
-        + (say("maps.change_moved", names=terms.joined(dict.fromkeys(f.name for f in gone))) if gone else ""),
+        unit=say("maps.change_sub", hours=fmt.count(shown.hours_compared)) + moved,
+        moved=moved,
         panels=(*panels, MapPanel(title=say("maps.change_difference"), drawing=drawing)),
         keys=(
             Key(style="f2", sign="−", text=say("maps.change_strong_fewer", high=high)),
@@ -135,7 +142,7 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
         region=say("maps.change_table_region"),
         caption=say("maps.change_caption", before=previous.number, now=report.week.number),
         head=(say("maps.area"), say("maps.change_adds")),
-        rows=tuple((a.name, fmt.signed_number(a.difference)) for a in report.areas if a.difference is not None),
+        rows=tuple((name, value) for _, name, value in parts),
     )
 
 

@@ -23,6 +23,7 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import Page, make_page
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.spoken import in_its_words
 
 WIDTH: Final = 1000
 PAD: Final = 32
@@ -44,6 +45,7 @@ _ON_PICTURE: Final = dict.fromkeys(
 )
 
 
+@in_its_words
 def figure_svg(report: WeekReport, name: str) -> str:
     """Return one figure as a complete SVG file.
 
@@ -70,6 +72,7 @@ def figure_svg(report: WeekReport, name: str) -> str:
     return _framed(page, drawing)
 
 
+@in_its_words
 def map_svg(report: WeekReport) -> str | None:
     """Return the first map of the week without a legend, lettered for a phone; None when the week has no map."""
     page = make_page(report)

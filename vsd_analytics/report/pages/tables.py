@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
 from itertools import groupby
@@ -10,14 +10,17 @@ from typing import Final
 
 from markupsafe import Markup
 
-from vsd_analytics.figures.week.model_recording import CameraRecord
+from vsd_analytics.figures.week.model_recording import CameraRecord, Outage
 from vsd_analytics.figures.week.results import HourCell
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 
 HELD_BACK: Final = "\u2026"
+BLOCK_DAYS: Final = 7
+"""Days beside each other in a table: as many as fit a phone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +81,13 @@ class TimetableRows:
 def timetable(report: WeekReport) -> TimetableRows:
     """Lay the hours of the week out as a timetable: hours down, days across; hours closed all week are left out."""
     cells = report.when.cells
-    days = tuple(date.fromordinal(report.week.monday.toordinal() + k) for k in range(7))
+    days = tuple(date.fromordinal(report.week.monday.toordinal() + k) for k in range(report.week.days))
     at = {(c.day, c.hour, c.fold): c for c in cells}
     rows = sorted({(c.hour, c.fold) for c in cells if c.state != "closed"})
     if rows:
         inner = {(h, 0) for h in range(rows[0][0], rows[-1][0] + 1)}
         rows = sorted(inner | set(rows))
-    is_whole_week = len(cells) >= 7 * 24 - 1
+    is_whole_week = len(cells) >= 24 * len(days) - 1
 
     def absent(fold: int) -> Cell:
         """An hour that is not in the report: skipped by the clocks, or closed where only open hours are given."""
@@ -113,6 +116,17 @@ def timetable(report: WeekReport) -> TimetableRows:
         used=used,
         has_means=any(v is not None for v in by_day.values()),
     )
+
+
+def blocks(table: TimetableRows) -> tuple[TimetableRows, ...]:
+    """Return a timetable in parts of at most seven days, each as wide as a week."""
+
+    def part(start: int) -> TimetableRows:
+        days = slice(start, start + BLOCK_DAYS)
+        rows = tuple(replace(row, cells=row.cells[days]) for row in table.rows)
+        return replace(table, days=table.days[days], rows=rows, day_means=table.day_means[days])
+
+    return tuple(part(start) for start in range(0, len(table.days), BLOCK_DAYS))
 
 
 def _joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:
@@ -178,6 +192,52 @@ def strips(report: WeekReport) -> tuple[StripRow, ...]:
         StripRow(camera=c, strips=tuple(svg.strip(d, first_hour=first, last_hour=last) for d in c.days))
         for c in cameras
     )
+
+
+@dataclass(frozen=True, slots=True)
+class StripBlock:
+    """At most seven days of the table of recorded hours.
+
+    Attributes:
+        days: The days.
+        rows: Each camera and, by day, its strip and its share.
+    """
+
+    days: tuple[date, ...]
+    rows: tuple[tuple[CameraRecord, tuple[tuple[Markup, float | None], ...]], ...]
+
+
+def strip_blocks(rows: Sequence[StripRow]) -> tuple[StripBlock, ...]:
+    """Return the table of recorded hours in parts as wide as a week; none without a camera."""
+    if not rows:
+        return ()
+    every = [
+        (row.camera, [(drawing, day.share) for drawing, day in zip(row.strips, row.camera.days, strict=True)])
+        for row in rows
+    ]
+    days = [day.day for day in rows[0].camera.days]
+    return tuple(
+        StripBlock(
+            days=tuple(days[start : start + BLOCK_DAYS]),
+            rows=tuple((camera, tuple(cells[start : start + BLOCK_DAYS])) for camera, cells in every),
+        )
+        for start in range(0, len(days), BLOCK_DAYS)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutageRow:
+    """An outage and whose it was."""
+
+    who: str
+    outage: Outage
+
+
+def outage_row(outage: Outage, names: Mapping[str, str]) -> OutageRow:
+    """Return an outage with the names of its cameras."""
+    everyone = len(outage.camera_ids) == len(names) > 1
+    who = say("data.all_cameras") if everyone else terms.joined(names.get(c, c) for c in outage.camera_ids)
+    return OutageRow(who=who, outage=outage)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ from markupsafe import Markup
 from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.figures.week.model_recording import Outage
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.uncertain_floor import LIMIT_SHARE
 from vsd_analytics.report.draw import floor_plan, svg
@@ -34,9 +33,10 @@ from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.languages import html_tag, in_its_language
+from vsd_analytics.report.words.languages import html_tag
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
 from vsd_analytics.result import Reason
 
@@ -75,14 +75,6 @@ class ChangeRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutageRow:
-    """An outage and whose it was."""
-
-    who: str
-    outage: Outage
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
     """Everything the templates may use; each field is one variable.
 
@@ -107,6 +99,7 @@ class Page:
         is_ranked: True when areas may be ordered and shares shown.
         areas: Areas in the order of the page.
         table: The timetable.
+        blocks: It in parts of at most seven days.
         not_recorded: What hatched floor of a map means.
         too_uncertain: What dotted floor of a map means.
         down: Names of cameras that were down in some hour.
@@ -120,6 +113,7 @@ class Page:
         axis: Labels above the interval bars.
         changes: Rows of the table of changes.
         strips: Rows of the table of recorded hours.
+        strip_blocks: They in parts of at most seven days.
         outages: Missing hours, one by one.
         distance: The legal distance in the site's unit, on one line.
         readings_note: How far the second reading can be trusted, or why there is none.
@@ -159,6 +153,7 @@ class Page:
     is_ranked: bool
     areas: tuple[AreaRow, ...]
     table: tables.TimetableRows
+    blocks: tuple[tables.TimetableRows, ...]
     not_recorded: str
     too_uncertain: str
     down: str
@@ -172,7 +167,8 @@ class Page:
     axis: Markup
     changes: tuple[ChangeRow, ...]
     strips: tuple[tables.StripRow, ...]
-    outages: tuple[OutageRow, ...]
+    strip_blocks: tuple[tables.StripBlock, ...]
+    outages: tuple[tables.OutageRow, ...]
     distance: str
     readings_note: str
     between: dict[str | None, float | None]
@@ -191,7 +187,7 @@ class Page:
     privacy: str
 
 
-@in_its_language
+@in_its_words
 def render_html(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the page of a week as one self-contained HTML file.
 
@@ -215,7 +211,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     weeks, figures = sections.trend(report), map_figures(report)
     log_section = "trend" if weeks is not None and weeks.panels else "changed"
     shown = _shown(report, figures, log_section=log_section)
-    timetable = tables.timetable(report)
+    timetable, strips = tables.timetable(report), tables.strips(report)
     limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
     steps = report.rules.heat_steps
     names = {c.camera_id: c.name for c in report.coverage.cameras}
@@ -240,6 +236,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         is_ranked=is_ranked,
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
+        blocks=tables.blocks(timetable),
         not_recorded=not_recorded(report),
         too_uncertain=say("where.too_uncertain", half=_half_the_distance(report)),
         down=terms.joined(terms.camera_name(names.get(c, c)) for c in _down(report)),
@@ -252,8 +249,9 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         why_not_compared=_why_not_compared(report),
         axis=svg.change_axis(limit),
         changes=_changes(report, limit=limit) if is_compared else (),
-        strips=tables.strips(report),
-        outages=tuple(_outage(o, names) for o in report.coverage.outages),
+        strips=strips,
+        strip_blocks=tables.strip_blocks(strips),
+        outages=tuple(tables.outage_row(o, names) for o in report.coverage.outages),
         distance=fmt.distance_unbroken(report.rules.distance_m, report.rules.distance_unit),
         readings_note=sections.readings_note(report),
         between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
@@ -281,7 +279,7 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     if report.state == "no_data":
         return frozenset(always | ({"changed"} if report.log and log_section == "changed" else set()))
     maps = {"where"} if report.maps else set()
-    if (report.spots is not None and report.spots.cards) or figures.footsteps is not None:
+    if (report.spots is not None and report.spots.cards) or (figures.footsteps is not None and report.week.is_week):
         maps |= {"spots"}
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
     return frozenset({"changed"} | always | hours | maps)
@@ -387,15 +385,9 @@ def _change_row(
     )
 
 
-def _outage(outage: Outage, names: dict[str, str]) -> OutageRow:
-    everyone = len(outage.camera_ids) == len(names) > 1
-    who = say("data.all_cameras") if everyone else terms.joined(names.get(c, c) for c in outage.camera_ids)
-    return OutageRow(who=who, outage=outage)
-
-
 def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
-    footer = css_string(f"{report.site.name}, week {report.week.number}, {report.week.year}")
+    footer = css_string(say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year))
     font = "font: 8pt Arial, sans-serif; color: #525d68"
     pages = (
         f"@page {{ @bottom-left {{ content: {footer}; {font} }} "

@@ -9,15 +9,20 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from markupsafe import Markup, escape
 
 from vsd_analytics.report.words.languages import DEFAULT, language
 from vsd_analytics.resources import shipped
 
+_WEEKS: Final = frozenset({"week", "before", "now", "number"})
+"""Places of a week's number."""
 _CODE: Final = re.compile(r"`([^`]*)`")
 
 
@@ -32,18 +37,19 @@ def say(key: str, /, *, plural: float | None = None, **values: object) -> str:
     Raises:
         KeyError: There is no such sentence, or it has a place without a value.
     """
-    return template(key, plural=plural).format(**values)
+    return template(key, plural=plural).format(**_with_days(key, values))
 
 
 def say_html(key: str, /, *, plural: float | None = None, **values: object) -> Markup:
     """Return a sentence as HTML: its values are escaped, and text between backticks is set as code."""
     safe = _CODE.sub(r"<code>\1</code>", str(escape(template(key, plural=plural))))
-    return Markup(safe).format(**values)
+    return Markup(safe).format(**_with_days(key, values))
 
 
 def template(key: str, /, *, plural: float | None = None) -> str:
     """Return a sentence with its places unfilled."""
-    entry = catalogue(language())[key]
+    found = catalogue(language())
+    entry = found[f"range.{key}" if _is_of_days(key) else key]
     if isinstance(entry, str):
         return entry
     if plural is None:
@@ -51,9 +57,78 @@ def template(key: str, /, *, plural: float | None = None) -> str:
     return entry["one" if plural == 1 else "other"]
 
 
+class DaysText(str):
+    """Days in a row as the catalogue writes them: in full, and shortly where its place says so: `{week:short}`."""
+
+    __slots__ = ("short",)
+    short: str
+
+    def __new__(cls, text: str, short: str) -> Self:
+        """Return the days.
+
+        Args:
+            text: In full.
+            short: For a narrow column.
+        """
+        made = super().__new__(cls, text)
+        made.short = short
+        return made
+
+    def __format__(self, spec: str) -> str:
+        return self.short if spec == "short" else super().__format__(spec)
+
+
+@dataclass(frozen=True, slots=True)
+class SpokenDays:
+    """The days of a report that are no week.
+
+    Attributes:
+        names: Text for the places `{span}`, `{span_before}` and `{span_days}`.
+        weeks: What is written in the place of a week, by the week's number.
+    """
+
+    names: Mapping[str, str]
+    weeks: Mapping[int, DaysText]
+
+
+@contextmanager
+def about_days(days: SpokenDays | None) -> Iterator[None]:
+    """Speak of days instead of a week inside the block: sentences of `range.` come before others.
+
+    Args:
+        days: The days; None = speak of a week.
+    """
+    before = _DAYS.set(days)
+    try:
+        yield
+    finally:
+        _DAYS.reset(before)
+
+
+def is_about_days() -> bool:
+    """Tell whether the block speaks of days instead of a week."""
+    return _DAYS.get() is not None
+
+
+def _is_of_days(key: str) -> bool:
+    return is_about_days() and f"range.{key}" in catalogue(language())
+
+
+def _with_days(key: str, values: Mapping[str, object]) -> Mapping[str, object]:
+    """Return the text of a sentence's places; where it speaks of days, weeks are written as days."""
+    days = _DAYS.get()
+    if days is None or not _is_of_days(key):
+        return values
+    shown = {k: days.weeks.get(v, v) if k in _WEEKS and isinstance(v, int) else v for k, v in values.items()}
+    return {**shown, **days.names}
+
+
 def has(key: str) -> bool:
     """Tell whether the catalogue has a sentence."""
     return key in catalogue(language())
+
+
+_DAYS: ContextVar[SpokenDays | None] = ContextVar("days", default=None)
 
 
 @cache

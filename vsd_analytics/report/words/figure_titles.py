@@ -41,8 +41,8 @@ def when(report: WeekReport) -> str:
     if day is None:
         return say("titles.when_hour", hour=hour)
     if day == busiest.start.date():
-        return say("titles.when_day", day=fmt.weekday(day), clock=fmt.clock(busiest.start))
-    return say("titles.when_both", day=fmt.weekday(day), hour=hour)
+        return say("titles.when_day", day=terms.day(day), clock=fmt.clock(busiest.start))
+    return say("titles.when_both", day=terms.day(day), hour=hour)
 
 
 def changed(report: WeekReport) -> str:

@@ -41,6 +41,31 @@ def number(value: float | None) -> str:
     return (MINUS if value < 0 and text != "0" else "") + text
 
 
+def decimals(value: float) -> int:
+    """Return with how many decimals `number` writes a figure: 0 from 10 up, 1 from 1 up, else 2."""
+    size = abs(value)
+    return 0 if size == 0 or size >= 9.95 else 1 if size >= 0.995 else 2
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Write a figure with so many decimals: 1,234; 12.3; a true minus sign.
+
+    Example:
+        >>> fixed(1234.4, 0), fixed(-0.04, 1), fixed(-12.34, 1)
+        ('1,234', '0.0', '−12.3')
+    """
+    text = separated(f"{abs(value):,.{decimals}f}")
+    is_none = round(abs(value) * 10**decimals) == 0
+    return text if value >= 0 or is_none else f"{MINUS}{text}"
+
+
+def signed_fixed(value: float, decimals: int) -> str:
+    """Write a difference with its sign and so many decimals: −28, +0.6, 0."""
+    if round(abs(value) * 10**decimals) == 0:
+        return number(0.0)
+    return f"{'+' if value > 0 else ''}{fixed(value, decimals)}"
+
+
 def plain(value: float) -> str:
     """Write a number as it is, with as few digits as it needs: 2, 1.83."""
     return separated(f"{value:g}")
@@ -83,12 +108,6 @@ def signed(change: float | None) -> str:
         return MISSING
     points = round(change * 100)
     return f"{'+' if points > 0 else MINUS if points < 0 else ''}{_points(abs(points))}"
-
-
-def signed_number(value: float | None) -> str:
-    """Write a difference with its sign: −27, +0.6, 0."""
-    text = number(None if value is None else abs(value))
-    return text if not value or text == number(0.0) else f"{'+' if value > 0 else MINUS}{text}"
 
 
 def fewer_more(change: float | None) -> str:
@@ -238,6 +257,33 @@ def date_span(first: date, last: date) -> tuple[str, str]:
     if first.year != last.year:
         head += f" {first.year}"
     return head, date_long(last)
+
+
+def days_span(first: date, last: date) -> str:
+    """Write days in a row: Monday 9 November 2026; 9\u201322 November 2026; 26 October \u2013 8 November 2026."""
+    if first == last:
+        return date_long(first)
+    head = [str(first.day)]
+    if (first.month, first.year) != (last.month, last.year):
+        head.append(months()[first.month - 1])
+    if first.year != last.year:
+        head.append(str(first.year))
+    dash = "\u2013" if len(head) == 1 else " \u2013 "
+    return f"{' '.join(head)}{dash}{last.day} {months()[last.month - 1]} {last.year}"
+
+
+def days_span_short(first: date, last: date) -> str:
+    """Write days in a row shortly: Mon 9 Nov; 9\u201322 Nov; 26 Oct \u2013 8 Nov."""
+    if first == last:
+        return date_short(first)
+    is_one_month = (first.month, first.year) == (last.month, last.year)
+    head = str(first.day) if is_one_month else f"{first.day} {months()[first.month - 1][:3]} "
+    return f"{head}\u2013{'' if is_one_month else ' '}{last.day} {months()[last.month - 1][:3]}"
+
+
+def n_days(n: int) -> str:
+    """Write a number of days: one day, 14 days."""
+    return say("format.days", plural=n, n=n)
 
 
 def clock(at: datetime) -> str:

@@ -21,6 +21,7 @@ from vsd_analytics.report.words.catalogue import has, say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.questions import choose
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words.spoken import spoken_of
 from vsd_analytics.report.words.things_to_know import things
 
 MAX_WORDS: Final = 15
@@ -34,7 +35,10 @@ CLEAR: Final = ("clear_fall", "clear_rise")
 
 def finish(report: WeekReport) -> WeekReport:
     """Return the report with its story filled in."""
-    return report if report.story is not None else replace(report, story=story_of(report))
+    if report.story is not None:
+        return report
+    with spoken_of(report):
+        return replace(report, story=story_of(report))
 
 
 def story_of(report: WeekReport) -> Story:
@@ -48,14 +52,14 @@ def story_of(report: WeekReport) -> Story:
     """
     rule, headline = _headline(report)
     lead, notes = _lead(report)
-    question = choose(report)
+    question = choose(report) if report.week.is_week else None
     return Story(
         headline=headline,
         rule=rule,
         lead=tuple(lead),
         things=things(report),
-        question=question.text,
-        question_id=question.question_id,
+        question="" if question is None else question.text,
+        question_id="" if question is None else question.question_id,
         notes=tuple(notes),
     )
 

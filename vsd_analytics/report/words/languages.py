@@ -5,11 +5,11 @@ Separators, days and months are those of the Unicode CLDR (Babel); the sentences
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache, wraps
-from typing import TYPE_CHECKING, Concatenate, Final, ParamSpec, Protocol, TypeVar
+from functools import cache
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from babel import Locale
@@ -17,10 +17,6 @@ if TYPE_CHECKING:
 TAGS: Final[dict[str, str]] = {"en": "en-GB", "it": "it-IT"}
 """Languages of pages (`vsd_analytics.site.model.LANGUAGES`), and the tag of each that HTML names."""
 DEFAULT: Final = "en"
-
-P = ParamSpec("P")
-T = TypeVar("T")
-R = TypeVar("R", bound="Written")
 
 _SPOKEN: ContextVar[str | None] = ContextVar("language", default=None)
 
@@ -72,25 +68,6 @@ def days() -> tuple[str, ...]:
 def months() -> tuple[str, ...]:
     """Return the names of the months, January first."""
     return _months(language())
-
-
-class Written(Protocol):
-    """What was made in a language: a `WeekReport`, by its provenance."""
-
-    @property
-    def language(self) -> str:
-        """Return the language of its sentences."""
-
-
-def in_its_language(make: Callable[Concatenate[R, P], T]) -> Callable[Concatenate[R, P], T]:
-    """Return a function of a report that writes in the language the report was made in."""
-
-    @wraps(make)
-    def made(report: R, /, *args: P.args, **options: P.kwargs) -> T:
-        with speaking(report.language):
-            return make(report, *args, **options)
-
-    return made
 
 
 @cache

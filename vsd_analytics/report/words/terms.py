@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from datetime import datetime
+from datetime import date, datetime
 from typing import Final
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.catalogue import is_about_days, say
 from vsd_analytics.report.words.languages import separated
 from vsd_analytics.result import Verdict
 
@@ -117,4 +117,9 @@ def week_before(report: WeekReport) -> str:
 
 def moment(at: datetime) -> str:
     """Return how a sentence speaks of an hour of the week: Saturday 13:00."""
-    return f"{fmt.weekday(at.date())} {fmt.clock(at)}"
+    return f"{day(at.date())} {fmt.clock(at)}"
+
+
+def day(of: date) -> str:
+    """Return how a sentence speaks of a day: Saturday in a week, Sat 14 Nov among other days."""
+    return fmt.date_short(of) if is_about_days() else fmt.weekday(of)
