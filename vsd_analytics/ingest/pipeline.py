@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 ENGINE_MAX_CHARS = 200
 
 _OF_PROFILE = (
-    *("format", "camera", "columns", "unit", "zone", "time_format", "where", "size_px", "period_s", "fps", "engine"),
+    *("format", "camera", "columns", "unit", "zone", "time_format", "where", "size_px", "period_s", "fps", "engine", "persons"),
 )
 """Options that a `[[source]]` states; beside them its `map`."""
 
@@ -122,6 +122,8 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         return adapter(options.format)
     if options.columns is not None:
         return adapter("table")
+    if options.persons is not None:
+        return adapter("json")
     for name in formats():
         candidate = adapter(name)
         if candidate.detects(source):
@@ -130,12 +132,18 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         raise empty(source)
     if options.map and source.path.is_file():
         return adapter("table")
+    mapping = None
+    if source.path.is_file() and source.head(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")):
+        from vsd_analytics.ingest.json_guess import guessed_mapping
+
+        mapping = guessed_mapping(source)
+    named = f"name it: --format {' | '.join(formats())}; headerless tables need --columns"
     raise InputError(
         f"the format of {source.file_name} is not recognised",
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
-        fix=f"name it: --format {' | '.join(formats())}; headerless tables need --columns",
+        fix=named if mapping is None else f"say where its values are, probably: {mapping}",
     )
 
 
