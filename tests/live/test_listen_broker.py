@@ -24,7 +24,8 @@ from paho.mqtt.enums import CallbackAPIVersion
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import LiveError
 from vsd_analytics.live import listener as listening
-from vsd_analytics.live.listener import Listener, alone
+from vsd_analytics.live.alone import alone
+from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mqtt import password_of
 from vsd_analytics.live.status import FILE, Status
 from vsd_analytics.schema import TABLES

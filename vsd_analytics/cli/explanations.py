@@ -321,6 +321,10 @@ Common causes: a wrong clock of this machine or of the engines; messages that wa
 Fix: date -u shows this machine's clock; timedatectl set-ntp true sets it by a time server. Start vsd listen again.
 Then  vsd --now INSTANT quarantine replay --reason time-out-of-range  takes in the messages of the day before INSTANT;
 repeat it for each day. If the engines' clocks are wrong, set those: times cannot be corrected afterwards.""",
+    "E709": """\
+vsd listen --http cannot listen at the address named.
+Common causes: another program (or another listener) has the port; a port below 1024; an address of another machine.
+Fix: name another port, vsd listen --http 127.0.0.1:8766. ss -ltnp shows which program has one.""",
     "E710": """\
 An alarm could not be delivered. It is in alarms.jsonl all the same, unless it was the sample of vsd alarms --test.
 Common causes: a wrong address or port; the receiver is down, slow or wants another token (VSD_WEBHOOK_TOKEN); its

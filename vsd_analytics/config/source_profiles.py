@@ -173,8 +173,8 @@ def _check_mapping(table: TableReader) -> None:
     if "persons" not in table.values and table.values.get("format") != "json":
         return
     named = table.values.get("map")
-    lacking = "ts" not in named if isinstance(named, dict) else True
-    if lacking or not any(set(place) <= set(named) for place in PLACES):
+    ours = set(named) if isinstance(named, dict) else set()
+    if "ts" not in ours or not any(set(place) <= ours for place in PLACES):
         table.missing(
             "map",
             '{ ts = "time", track_id = "id", x_m = "pos.x", y_m = "pos.y" }',

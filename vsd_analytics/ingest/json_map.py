@@ -1,4 +1,4 @@
-"""JSON messages of any engine, by a mapping that the user states: where the persons are, and where each value of them is.
+"""JSON messages of any engine, by a mapping that says where the persons are, and where each value is.
 
 A path is names with dots between, such as `meta.time`; a number is a place in a list, as in `box.2`. `persons` leads to
 the list of persons of a message (the values of an object count as a list; `@key` is then each one's key). `ts` and
@@ -48,6 +48,10 @@ class JsonMap(JsonMessages):
     def detects(self, source: Source) -> bool:
         """Return False: no file says by itself where its values are."""
         return False
+
+    def check(self, options: IngestOptions) -> None:
+        """Raise UsageError (E101) when the mapping lacks the time or the place."""
+        message_paths(options)
 
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: the persons that the mapping finds in a message."""
@@ -127,7 +131,7 @@ def message_paths(options: IngestOptions) -> MessagePaths:
             why=f"it names {', '.join(theirs) or 'nothing'}",
             fix="--persons data.people --map ts=time,track_id=id,x_m=pos.x,y_m=pos.y",
         )
-    units = {}
+    units: dict[str, str] = {}
     for ours in (c for c in LENGTHS if c in theirs):
         stated = unit_in_name(theirs[ours].rpartition(".")[2]) if theirs[ours] != ours else None
         unit = stated if stated in METRES and stated != "m" else options.unit or "m"

@@ -63,6 +63,9 @@ class JsonMessages(ABC):
         if damage is not None:
             raise damage
 
+    def check(self, options: IngestOptions) -> None:  # noqa: B027 - most formats have nothing to check
+        """Raise UsageError (E101) when messages cannot be read as the user says."""
+
     @abstractmethod
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add what one message says.

@@ -57,7 +57,17 @@ _PLACES: Final = (
         "centerx centery w h",
     ),
     ("left top width height", "x y w h", "x y width height", "left top width height", "left top w h"),
-    ("x_m y_m", "xm ym", "xmm ymm", "xcm ycm", "xft yft", "xin yin", "worldx worldy", "floorx floory", "groundx groundy"),
+    (
+        "x_m y_m",
+        "xm ym",
+        "xmm ymm",
+        "xcm ycm",
+        "xft yft",
+        "xin yin",
+        "worldx worldy",
+        "floorx floory",
+        "groundx groundy",
+    ),
     ("u_px v_px", "upx vpx", "xpx ypx", "xpixel ypixel", "footx footy", "u v"),
     ("x_m y_m", "x y", "posx posy", "positionx positiony", "xpos ypos", "xposition yposition", "px py"),
 )
@@ -77,7 +87,7 @@ OBJECTS: Final = _words(
 
 
 def is_named_like(name: str, role: Role) -> bool:
-    """Return whether a column's name says that it holds this: case, blanks, signs and a front such as `person.` do not matter."""
+    """Return whether a column's name says that it holds this, whatever its case, blanks, signs, or front (`p.id`)."""
     return letters(name) in _NAMES[role] or letters(name.rpartition(".")[2]) in _NAMES[role]
 
 
