@@ -30,6 +30,10 @@ Fix: edit that file, or start another project in another folder: vsd -C DIR init
 An installed plug-in that reads a format of its own could not be loaded. Nothing was read.
 Common causes: it was made for another version of vsd_analytics, or a library it needs is missing.
 Fix: upgrade the package named, or remove it; docs/plugins.md says what a plug-in must have.""",
+    "E107": """\
+A library is missing that this command needs. vsd init, check, ingest, listen, imports, quarantine, alarms, purge,
+export, verify, doctor and log work without it: this is the core installation for the machine beside the cameras.
+Fix: pip install vsd-analytics installs everything. Or run the command where everything is installed.""",
     "E110": """\
 A line of the change log (log.jsonl) is not an entry, so the whole log is refused rather than read in part.
 Common causes: the file was edited by hand, or is not UTF-8.

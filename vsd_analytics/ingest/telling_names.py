@@ -99,7 +99,7 @@ def named_like(names: Iterable[str], role: Role) -> list[str]:
 def place_like(names: Iterable[str]) -> dict[str, str]:
     """Return which columns hold a place, as the value of `--map`: ours = theirs; {} when no names say so.
 
-    A box in the picture comes before `x` and `y`, of which nobody knows whether they are metres.
+    A box in the picture comes first: `x` and `y` alone may be metres or pixels.
     """
     known = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(list(names))}
     for ours, *theirs in _PLACES:
