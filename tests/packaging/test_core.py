@@ -68,7 +68,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_core_is_a_part_of_the_whole_with_the_same_versions() -> None:
     core = names(CORE.read_text().splitlines())
     assert core.items() <= needed().items()
-    assert {"matplotlib", "cv2", "scipy", "shapely"} <= set(left_out())
+    assert {"matplotlib", "cv2", "scipy", "jinja2"} <= set(left_out())
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from vsd_analytics.cli.output import emit_json, render_error
 from vsd_analytics.errors import UsageError, VsdError, disk_error
 
 BEYOND_CORE: Final = frozenset(
-    {"babel", "contourpy", "cv2", "jinja2", "markupsafe", "matplotlib", "PIL", "resvg_py", "scipy", "shapely"}
+    {"babel", "contourpy", "cv2", "jinja2", "markupsafe", "matplotlib", "PIL", "resvg_py", "scipy"}
 )
 """Libraries that commands of `deploy/core-requirements.txt` do without: they draw, measure pictures and test."""
 
