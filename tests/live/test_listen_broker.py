@@ -23,8 +23,10 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import LiveError
+from vsd_analytics.ingest.quarantine_writer import Quarantine
 from vsd_analytics.live import listener as listening
-from vsd_analytics.live.listener import Listener, alone
+from vsd_analytics.live.alone import alone
+from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mqtt import password_of
 from vsd_analytics.live.status import FILE, Status
 from vsd_analytics.schema import TABLES
@@ -217,14 +219,14 @@ def test_rejects_that_cannot_be_stored_are_not_acknowledged(
 ) -> None:
     root = project(tmp_path, shared_broker)
     refusals = [OSError(5, "Input/output error")] * 2
-    flush = listening.Quarantine.flush
+    flush = Quarantine.flush
 
     def refusing(self: Any) -> None:
         if refusals:
             raise refusals.pop()
         flush(self)
 
-    monkeypatch.setattr(listening.Quarantine, "flush", refusing)
+    monkeypatch.setattr(Quarantine, "flush", refusing)
     with Run(root) as run:
         publish(shared_broker.port, own(tmp_path, [("vsd/x/frames", b"{nope")]))
         wait_for(lambda: run.listener.status.n_acknowledged == 1)

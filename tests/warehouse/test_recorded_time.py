@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from zoneinfo import ZoneInfo
@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from site_text import site_text
 from warehouse.small_projects import DAY, HOUR, T0, Person, at, beats, make_site, open_days, put
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Camera
 
@@ -176,3 +179,48 @@ def test_hour_labels_need_no_machine_zone(tmp_path: Path) -> None:
         row = warehouse.rows("select * from hours where recorded_s > 0")[0]
     assert datetime.fromtimestamp(row["hour_start_ms"] / 1000, tz=UTC).hour == 8
     assert row["local_hour"] == 3
+
+
+def test_hours_to_come_are_neither_recorded_nor_missing(tmp_path: Path) -> None:
+    opening = tuple(((8 * 60, 20 * 60),) for _ in range(7))
+    site = make_site(tmp_path, opening=opening)
+    put(site, beats(T0, T0 + 2 * HOUR))
+    noon_and_a_bit = datetime.fromtimestamp((T0 + 4.5 * HOUR) / 1000, tz=UTC)
+    with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
+        until_ms = operator_counts.begun_until_ms(warehouse, now=noon_and_a_bit)
+        so_far = operator_counts.coverage(warehouse, until_ms=until_ms)
+        shown = operator_counts.hours(warehouse, until_ms=until_ms)
+        assert operator_counts.begun_until_ms(warehouse, now=noon_and_a_bit + timedelta(days=2)) is None
+        assert operator_counts.begun_until_ms(warehouse, now=noon_and_a_bit - timedelta(days=9)) is None
+    assert until_ms == T0 + 4 * HOUR
+    assert so_far["cameras"][0]["scheduled_h"] == pytest.approx(4)
+    assert so_far["share"] == pytest.approx(0.5)
+    assert [(o["end"][11:16], o["open_h"]) for o in so_far["outages"]] == [("12:00", pytest.approx(2))]
+    assert shown["start"].iloc[-1].startswith("2026-11-09T11")
+
+
+def test_an_hour_that_runs_is_shown_once_it_has_records(tmp_path: Path) -> None:
+    site = make_site(tmp_path)
+    put(site, beats(T0, T0 + HOUR // 2))
+    with open_days(site) as warehouse:
+        until_ms = operator_counts.begun_until_ms(warehouse, now=datetime.fromtimestamp((T0 + HOUR / 2) / 1000, tz=UTC))
+        shown = operator_counts.hours(warehouse, until_ms=until_ms)
+    assert until_ms == T0
+    assert shown.iloc[-1][["recorded_s", "state"]].tolist() == [1800, "partial"]
+
+
+def test_a_camera_that_recorded_nothing_is_named_beside_the_mean_over_cameras(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "vsd.toml").write_text(site_text("cam-1", "cam-2"))
+    table = tmp_path / "a.csv"
+    table.write_text("ts,track_id,x_m,y_m\n" + "".join(f"2026-11-09T09:00:{s:02}Z,1,{s / 10},2\n" for s in range(60)))
+    vsd = ["-C", str(tmp_path), "--now", "2026-11-20"]
+    assert run(cli, [*vsd, "ingest", str(table), "--camera", "cam-2"]) == 0
+    capsys.readouterr()
+    assert run(cli, [*vsd, "hours", "--range", "2026-11-09"]) == 0
+    out, err = capsys.readouterr()
+    assert "cam-1 recorded nothing; recorded_s is the mean over cameras, 1 of 2 with 0 s" in err
+    assert out.splitlines()[0].split()[-2:] == ["cameras_down", "state"]
+    assert run(cli, [*vsd, "hours", "--range", "2026-11-09", "--json"]) == 0
+    assert "cam-1 recorded nothing" in capsys.readouterr().out

@@ -69,6 +69,7 @@ def _save(project: Project, name: str, file_name: str, kind: str, given: dict[st
         "period_s": options.period_s,
         "fps": options.fps,
         "engine": options.engine,
+        "persons": options.persons,
     }
     written = save_source(project.site, NewProfile(name, file_name, stated))
     project.say(f"saved in vsd.toml:\n{written.rstrip()}")

@@ -9,7 +9,7 @@ import click
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+from vsd_analytics.cli.ranges import not_over_note, purged_hours_notes, warehouse_of, warn
 
 _GAPS_SHOWN = 20
 
@@ -21,6 +21,8 @@ _GAPS_SHOWN = 20
 def coverage(project: Project, week: str | None, days: str | None, as_json: bool) -> None:
     """Print how much of the opening hours each camera recorded, and what is missing.
 
+    Of a week that is not over, hours that are not over count neither as recorded nor as missing.
+
     \b
     Example:
       vsd coverage --week last
@@ -28,12 +30,15 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
     from vsd_analytics.figures import operator_counts
 
     with warehouse_of(project, week=week, days=days) as warehouse:
-        found = operator_counts.coverage(warehouse)
-        notes = purged_hours_notes(warehouse)
+        until_ms = operator_counts.begun_until_ms(warehouse, now=project.now)
+        found = operator_counts.coverage(warehouse, until_ms=until_ms)
+        notes, unfinished = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)
     if as_json:
-        emit_json({**found, **({"notes": notes} if notes else {})})
+        emit_json({**found, **({"notes": notes + unfinished} if notes or unfinished else {})})
         return
     warn(notes)
+    for note in unfinished:
+        project.say(note)
     dates = [d["date"][5:] for c in found["cameras"][:1] for d in c["days"][-14:]]
     click.echo(f"{'camera':<16} {'recorded':<28} {' '.join(dates)}")
     for camera in found["cameras"]:

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import Final
 
 import click
 
 from vsd_analytics.cli.output import emit_json, render_error
 from vsd_analytics.errors import UsageError, VsdError, disk_error
+
+BEYOND_CORE: Final = frozenset(
+    {"babel", "contourpy", "cv2", "jinja2", "markupsafe", "matplotlib", "PIL", "resvg_py", "scipy"}
+)
+"""Libraries that commands of `deploy/core-requirements.txt` do without: they draw, measure pictures and test."""
 
 
 def run(command: click.Command, arguments: list[str]) -> int:
@@ -52,10 +58,23 @@ def run(command: click.Command, arguments: list[str]) -> int:
     except Exception as error:
         if verbose:
             raise
+        library = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+        if library in BEYOND_CORE:
+            _print_error(_needs_the_rest(library), as_json=as_json)
+            return 2
         what = f"an internal error stopped the command: {type(error).__name__}: {error}"
         internal = VsdError(what, code="E900", fix="run it again with -v and report what it prints")
         _print_error(disk_error(error) or internal, as_json=as_json)
         return 2
+
+
+def _needs_the_rest(library: str) -> VsdError:
+    return VsdError(
+        f"this command needs the library {library}, which is not installed",
+        code="E107",
+        why="the core installation takes messages and files in, and makes no figures, maps or pages",
+        fix="pip install vsd-analytics   (here, or on the machine that makes the reports)",
+    )
 
 
 def refuse_unsupported(platform: str) -> None:

@@ -30,6 +30,10 @@ Fix: edit that file, or start another project in another folder: vsd -C DIR init
 An installed plug-in that reads a format of its own could not be loaded. Nothing was read.
 Common causes: it was made for another version of vsd_analytics, or a library it needs is missing.
 Fix: upgrade the package named, or remove it; docs/plugins.md says what a plug-in must have.""",
+    "E107": """\
+A library is missing that this command needs. vsd init, check, ingest, listen, imports, quarantine, alarms, purge,
+export, verify, doctor and log work without it: this is the core installation for the machine beside the cameras.
+Fix: pip install vsd-analytics installs everything. Or run the command where everything is installed.""",
     "E110": """\
 A line of the change log (log.jsonl) is not an entry, so the whole log is refused rather than read in part.
 Common causes: the file was edited by hand, or is not UTF-8.
@@ -321,6 +325,10 @@ Common causes: a wrong clock of this machine or of the engines; messages that wa
 Fix: date -u shows this machine's clock; timedatectl set-ntp true sets it by a time server. Start vsd listen again.
 Then  vsd --now INSTANT quarantine replay --reason time-out-of-range  takes in the messages of the day before INSTANT;
 repeat it for each day. If the engines' clocks are wrong, set those: times cannot be corrected afterwards.""",
+    "E709": """\
+vsd listen --http cannot listen at the address named.
+Common causes: another program (or another listener) has the port; a port below 1024; an address of another machine.
+Fix: name another port, vsd listen --http 127.0.0.1:8766. ss -ltnp shows which program has one.""",
     "E710": """\
 An alarm could not be delivered. It is in alarms.jsonl all the same, unless it was the sample of vsd alarms --test.
 Common causes: a wrong address or port; the receiver is down, slow or wants another token (VSD_WEBHOOK_TOKEN); its

@@ -97,6 +97,9 @@ def file_options(command: F) -> F:
         click.option(
             "--size", metavar="WxH", help="Size of the picture, for positions given as shares of it (0 to 1)."
         ),
+        click.option(
+            "--persons", metavar="PATH", help="JSON messages: where the list of persons is, such as data.people."
+        ),
     ]
     for option in reversed(options):
         command = option(command)
@@ -151,6 +154,7 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
         zone=None if given["zone"] is None else _zone(given["zone"]),
         time_format=given["time_format"],
         size_px=None if given["size"] is None else _size_px("--size", given["size"], example="1280x720"),
+        persons=given["persons"],
         is_sure=given.get("yes", False),
     )
 

@@ -10,7 +10,7 @@ import click
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+from vsd_analytics.cli.ranges import not_over_note, purged_hours_notes, warehouse_of, warn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +24,7 @@ _HOUR_COLUMNS = (
     "violation_records",
     "n_violations",
     "recorded_s",
+    "cameras_down",
     "state",
 )
 
@@ -44,7 +45,9 @@ def hours(
 ) -> None:
     """Print hourly counts: people, violations, recorded time, state of the hour.
 
-    An hour without data has state no_data: what happened is unknown, which does not mean that nothing happened.
+    An hour without data has state no_data: what happened is unknown, which does not mean that nothing happened. Over
+    several cameras, recorded_s is their mean, and cameras_down says how many recorded less than half of the hour. Hours
+    to come are left out.
 
     \b
     Example:
@@ -54,8 +57,12 @@ def hours(
     from vsd_analytics.figures import operator_counts
 
     with warehouse_of(project, week=week, days=days) as warehouse:
-        frame = operator_counts.hours(warehouse, by=by)
-        notes = purged_hours_notes(warehouse)
+        until_ms = operator_counts.begun_until_ms(warehouse, now=project.now)
+        frame = operator_counts.hours(warehouse, by=by, until_ms=until_ms)
+        notes, said = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)
+        if by is None and (silent := operator_counts.silent_cameras(warehouse)):
+            of_all = f"{len(silent)} of {len(project.site.cameras)}"
+            said.append(f"{', '.join(silent)} recorded nothing; recorded_s is the mean over cameras, {of_all} with 0 s")
         first, last = warehouse.first, warehouse.last
     below = int(project.site.settings.mask_below)
     if share:
@@ -65,12 +72,14 @@ def hours(
         with warehouse_of(project, week=None, days=f"{monday}..{sunday}") as whole_weeks:
             frame = shared_hours(frame, below=below, reports=reports_hold(whole_weeks))
     if as_json:
-        emit_json({"hours": rows_of(frame), **({"notes": notes} if notes else {})})
+        emit_json({"hours": rows_of(frame), **({"notes": notes + said} if notes or said else {})})
         return
     warn(notes)
+    for note in said:
+        project.say(note)
     if by != "area":
         frame = frame[(frame["recorded_s"] > 0) | (frame["open_s"] > 0)]
-    columns = [c for c in _HOUR_COLUMNS if c in frame]
+    columns = [c for c in _HOUR_COLUMNS if c in frame and (c != "cameras_down" or frame[c].any())]
     click.echo(_text(frame[columns], held_back=frame["masked"] if share else None, below=below))
 
 

@@ -11,9 +11,10 @@ from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from datetime import datetime
 
+    from vsd_analytics.live.posts import PostInbox
     from vsd_analytics.site.model import Broker
 
 
@@ -44,6 +45,14 @@ if TYPE_CHECKING:
     metavar="SECONDS",
     help="Time between two heartbeats.",
 )
+@click.option(
+    "--http",
+    "http",
+    is_flag=False,
+    flag_value="127.0.0.1:8765",
+    metavar="[HOST:PORT]",
+    help="Take messages by HTTP as well, or without [mqtt] only so  [alone: 127.0.0.1:8765]",
+)
 @click.option("--broker-config", is_flag=True, help="Print the recommended mosquitto.conf and stop.")
 @json_option
 @pass_project
@@ -53,18 +62,21 @@ def listen(
     connect_timeout_s: float | None,
     fold_every_s: float,
     status_every_s: float,
+    http: str | None,
     broker_config: bool,
     as_json: bool,
 ) -> int:
-    """Store frame messages from the MQTT broker of [mqtt], around the clock.
+    """Store messages from the MQTT broker of [mqtt], and by HTTP, around the clock.
 
-    A message is acknowledged to the broker only after its records are on disk. SIGTERM and Ctrl-C store and
+    A message is acknowledged to the broker, or answered with 202, only after its records are on disk. Messages are VSD
+    frame messages, or any JSON that a [[source]] maps. SIGTERM and Ctrl-C store and
     acknowledge what was received, and end with exit code 0. status/listen.json and vsd doctor show its state.
 
     \b
     Example:
       vsd listen
       vsd listen --once --connect-timeout 10
+      vsd listen --http
       vsd listen --broker-config > /etc/mosquitto/conf.d/vsd.conf
     """
     import os
@@ -72,27 +84,33 @@ def listen(
     from functools import partial
 
     from vsd_analytics.cli.alarms import live_alarms
-    from vsd_analytics.live.listener import Listener, alone
+    from vsd_analytics.live.alone import alone
+    from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.mqtt import password_of, recommended_config
 
     if broker_config:
         click.echo(recommended_config(), nl=False)
         return 0
-    broker = _broker(project)
+    broker = _broker(project, is_needed=http is None or once)
     with alone(project.root), _Signals() as signals, live_alarms(project, clock=_clock(project)) as alarms:
+        posts = None if http is None else _posts(project, http, environ=os.environ)
         listener = Listener(
             project.site,
             broker=broker,
-            password=password_of(broker, environ=os.environ),
+            password=None if broker is None else password_of(broker, environ=os.environ),
+            posts=posts,
             clock=_clock(project),
             observers=[] if alarms is None else [alarms],
             fold_every_s=fold_every_s,
             status_every_s=status_every_s,
-            seed=zlib.crc32(broker.client_id.encode()),
+            seed=zlib.crc32(b"http" if broker is None else broker.client_id.encode()),
             report=project.say,
         )
-        if alarms is not None:
+        if posts is not None:
+            listener.status.http = posts.as_dict
+        if alarms is not None and listener.link is not None:
             alarms.delivery.publish = partial(listener.link.publish, qos=1)
+        if alarms is not None:
             listener.status.alarms = alarms.as_dict
         status = listener.run(should_stop=signals.came, is_once=once, connect_timeout_s=connect_timeout_s)
     if as_json:
@@ -105,15 +123,31 @@ def listen(
     return 0
 
 
-def _broker(project: Project) -> Broker:
+def _posts(project: Project, address: str, *, environ: Mapping[str, str]) -> PostInbox:
+    """Return the HTTP server, which takes requests from now on."""
+    from vsd_analytics.live.mapped import mapped_readers
+    from vsd_analytics.live.posts import TOKEN_FILE, TOKEN_VARIABLE, PostInbox, token_of
+
+    token = token_of(project.root, environ=environ)
+    sources = [reader.profile_id for reader in mapped_readers(project.site)]
+    posts = PostInbox(address, token=token, sources=sources, body_max_bytes=int(project.site.settings.line_max_bytes))
+    where = f"${TOKEN_VARIABLE}" if TOKEN_VARIABLE in environ else str(project.root / TOKEN_FILE)
+    paths = ", ".join(f"/{path}" for path in posts.paths)
+    project.say(f"listening at http://{posts.address} to POST {paths}; the token is in {where}")
+    if not posts.is_loopback:
+        project.say("other machines can reach it, and nothing is encrypted: put a proxy with TLS before it")
+    return posts
+
+
+def _broker(project: Project, *, is_needed: bool) -> Broker | None:
     from vsd_analytics.errors import LiveError, Where
 
-    if project.site.broker is None:
+    if project.site.broker is None and is_needed:
         raise LiveError(
             "vsd.toml names no broker",
             code="E703",
             where=Where(str(project.root / "vsd.toml")),
-            fix='add [mqtt] with host = "localhost"',
+            fix='add [mqtt] with host = "localhost", or take messages by HTTP: vsd listen --http',
         )
     return project.site.broker
 

@@ -82,6 +82,17 @@ def purged_hours_notes(warehouse: Warehouse) -> list[str]:
     return [run.warning(warehouse.site) for run in warehouse.other_rules()]
 
 
+def not_over_note(warehouse: Warehouse, until_ms: int | None) -> list[str]:
+    """Return what a reader must know of a range that is not over."""
+    from vsd_analytics.figures.operator_counts import local_iso
+
+    return (
+        []
+        if until_ms is None
+        else [f"the range is not over at {local_iso(warehouse, until_ms)}: later hours are not missing"]
+    )
+
+
 def warn(notes: Iterable[str]) -> None:
     """Print notes as warnings W310 on standard error."""
     for note in notes:

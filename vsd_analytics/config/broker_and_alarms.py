@@ -26,15 +26,7 @@ def read_broker(root: TableReader) -> Broker | None:
     ca_file, cert_file, key_file = (table.file(f"{n}_file", example=f'"tls/{n}.pem"') for n in ("ca", "cert", "key"))
     host = table.text("host", example='"localhost"', required=True)
     port = table.number("port", minimum=1, maximum=65535, unit="", example="1883", whole=True)
-    topics = table.texts("topics", example='["vsd/+/frames"]') or _TOPICS
-    for topic in topics:
-        if not is_topic_filter(topic):
-            table.fault(
-                "topics",
-                f"{topic!r} is no topic filter",
-                why="+ stands for one whole level, # for all that follow at the end",
-                fix='topics = ["vsd/+/frames"]',
-            )
+    topics = read_topics(table, example='["vsd/+/frames"]') or _TOPICS
     status_topic = table.text("status_topic", example='"vsd/shop/status"')
     if status_topic is not None and any(c in status_topic for c in "+#"):
         fix = 'status_topic = "vsd/shop/status"'
@@ -57,6 +49,20 @@ def read_broker(root: TableReader) -> Broker | None:
     )
     table.close()
     return broker
+
+
+def read_topics(table: TableReader, *, example: str) -> tuple[str, ...]:
+    """Return the topic filters of `topics`; none is an empty tuple."""
+    topics = table.texts("topics", example=example)
+    for topic in topics:
+        if not is_topic_filter(topic):
+            table.fault(
+                "topics",
+                f"{topic!r} is no topic filter",
+                why="+ stands for one whole level, # for all that follow at the end",
+                fix=f"topics = {example}",
+            )
+    return topics
 
 
 def is_topic_filter(text: str) -> bool:

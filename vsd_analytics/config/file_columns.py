@@ -5,9 +5,18 @@ from __future__ import annotations
 from typing import Final
 
 FILE_NUMBERS: Final = ("x_m", "y_m", "u_px", "v_px", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
-FILE_BOX: Final = ("left", "top", "right", "bottom", "width", "height")
+FILE_BOX: Final = ("left", "top", "right", "bottom", "width", "height", "center_x", "center_y")
 FILE_TEXTS: Final = ("camera_id", "track_id", "track_a", "track_b")
 FILE_COLUMNS: Final = ("ts", "frame", *FILE_TEXTS, *FILE_NUMBERS, *FILE_BOX)
+
+PLACES: Final = (
+    ("x_m", "y_m"),
+    ("u_px", "v_px"),
+    ("left", "top", "right", "bottom"),
+    ("left", "top", "width", "height"),
+    ("center_x", "center_y", "width", "height"),
+)
+"""Columns that hold a place together: on the floor, then in the picture."""
 
 METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "km": 1000.0, "ft": 0.3048, "in": 0.0254}
 """Metres of one unit that positions and distances of a file may have."""

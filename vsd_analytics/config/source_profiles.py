@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import Any
 
-from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
+from vsd_analytics.config.broker_and_alarms import read_topics
+from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
 from vsd_analytics.config.reader import Form, TableReader, nearest
 from vsd_analytics.config.row_filter import EXAMPLE, FilterError, parse_filter
 from vsd_analytics.config.values import parse_picture_px, zone
@@ -39,6 +40,7 @@ def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[Sou
         profile_id = table.id("id", example='"tills"')
         if profile_id in found:
             table.fault("id", f"two sources have the id {profile_id!r}", code="E125", fix="give one of them another id")
+        _check_mapping(table)
         size = table.parsed("size", example="[1280, 720]", parse=parse_picture_px, form=_SIZE)
         profile = SourceProfile(
             profile_id=profile_id or "",
@@ -55,6 +57,8 @@ def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[Sou
             period_s=table.number("period_s", minimum=0.001, maximum=86_400, unit="seconds", example="1.0"),
             fps=table.number("fps", minimum=0.001, maximum=10_000, unit="frames per second", example="25"),
             engine=table.text("engine", example='"acme 2.1"'),
+            persons=table.text("persons", example='"data.people"'),
+            topics=read_topics(table, example='["acme/+/people"]'),
         )
         table.close()
         if profile_id is not None:
@@ -113,6 +117,8 @@ def _toml(value: Any) -> str:
 def _files(table: TableReader) -> tuple[str, ...]:
     example = '"till-*.csv"'
     value = table.raw("files", _FILES, example=example)
+    if value is None and {"topics", "persons"} & set(table.values):
+        return ()  # messages have no file names
     if value is None:
         table.missing("files", example, why="a source says by file names which files it is for")
         return ()
@@ -160,6 +166,20 @@ def _map(table: TableReader) -> dict[str, str]:
         else:
             found[ours] = theirs
     return found
+
+
+def _check_mapping(table: TableReader) -> None:
+    """Report a JSON mapping that lacks the time or the place: no message could be read by it."""
+    if "persons" not in table.values and table.values.get("format") != "json":
+        return
+    named = table.values.get("map")
+    ours = set(named) if isinstance(named, dict) else set()
+    if "ts" not in ours or not any(set(place) <= ours for place in PLACES):
+        table.missing(
+            "map",
+            '{ ts = "time", track_id = "id", x_m = "pos.x", y_m = "pos.y" }',
+            why="JSON messages are read by paths: one of ts, and those of a place",
+        )
 
 
 def _time_format(table: TableReader) -> str | None:

@@ -30,12 +30,37 @@ _BY: dict[str | None, str] = {
 }
 
 
-def hours(warehouse: Warehouse, *, by: Literal["camera", "area"] | None = None) -> pd.DataFrame:
+def begun_until_ms(warehouse: Warehouse, *, now: datetime) -> int | None:
+    """Return the UTC start of the first hour of a range that is not over, or None when all are.
+
+    Args:
+        warehouse: The range.
+        now: The clock. Where records are ahead of it (of a demo, say) it says nothing, and all hours count as over.
+    """
+    (row,) = warehouse.rows(
+        "select min(hour_start_ms) filter (hour_start_ms + length_s * 1000 > $now_ms) as not_over_ms, "
+        "max(hour_start_ms) filter (recorded_s > 0) as recorded_ms from hours",
+        {"now_ms": now.timestamp() * 1000},
+    )
+    is_ahead = row["recorded_ms"] is not None and row["recorded_ms"] > now.timestamp() * 1000
+    return None if row["not_over_ms"] is None or is_ahead else int(row["not_over_ms"])
+
+
+def silent_cameras(warehouse: Warehouse) -> list[str]:
+    """Return the ids of cameras that recorded nothing in a range in which others did."""
+    rows = warehouse.rows("select camera_id from camera_hours group by camera_id having max(recorded_s) = 0 order by 1")
+    return [row["camera_id"] for row in rows] if len(rows) < len(warehouse.site.cameras) else []
+
+
+def hours(
+    warehouse: Warehouse, *, by: Literal["camera", "area"] | None = None, until_ms: int | None = None
+) -> pd.DataFrame:
     """Return the hourly table of a range.
 
     Args:
         warehouse: The range.
         by: None for the whole site, "camera", or "area" (opening hours only).
+        until_ms: Leave out unrecorded hours from this UTC instant on, see `begun_until_ms`; None = none.
 
     Returns:
         One row per local hour (and camera or area): `start` (ISO, local with offset), `person_records`,
@@ -44,6 +69,10 @@ def hours(warehouse: Warehouse, *, by: Literal["camera", "area"] | None = None) 
         hour in which nothing was recorded are missing, never 0.
     """
     frame = warehouse.frame(_BY[by])
+    if until_ms is not None:
+        recorded = [r["ms"] for r in warehouse.rows("select hour_start_ms as ms from hours where recorded_s > 0")]
+        is_shown = (frame["hour_start_ms"] < until_ms) | frame["hour_start_ms"].isin(recorded)
+        frame = frame[is_shown].reset_index(drop=True)
     starts = [local_iso(warehouse, ms) for ms in frame.pop("hour_start_ms")]
     frame.insert(0, "start", starts)
     counts = [c for c in ("person_records", "violation_records", "n_violations") if c in frame]
@@ -78,8 +107,12 @@ def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midp
     )
 
 
-def coverage(warehouse: Warehouse) -> dict[str, Any]:
+def coverage(warehouse: Warehouse, *, until_ms: int | None = None) -> dict[str, Any]:
     """Return how much of the opening time was recorded.
+
+    Args:
+        warehouse: The range.
+        until_ms: Hours from this UTC instant on are not over: neither recorded nor missing; see `begun_until_ms`.
 
     Returns:
         `cameras`: per camera `camera_id`, `name`, `share`, `recorded_h`, `scheduled_h`, `days` (date, share or None
@@ -90,9 +123,10 @@ def coverage(warehouse: Warehouse) -> dict[str, Any]:
     """
     days = warehouse.rows(
         "select camera_id, local_date, sum(recorded_open_s) / 3600 as recorded_h, sum(open_s) / 3600 as scheduled_h "
-        "from camera_hours group by all order by local_date"
+        "from camera_hours where $until_ms is null or hour_start_ms < $until_ms group by all order by local_date",
+        {"until_ms": until_ms},
     )
-    outages = warehouse.rows("select * from outages")
+    outages = _outages(warehouse, until_ms)
     numbers = warehouse.rows("select * from message_gaps")
     gaps = [row for row in numbers if not row["is_restart"]]
     is_numbered = bool(warehouse.rows("select 1 from sequence_runs limit 1"))
@@ -139,6 +173,20 @@ def coverage(warehouse: Warehouse) -> dict[str, Any]:
         ],
         "restarts": [_between(warehouse, row) for row in numbers if row["is_restart"]],
     }
+
+
+def _outages(warehouse: Warehouse, until_ms: int | None) -> list[dict[str, Any]]:
+    """Return the outages of a range without what lies in hours that are not over."""
+    outages = warehouse.rows("select * from outages")
+    if until_ms is None:
+        return outages
+    open_s = {row["hour_start_ms"]: row["open_s"] for row in warehouse.rows("select hour_start_ms, open_s from hours")}
+    found = []
+    for outage in outages:
+        later_s = sum(s for ms, s in open_s.items() if until_ms <= ms < outage["ended_ms"])
+        if outage["started_ms"] < until_ms and (rest_s := outage["open_s"] - later_s) > 0:
+            found.append({**outage, "ended_ms": min(outage["ended_ms"], until_ms), "open_s": rest_s})
+    return found
 
 
 def _between(warehouse: Warehouse, row: dict[str, Any]) -> dict[str, Any]:

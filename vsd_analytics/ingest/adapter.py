@@ -117,6 +117,7 @@ class IngestOptions:
         size_px: Width and height of the picture, for positions given as shares of it (0 to 1).
         pictures: Width and height of the picture by camera, from vsd.toml, for the same.
         is_sure: The user says that the file is right, whatever looks wrong about it.
+        persons: Path of the list of persons in a JSON message that is read by `map`; None = a message is one person.
         profile: Id of the `[[source]]` of vsd.toml that gave some of them; None = none fits.
     """
 
@@ -147,6 +148,7 @@ class IngestOptions:
     size_px: tuple[int, int] | None = None
     pictures: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     is_sure: bool = False
+    persons: str | None = None
     profile: str | None = None
 
 

@@ -35,6 +35,7 @@ SPECIFIC = {
 """Formats of one engine or data set, the most particular first. They look at a file before plug-ins and tables do."""
 
 GENERAL = {
+    "json": "vsd_analytics.ingest.json_map:JsonMap",
     "table": "vsd_analytics.ingest.tables:Tables",
     "positions": "vsd_analytics.ingest.tables:positions",
     "pairs": "vsd_analytics.ingest.tables:pairs",

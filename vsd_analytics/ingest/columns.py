@@ -6,25 +6,18 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
+from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
 from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.table_file import Header
-from vsd_analytics.ingest.telling_names import named_like
+from vsd_analytics.ingest.telling_names import named_like, place_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import parse_where
 from vsd_analytics.schema import TableName
 
-_FLOOR: tuple[str, ...] = ("x_m", "y_m")
-_PIXELS: tuple[str, ...] = ("u_px", "v_px")
-_PLACES: tuple[tuple[str, ...], ...] = (
-    _FLOOR,
-    _PIXELS,
-    ("left", "top", "right", "bottom"),
-    ("left", "top", "width", "height"),
-)
+_FLOOR, _PIXELS = PLACES[:2]
 
 TIME_OF_DAY = "ts+"
 """Key of the second column of `--map ts=date+time`."""
@@ -99,10 +92,11 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             if column not in found:
                 raise _missing(source, column, header, "without it pairs cannot be distinguished")
     else:
-        place = max(_PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
+        place = max(PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
         lacking = [c for c in place if c not in found]
         if lacking:
-            raise _missing(source, lacking[0], header, "without a position no distance can be measured")
+            why = "without a position no distance can be measured"
+            raise _missing(source, lacking[0], header, why, fix=_place_fix(header, found))
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
         raise InputError(
@@ -124,6 +118,20 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     where = () if options.where is None else parse_where(options.where)
     compared = {c.column: _their_column(source, c.column, header) for c in where}
     return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
+
+
+def _place_fix(header: Header, found: Mapping[str, int]) -> str | None:
+    """Return the option that names the columns of the place: both axes at once, and a box as a box, never as metres."""
+    place = place_like(header.names) if header.line is not None or header.text is None else {}
+    theirs = {ours: name for ours, name in place.items() if ours not in found or header.names[found[ours]] != name}
+    if not theirs or any("," in name or "=" in name for name in theirs.values()):
+        return None
+    note = ""
+    if set(theirs) == set(_FLOOR) and all(unit_in_name(name) is None for name in theirs.values()):
+        note = "   (metres; of the picture: u_px=...,v_px=...; another unit: --unit mm)"
+    elif set(theirs) == {"left", "top", "width", "height"}:
+        note = f"   (the upper left corner; a centre: center_x={theirs['left']},center_y={theirs['top']})"
+    return f"--map {','.join(f'{ours}={name}' for ours, name in theirs.items())}{note}"
 
 
 def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:

@@ -388,7 +388,7 @@ def _pixels(case: Case) -> Iterator[Doubt]:
     centre = [theirs for ours, theirs in names.items() if ours in ("left", "top") and "cent" in theirs.lower()]
     if centre:
         what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
-        fix = "export left and top, or the foot point: --map u_px=...,v_px=..."
+        fix = "--map center_x=...,center_y=...,width=...,height=..."
         yield Doubt("W226", what, "foot points would be half a box away", fix, is_sure=True)
     u, v = places["u"].to_numpy(), places["v"].to_numpy()
     size = picture_px(case)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -89,6 +90,16 @@ def parse_instants(values: pa.Array, *, zone: str, time_format: str | None = Non
         )
     is_wrong |= ~np.isfinite(ms) | (np.abs(ms) > 2**53)
     return _placed(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong, is_wrong | is_exact, zone)
+
+
+def ms_of_unix(number: float) -> int:
+    """Return the UTC milliseconds of one unix time in seconds, milliseconds, microseconds or nanoseconds by its size.
+
+    Raises:
+        ValueError: It is not finite (OverflowError for infinity).
+    """
+    times, divided, slack = next(unit[1:] for unit in _UNITS if abs(number) >= unit[0] or unit[0] == 0)
+    return math.floor(number * times / divided + slack)
 
 
 def local_to_utc(local_ms: np.ndarray, zone: str) -> tuple[np.ndarray, np.ndarray]:

@@ -45,7 +45,7 @@ class JsonMessages(ABC):
         damage: InputError | None = None
         done = 0
         try:
-            for number, message, record, done in _messages(source, options):
+            for number, message, record, done in messages(source, options):
                 if message is None:
                     reason = "line-too-long" if not record else "bad-json"
                     frames.reject(number, reason, "this is no JSON object", record)
@@ -62,6 +62,9 @@ class JsonMessages(ABC):
         yield frames.batch(source.size_bytes if damage is None else done, first_line="")
         if damage is not None:
             raise damage
+
+    def check(self, options: IngestOptions) -> None:  # noqa: B027 - most formats have nothing to check
+        """Raise UsageError (E101) when messages cannot be read as the user says."""
 
     @abstractmethod
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
@@ -100,7 +103,7 @@ def text(message: Mapping[str, Any], key: str) -> str:
     raise BadRowError("bad-message", f"{key} is {str(value)[:40]!r}")
 
 
-def _messages(source: Source, options: IngestOptions) -> Iterator[tuple[int, dict[str, Any] | None, bytes, int]]:
+def messages(source: Source, options: IngestOptions) -> Iterator[tuple[int, dict[str, Any] | None, bytes, int]]:
     """Yield number, message (None = no JSON object), its bytes, and how far the file has been read."""
     head = source.head().removeprefix(b"\xef\xbb\xbf")
     first = head.lstrip().partition(b"\n")[0]

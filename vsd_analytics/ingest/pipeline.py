@@ -25,7 +25,7 @@ from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.sample import SAMPLE_ROWS
 from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.site.model import Site
+from vsd_analytics.site.model import Site, SourceProfile
 from vsd_analytics.store import FoldResult, Store
 from vsd_analytics.store.imports import ImportLine, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
@@ -36,9 +36,23 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ENGINE_MAX_CHARS = 200
+_NOTHING_SAID = IngestOptions()
 
 _OF_PROFILE = (
-    *("format", "camera", "columns", "unit", "zone", "time_format", "where", "size_px", "period_s", "fps", "engine"),
+    *(
+        "format",
+        "camera",
+        "columns",
+        "unit",
+        "zone",
+        "time_format",
+        "where",
+        "size_px",
+        "period_s",
+        "fps",
+        "engine",
+        "persons",
+    ),
 )
 """Options that a `[[source]]` states; beside them its `map`."""
 
@@ -122,6 +136,8 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         return adapter(options.format)
     if options.columns is not None:
         return adapter("table")
+    if options.persons is not None:
+        return adapter("json")
     for name in formats():
         candidate = adapter(name)
         if candidate.detects(source):
@@ -130,12 +146,18 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         raise empty(source)
     if options.map and source.path.is_file():
         return adapter("table")
+    mapping = None
+    if source.path.is_file() and source.head(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")):
+        from vsd_analytics.ingest.json_guess import guessed_mapping
+
+        mapping = guessed_mapping(source)
+    named = f"name it: --format {' | '.join(formats())}; headerless tables need --columns"
     raise InputError(
         f"the format of {source.file_name} is not recognised",
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
-        fix=f"name it: --format {' | '.join(formats())}; headerless tables need --columns",
+        fix=named if mapping is None else f"say where its values are, probably: {mapping}",
     )
 
 
@@ -344,8 +366,15 @@ def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOpt
         UsageError: E101, as `with_site`.
     """
     profile = profile_of(source.name, site.sources)
-    if profile is None:
-        return with_site(site, options)
+    return with_site(site, options) if profile is None else options_of_profile(site, profile, options)
+
+
+def options_of_profile(site: Site, profile: SourceProfile, options: IngestOptions = _NOTHING_SAID) -> IngestOptions:
+    """Return the options of sources of one `[[source]]`; what the user says wins.
+
+    Raises:
+        UsageError: E101, as `with_site`.
+    """
     stated = {name: getattr(profile, name) for name in _OF_PROFILE}
     missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
     merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.profile_id)

@@ -154,6 +154,10 @@ def _from_frames(frames: np.ndarray, options: IngestOptions) -> Instants:
 
 def _foot_points(values: dict[str, np.ndarray]) -> None:
     """Replace boxes by their foot points: u = middle of left and right, v = bottom."""
+    if "center_x" in values:
+        values["u_px"], v_px = values.pop("center_x"), values.pop("center_y")
+        values["v_px"] = v_px + np.abs(values.pop("height")) / 2
+        del values["width"]
     if "left" not in values:
         return
     left, top = values.pop("left"), values.pop("top")

@@ -1,8 +1,9 @@
 """Tables of positions or pairs: CSV (plain, gz, bz2, zst; comma, semicolon, tab, blanks), Parquet, Feather, JSON, xlsx.
 
 Our column names are `ts camera_id track_id x_m y_m u_px v_px` for positions and `ts camera_id track_a track_b x_a_m
-y_a_m x_b_m y_b_m distance_m distance_sd_m` for pairs. `frame` may replace `ts`. A box (`left top right bottom` or `left
-top width height`, pixels) may replace `u_px v_px`, its foot point. `--map ours=theirs` and `--columns` rename columns.
+y_a_m x_b_m y_b_m distance_m distance_sd_m` for pairs. `frame` may replace `ts`. A box (`left top right bottom`, `left
+top width height` or `center_x center_y width height`, pixels) may replace `u_px v_px`, its foot point. `--map
+ours=theirs` and `--columns` rename columns.
 A folder, zip or tar of tables is read file by file.
 """
 

@@ -36,6 +36,43 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "time": _words("time timeofday clock uhrzeit localtime hour heure hora"),
 }
 
+_PLACES: Final = (
+    (
+        "left top right bottom",
+        "x1 y1 x2 y2",
+        "x0 y0 x1 y1",
+        "xmin ymin xmax ymax",
+        "minx miny maxx maxy",
+        "xtl ytl xbr ybr",
+        "left top right bottom",
+    ),
+    (
+        "center_x center_y width height",
+        "xcenter ycenter width height",
+        "centerx centery width height",
+        "xcentre ycentre width height",
+        "xc yc w h",
+        "cx cy w h",
+        "xcenter ycenter w h",
+        "centerx centery w h",
+    ),
+    ("left top width height", "x y w h", "x y width height", "left top width height", "left top w h"),
+    (
+        "x_m y_m",
+        "xm ym",
+        "xmm ymm",
+        "xcm ycm",
+        "xft yft",
+        "xin yin",
+        "worldx worldy",
+        "floorx floory",
+        "groundx groundy",
+    ),
+    ("u_px v_px", "upx vpx", "xpx ypx", "xpixel ypixel", "footx footy", "u v"),
+    ("x_m y_m", "x y", "posx posy", "positionx positiony", "xpos ypos", "xposition yposition", "px py"),
+)
+"""Names of columns that hold a place together, and ours: boxes first."""
+
 PERSON: Final = _words("person persons people pedestrian pedestrians human humans man woman adult child")
 """Words for what is counted, as classes of detectors name it."""
 
@@ -50,13 +87,27 @@ OBJECTS: Final = _words(
 
 
 def is_named_like(name: str, role: Role) -> bool:
-    """Return whether a column's name says that it holds this: case, blanks and signs do not matter."""
-    return letters(name) in _NAMES[role]
+    """Return whether a column's name says that it holds this, whatever its case, blanks, signs, or front (`p.id`)."""
+    return letters(name) in _NAMES[role] or letters(name.rpartition(".")[2]) in _NAMES[role]
 
 
 def named_like(names: Iterable[str], role: Role) -> list[str]:
     """Return the names that say that their columns hold this, in their order."""
     return [name for name in names if is_named_like(name, role)]
+
+
+def place_like(names: Iterable[str]) -> dict[str, str]:
+    """Return which columns hold a place, as the value of `--map`: ours = theirs; {} when no names say so.
+
+    A box in the picture comes first: `x` and `y` alone may be metres or pixels.
+    """
+    known = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(list(names))}
+    for ours, *theirs in _PLACES:
+        for wanted in (text.split() for text in theirs):
+            for front in ("", "bbox", "box", "bb", "bboxes", "rect"):
+                if all(front + name in known for name in wanted):
+                    return {o: known[front + name] for o, name in zip(ours.split(), wanted, strict=True)}
+    return {}
 
 
 def letters(text: str) -> str:

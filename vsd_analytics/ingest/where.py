@@ -17,7 +17,7 @@ from vsd_analytics.ingest.cell_values import ids, numbers
 
 EXAMPLE: Final = f'--where "{FILTER}"'
 
-_OPERATORS: Final[dict[str, Callable[[Any, Any], Any]]] = {
+OPERATORS: Final[dict[str, Callable[[Any, Any], Any]]] = {
     "=": operator.eq, "==": operator.eq, "!=": operator.ne, "<>": operator.ne,
     "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
 }  # fmt: skip
@@ -53,7 +53,7 @@ def rows_where(
 
 def _holds(comparison: RowCondition, cells: pa.Array, *, decimal_comma: bool) -> np.ndarray:
     """Return for which cells it holds; for a missing cell, and a text compared with a number, it does not."""
-    compare = _OPERATORS[comparison.sign]
+    compare = OPERATORS[comparison.sign]
     if isinstance(comparison.value, float):
         values, _ = numbers(cells, decimal_comma=decimal_comma)
         return np.asarray(~np.isnan(values) & compare(values, comparison.value))

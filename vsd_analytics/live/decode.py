@@ -1,4 +1,4 @@
-"""From MQTT payloads to the stored tables: decoded, checked against the live clock, pseudonymised."""
+"""From live messages to the stored tables: decoded, checked against the live clock, pseudonymised."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ import msgspec
 import pyarrow as pa
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.adapter import IngestOptions, Rejected
+from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.frames import MessageRows
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.pipeline import with_site
+from vsd_analytics.ingest.quarantine_writer import SourceReading
 from vsd_analytics.ingest.raw import rejected
 from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.live.mapped import MappedReader, mapped_readers
 from vsd_analytics.schema import TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.secrets import DayKeys
@@ -35,6 +37,7 @@ class Prepared:
         rejected: Records for quarantine; `line` is the running number of the message.
         n_dropped: Counts by reason of records and fields left out on purpose.
         engines: Engine names and versions the rows came from.
+        readings: How the rejected of a message were read, by its number; a number without one was a frame message.
         apart: Camera and instant (UTC milliseconds) of each message whose time is out of range.
     """
 
@@ -42,6 +45,7 @@ class Prepared:
     rejected: Sequence[Rejected] = ()
     n_dropped: Mapping[str, int] = field(default_factory=dict)
     engines: Sequence[str] = ()
+    readings: Mapping[int, SourceReading] = field(default_factory=dict)
     apart: Sequence[tuple[str, int]] = ()
 
 
@@ -51,13 +55,18 @@ class Preparer:
     Args:
         site: The site; its cameras, settings, clocks and secrets are used.
         now: The clock at the start.
+        readers: Readers of messages that are no frame messages; None = those of vsd.toml.
+
+    Attributes:
+        n_messages: Messages prepared so far; the next one has this number plus one.
     """
 
-    def __init__(self, site: Site, *, now: datetime) -> None:
+    def __init__(self, site: Site, *, now: datetime, readers: Sequence[MappedReader] | None = None) -> None:
         self._options = with_site(site, IngestOptions())
         keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms else None
         self._normaliser = Normaliser(site, now=now, keys=keys)
-        self._n_messages = 0
+        self._readers = mapped_readers(site) if readers is None else readers
+        self.n_messages = 0
 
     def prepare(self, deliveries: Sequence[ReceivedMessage], *, now: datetime) -> Prepared:
         """Return the records of a batch of messages in stored form.
@@ -74,7 +83,7 @@ class Preparer:
             OSError: The disk refused a new day's key; the messages can be tried again.
         """
         self._normaliser.live_at(now)
-        first, self._n_messages = self._n_messages + 1, self._n_messages + len(deliveries)
+        first, self.n_messages = self.n_messages + 1, self.n_messages + len(deliveries)
         try:
             return self._read(deliveries, first)
         except (VsdError, OSError):
@@ -85,20 +94,34 @@ class Preparer:
     def _read(self, deliveries: Sequence[ReceivedMessage], first: int) -> Prepared:
         limit = self._options.line_max_bytes
         rows = MessageRows(self._options)
+        mapped: dict[int, MappedReader] = {}
+        for reader in self._readers:
+            reader.forget()
         for number, delivery in enumerate(deliveries, first):
+            reader_of = next((r for r in self._readers if r.reads(delivery.topic)), None)
+            if reader_of is not None:
+                mapped[number] = reader_of
             if delivery.is_retained:
                 rows.reject(number, "retained", RETAINED, delivery.payload)
             elif delivery.n_bytes > limit:
                 rows.reject(number, "line-too-long", f"the message is longer than {limit:,} bytes", delivery.payload)
             elif not delivery.payload.strip():
                 rows.reject(number, "bad-json", EMPTY, delivery.payload)
+            elif reader_of is not None:
+                reader_of.add(number, delivery)
             else:
                 rows.add(number, delivery.payload)
-        raw = rows.batch(0)
+        payloads = {n: d.payload for n, d in enumerate(deliveries, first)}
+        used = [r for r in self._readers if r in mapped.values()]
+        parts = [self._cleaned(batch, payloads) for batch in (rows.batch(0), *(r.batch() for r in used))]
+        found = parts[0] if len(parts) == 1 else _joined(parts)
+        bad = [replace(r, detail=f"{r.detail}; topic {deliveries[r.line - first].topic}") for r in found.rejected]
+        return replace(found, rejected=bad, readings={n: reader.reading for n, reader in mapped.items()})
+
+    def _cleaned(self, raw: RawBatch, payloads: Mapping[int, bytes]) -> Prepared:
         clean = self._normaliser.normalise(raw)
-        bad = _by_message(clean.rejected, {n: d.payload for n, d in enumerate(deliveries, first)})
-        bad = [replace(r, detail=f"{r.detail}; topic {deliveries[r.line - first].topic}") for r in bad]
-        return Prepared(clean.tables, bad, clean.n_dropped, raw.engines, _apart(clean.rejected))
+        bad = _by_message(clean.rejected, payloads)
+        return Prepared(clean.tables, bad, clean.n_dropped, raw.engines, apart=_apart(clean.rejected))
 
     def _read_alone(self, delivery: ReceivedMessage, number: int) -> Prepared:
         try:
@@ -142,5 +165,6 @@ def _joined(parts: Sequence[Prepared]) -> Prepared:
         [r for p in parts for r in p.rejected],
         sum((Counter(p.n_dropped) for p in parts), Counter()),
         sorted({e for p in parts for e in p.engines}),
+        {n: r for p in parts for n, r in p.readings.items()},
         [a for p in parts for a in p.apart],
     )

@@ -1,7 +1,8 @@
-"""`vsd listen`: live MQTT into the store. A message is acknowledged only after its records are durable.
+"""`vsd listen`: live messages into the store. A message is acknowledged only after its records are durable.
 
-One thread talks to the broker and appends to the spool; folding runs in a process of its own. The order for every
-batch: read, check, quarantine bad records, append pairs, observations and frames, call the observers, acknowledge.
+One thread talks to the broker and appends to the spool; folding runs in a process of its own, and the HTTP server in
+threads that wait for the first one. The order for every batch: read, check, quarantine bad records, append pairs,
+observations and frames, call the observers, acknowledge.
 """
 
 from __future__ import annotations
@@ -10,18 +11,17 @@ import contextlib
 import json
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from pathlib import Path
 from typing import Any, Protocol
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vsd_analytics.errors import LiveError, VsdError, Where
+from vsd_analytics.errors import LiveError, VsdError
 from vsd_analytics.ingest.adapter import Rejected
-from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.live.batches import (
     FOLD_ROWS,
     FOLD_SEGMENTS,
@@ -34,22 +34,23 @@ from vsd_analytics.live.batches import (
 )
 from vsd_analytics.live.decode import Prepared, Preparer
 from vsd_analytics.live.folding import Folded, Folding
+from vsd_analytics.live.mapped import mapped_readers, topics_of
 from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, BrokerLink
-from vsd_analytics.live.process import only_one
-from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, Status, offline, read_status, write_status
+from vsd_analytics.live.posts import PostInbox
+from vsd_analytics.live.quarantining import LiveQuarantine
+from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, Status, offline, write_status
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Broker, Site
 from vsd_analytics.store import Store
-from vsd_analytics.store.durable import make_dirs
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.seals import SEALED
 
 LINGER_S = 1.0
 FOLD_EVERY_S = 3600.0
 STATUS_EVERY_S = 5.0
-_READING = SourceReading("frames", first_line="")
 CAMERAS_SHOWN = 5
 _STEP_MAX_S = 0.25
+_POSTS_STEP_S = 0.05
 _QUIET_S = 1.0
 
 
@@ -64,13 +65,14 @@ class StoredObserver(Protocol):
 
 
 class Listener:
-    """Stores the frame messages of one site's broker.
+    """Stores the messages of one site: those of its broker, those that are posted to it, or both.
 
     Args:
         site: The site.
-        broker: Its broker.
+        broker: Its broker; None = none.
         password: Password of the broker's user; None = none.
         clock: Returns the current instant, for the limits of live times, for lag and status.
+        posts: Where messages are posted by HTTP; None = nowhere. The listener closes it.
         observers: Called with every durable batch.
         fold_every_s: Folds a minute after each multiple of this.
         status_every_s: Seconds between two heartbeats.
@@ -84,9 +86,10 @@ class Listener:
         self,
         site: Site,
         *,
-        broker: Broker,
+        broker: Broker | None,
         password: str | None,
         clock: Callable[[], datetime],
+        posts: PostInbox | None = None,
         observers: Sequence[StoredObserver] = (),
         fold_every_s: float = FOLD_EVERY_S,
         status_every_s: float = STATUS_EVERY_S,
@@ -95,13 +98,14 @@ class Listener:
         seed: int = 0,
         report: Callable[[str], None] = lambda _line: None,
     ) -> None:
-        self.site, self.broker = site, broker
+        self.site, self.broker, self.posts = site, broker, posts
         self.status = Status(started=clock())
         self._clock, self._observers, self._report = clock, observers, report
         self._fold_every_s, self._status_every_s, self._linger_s = fold_every_s, status_every_s, linger_s
         self._store = Store(site.root / "store", site_id=site.site_id)
         self._folding = Folding(self._store.root, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
-        self._preparer = Preparer(site, now=clock())
+        readers = mapped_readers(site)
+        self._preparer = Preparer(site, now=clock(), readers=readers)
         self._delays_s = partial(delays_s, seed=seed)
         self._store_waiting_s = self._delays_s()
         self._store_again_s = 0.0
@@ -109,22 +113,24 @@ class Listener:
         self._fold_again_s = 0.0
         self._spooled_since_fold = [0, 0]
         self._status_at_s = 0.0
-        self._quarantine_day = clock().date()
-        source = f"mqtt://{broker.host}:{broker.port}"
-        stored_max = int(site.settings.quarantine_day_max)
-        self._quarantine = Quarantine(site.root / "quarantine", source=source, is_live=True, stored_max=stored_max)
+        source = "http" if broker is None else f"mqtt://{broker.host}:{broker.port}"
+        self._quarantine = LiveQuarantine(site, source=source, now=clock())
         self._agreement = ClockAgreement()
         self._disagreement: str | None = None
         self._epoch_reported = 0
         self._error_reported: str | None = None
-        self.link = BrokerLink(
-            broker,
-            password=password,
-            session_s=max(SESSION_MIN_S, int(site.settings.live_late_max_s)),
-            payload_max_bytes=int(site.settings.line_max_bytes),
-            delays_s=self._delays_s,
-            will=offline(self.status.started),
-            window=window,
+        self.link = (
+            None
+            if broker is None
+            else BrokerLink(
+                replace(broker, topics=topics_of(broker.topics, readers)),
+                password=password,
+                session_s=max(SESSION_MIN_S, int(site.settings.live_late_max_s)),
+                payload_max_bytes=int(site.settings.line_max_bytes),
+                delays_s=self._delays_s,
+                will=offline(self.status.started),
+                window=window,
+            )
         )
 
     def run(
@@ -148,20 +154,24 @@ class Listener:
         is_fold_owed = self.status.spool_segments > 0
         try:
             while not should_stop():
-                self.link.step(self._patience_s())
+                self._wait()
                 self._note_link()
                 if self._is_store_due():
                     self.store_held()
+                if self._are_posts_due():
+                    self.store_posted()
                 self._start_or_end_fold(is_owed=is_fold_owed)
                 is_fold_owed = False
                 if time.monotonic() >= self._status_at_s:
                     self.beat()
-                if self.link.epoch == 0 and connect_timeout_s is not None:
+                if self.link is not None and self.link.epoch == 0 and connect_timeout_s is not None:
                     self._give_up_after(connect_timeout_s, since_s=began_s)
                 if is_once and self._is_quiet(began_s):
                     break
-            if self.link.held:
+            if self.link is not None and self.link.held:
                 self.store_held()
+            if self._are_posts_due(is_last=True):
+                self.store_posted()
             if is_once:
                 self._fold_now()
         finally:
@@ -170,20 +180,47 @@ class Listener:
                 self._quarantine.close()
             self.status.state = "stopped"
             self.beat()
-            self.link.close()
+            for opened in (self.posts, self.link):
+                if opened is not None:
+                    opened.close()
         return self.status
 
     def store_held(self) -> bool:
-        """Store the messages held and acknowledge them; return False, with nothing done, when disk or key refused.
+        """Store the broker's messages and acknowledge them; return False, with nothing done, when disk or key refused.
 
         The acknowledgement comes last: the broker forgets a message with it. A crash before it makes the broker send
         the messages again, and the fold recognises the records that are stored already.
         """
+        assert self.link is not None
         deliveries = self.link.take()
+        ready = self._stored(deliveries)
+        if ready is None:
+            return False
+        self.status.n_acknowledged += self.link.acknowledge(deliveries)
+        return True
+
+    def store_posted(self) -> bool:
+        """Store the messages that were posted and answer the requests; return False as `store_held`."""
+        assert self.posts is not None
+        posted = self.posts.take()
+        deliveries = [message for request in posted for message in request.messages]
+        first = self._preparer.n_messages + 1
+        ready = self._stored(deliveries)
+        if ready is None:
+            return False
+        bad: dict[int, list[Rejected]] = {}
+        for r in ready.rejected:
+            bad.setdefault(r.line - first, []).append(r)
+        self.status.n_acknowledged += len(deliveries)
+        self.posts.settle(posted, bad)
+        return True
+
+    def _stored(self, deliveries: Sequence[ReceivedMessage]) -> Prepared | None:
+        """Make good and bad records of messages durable; return None when disk or key refused."""
         now = self._clock()
         try:
             ready = self._preparer.prepare(deliveries, now=now)
-            self._quarantine_rejected(ready.rejected, now=now)
+            self._quarantine.add(ready, now=now)
             n_segments = 0
             for name in reversed(TABLES):  # a frame is stored after the persons it counts
                 rows = ready.tables.get(name)
@@ -194,50 +231,68 @@ class Listener:
             # the messages stay held and fill the window, so that the broker queues the rest on its own disk
             self._store_again_s = time.monotonic() + next(self._store_waiting_s)
             self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state=CANNOT_STORE)
-            return False
+            return None
         self._store_waiting_s = self._delays_s()
         self._note_times(ready, now=now)
         self._show(ready.tables)
-        self.status.n_acknowledged += self.link.acknowledge(deliveries)
         self._note_stored(deliveries, ready.tables, n_segments=n_segments)
         self.status.n_rejected.update(Counter(r.reason for r in ready.rejected))
         self.status.n_dropped.update(ready.n_dropped)
-        return True
+        return ready
 
     def beat(self) -> None:
         """Write the heartbeat, publish it, and pass the time to the observers."""
         now = self._clock()
         status = self.status.as_dict(now=now)
         write_status(self.site.root, status)
-        if self.broker.status_topic is not None:
-            self.link.publish(self.broker.status_topic, json.dumps(status).encode(), retain=True)
+        if self.link is not None and self.link.broker.status_topic is not None:
+            self.link.publish(self.link.broker.status_topic, json.dumps(status).encode(), retain=True)
         for observer in self._observers:
             self._guarded(observer.on_tick, now)
         self._status_at_s = time.monotonic() + self._status_every_s
 
+    def _wait(self) -> None:
+        """Wait for messages of the broker, for posted ones, or for the clock."""
+        patience_s = self._patience_s()
+        if self.link is not None:
+            self.link.step(patience_s if self.posts is None else min(patience_s, _POSTS_STEP_S))
+        elif self.posts is not None:
+            self.posts.wait(patience_s, not_before_s=self._store_again_s)
+
     def _patience_s(self) -> float:
         until_s = [_STEP_MAX_S, self._status_at_s - time.monotonic()]
-        if self.link.held:
+        if self.link is not None and self.link.held:
             wake_s = max(self.link.first_held_s + self._linger_s, self._store_again_s)
             until_s.append(wake_s - time.monotonic())
         return max(0.0, min(until_s))
 
     def _is_store_due(self) -> bool:
         now_s = time.monotonic()
-        return now_s >= self._store_again_s and is_due(
-            len(self.link.held),
-            n_bytes=self.link.held_bytes,
-            age_s=now_s - self.link.first_held_s,
-            window=self.link.window,
-            linger_s=self._linger_s if self.link.is_connected else 0.0,
+        return (
+            self.link is not None
+            and now_s >= self._store_again_s
+            and is_due(
+                len(self.link.held),
+                n_bytes=self.link.held_bytes,
+                age_s=now_s - self.link.first_held_s,
+                window=self.link.window,
+                linger_s=self._linger_s if self.link.is_connected else 0.0,
+            )
         )
+
+    def _are_posts_due(self, *, is_last: bool = False) -> bool:
+        due_s = None if self.posts is None else self.posts.due_in_s()
+        return due_s is not None and (is_last or (due_s <= 0 and time.monotonic() >= self._store_again_s))
 
     def _note_link(self) -> None:
         """Update the status from the connection, and log changes."""
         link, status = self.link, self.status
+        if link is None:
+            self._note_well()
+            return
         if link.taken_over:
             raise LiveError(
-                f"another client took over the session {self.broker.client_id!r}",
+                f"another client took over the session {link.broker.client_id!r}",
                 code="E702",
                 why="two clients with one client id disconnect each other again and again",
                 fix='stop the other listener, or give this one its own client_id = "..." under [mqtt]',
@@ -246,19 +301,24 @@ class Listener:
             self._epoch_reported = status.n_connections = link.epoch
             status.connected_since = self._clock()
             known = "with its earlier session" if link.session_was_present else "with a new session"
-            self._report(f"connected to {self.broker.host}:{self.broker.port}, {known}")
+            self._report(f"connected to {link.broker.host}:{link.broker.port}, {known}")
         if link.is_connected and link.error is None:
-            if time.monotonic() < self._store_again_s:
-                return
-            if self._disagreement is not None:
-                self._report_error(self._disagreement, state=CLOCKS_DISAGREE)
-            else:
-                status.state, status.error, self._error_reported = "listening", None, None
+            self._note_well()
         elif link.error is not None:
             if not link.is_connected:
                 status.connected_since = None
             state = "listening" if link.is_connected else "waiting for the broker"
-            self._report_error(f"{self.broker.host}:{self.broker.port}: {link.error}", state=state)
+            self._report_error(f"{link.broker.host}:{link.broker.port}: {link.error}", state=state)
+
+    def _note_well(self) -> None:
+        """Note that messages come in, unless the disk refuses or the clocks disagree."""
+        status = self.status
+        if time.monotonic() < self._store_again_s:
+            return
+        if self._disagreement is not None:
+            self._report_error(self._disagreement, state=CLOCKS_DISAGREE)
+        else:
+            status.state, status.error, self._error_reported = "listening", None, None
 
     def _note_times(self, ready: Prepared, *, now: datetime) -> None:
         """Check whether this machine's clock and the messages agree, and report it once when they do not."""
@@ -283,19 +343,6 @@ class Listener:
             self._error_reported = text
             self._report(text)
             self.beat()
-
-    def _quarantine_rejected(self, rejects: Sequence[Rejected], *, now: datetime) -> None:
-        """Make rejected records durable; what cannot be written now is tried again with its messages."""
-        if now.date() != self._quarantine_day:  # the limit of the quarantine is per source and day
-            self._quarantine.close()
-            self._quarantine_day = now.date()
-        if rejects:
-            try:
-                self._quarantine.add(rejects, reading=_READING, at=now)
-                self._quarantine.flush()
-            except OSError:
-                self._quarantine.forget()
-                raise
 
     def _show(self, tables: Mapping[TableName, pa.Table]) -> None:
         for observer in self._observers:
@@ -385,37 +432,17 @@ class Listener:
 
     def _is_quiet(self, began_s: float) -> bool:
         """Return whether there is a connection, no message is held, and none came for a second."""
+        assert self.link is not None
         since_s = max(self.link.first_held_s, self.link.connected_s, began_s)
         return self.link.is_connected and not self.link.held and time.monotonic() - since_s > _QUIET_S
 
     def _give_up_after(self, timeout_s: float, *, since_s: float) -> None:
+        assert self.link is not None
+        broker = self.link.broker
         if time.monotonic() - since_s > timeout_s:
             raise LiveError(
-                f"no connection to the broker {self.broker.host}:{self.broker.port} within {timeout_s:g} s",
+                f"no connection to the broker {broker.host}:{broker.port} within {timeout_s:g} s",
                 code="E701",
                 why=self.link.error,
                 fix="is it running and reachable, are user and password right: vsd doctor",
             )
-
-
-@contextlib.contextmanager
-def alone(root: Path) -> Iterator[None]:
-    """Hold the lock of a project's listener; the kernel releases it when the process dies.
-
-    Raises:
-        LiveError: E706, another listener of this project holds it.
-    """
-    lock = root / "status" / "listen.lock"
-    make_dirs(lock.parent)
-
-    def refusal() -> LiveError:
-        return LiveError(
-            "a listener of this project is running already",
-            code="E706",
-            where=Where(str(lock)),
-            why=f"its process id is {(read_status(root) or {}).get('pid', 'unknown')}",
-            fix="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
-        )
-
-    with only_one(lock, refusal=refusal):
-        yield

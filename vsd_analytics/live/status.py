@@ -61,6 +61,7 @@ class Status:
         fold: The last one.
         fold_at: When it ended.
         error: What is wrong now; None = nothing.
+        http: Returns the state of the HTTP server; None = there is none.
         alarms: Returns the state of the alarms; None = there are no rules.
     """
 
@@ -84,6 +85,7 @@ class Status:
     fold: Folded | None = None
     fold_at: datetime | None = None
     error: str | None = None
+    http: Callable[[], dict[str, Any]] | None = None
     alarms: Callable[[], dict[str, Any]] | None = None
 
     def camera(self, camera_id: str) -> CameraStatus:
@@ -135,6 +137,7 @@ class Status:
             "folds": self.n_folds,
             "fold": fold,
             "peak_mb": peak_mb(),
+            "http": None if self.http is None else self.http(),
             "alarms": None if self.alarms is None else self.alarms(),
             "error": self.error,
         }

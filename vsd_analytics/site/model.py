@@ -360,6 +360,8 @@ class SourceProfile:
         period_s: Sampling period in seconds.
         fps: Frames per second, for files with frame numbers.
         engine: Engine name and version.
+        persons: Path of the list of persons in a JSON message.
+        topics: MQTT topic filters of messages that are read so.
     """
 
     profile_id: str
@@ -376,6 +378,8 @@ class SourceProfile:
     period_s: float | None = None
     fps: float | None = None
     engine: str | None = None
+    persons: str | None = None
+    topics: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

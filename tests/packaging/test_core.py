@@ -1,0 +1,109 @@
+"""The core installation, beside the cameras: takes messages and files in with few libraries, and says what it lacks."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from site_text import site_text
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+CORE = REPOSITORY / "deploy" / "core-requirements.txt"
+BLOCKED = """
+import importlib.abc, sys
+BLOCKED = set(sys.argv.pop(1).split(","))
+class Blocked(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in BLOCKED:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Blocked())
+from vsd_analytics.cli import main
+main()
+"""
+MODULES = {"opencv-python-headless": "cv2", "pillow": "PIL", "resvg-py": "resvg_py"}
+
+
+def names(requirements: list[str]) -> dict[str, str]:
+    found = {}
+    for line in requirements:
+        if line and not line.startswith("#"):
+            name = re.match(r"[\w-]+", line)
+            assert name is not None
+            found[name[0]] = line
+    return found
+
+
+def needed() -> dict[str, str]:
+    return names(tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["dependencies"])
+
+
+def left_out() -> list[str]:
+    return sorted(MODULES.get(name, name) for name in needed().keys() - names(CORE.read_text().splitlines()).keys())
+
+
+def vsd(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process in which all libraries beyond the core are absent."""
+    command = [sys.executable, "-c", BLOCKED, ",".join(left_out()), *arguments]
+    environ = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    return subprocess.run(command, check=False, capture_output=True, text=True, env=environ, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("core")
+    alarm = '[[alarm]]\nid = "full"\nkind = "gathering"\nfor_s = 5\n'
+    (folder / "vsd.toml").write_text(site_text("cam-1", more=alarm), encoding="utf-8")
+    rows = "".join(f"2026-11-09T09:00:{s:02}Z,{i},{s / 10 + i},2\n" for s in range(60) for i in range(3))
+    (folder / "a.csv").write_text("ts,track_id,x_m,y_m\n" + rows, encoding="utf-8")
+    assert vsd("-C", str(folder), "--now", "2026-11-10", "ingest", str(folder / "a.csv")).returncode == 0
+    return folder
+
+
+def test_the_core_is_a_part_of_the_whole_with_the_same_versions() -> None:
+    core = names(CORE.read_text().splitlines())
+    assert core.items() <= needed().items()
+    assert {"matplotlib", "cv2", "scipy", "jinja2"} <= set(left_out())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "check a.csv",
+        "ingest a.csv",
+        "imports",
+        "quarantine list",
+        "alarms",
+        "verify",
+        "log list",
+        "doctor",
+        "export --out out.parquet",
+        "listen --broker-config",
+        "schema frame",
+    ],
+)
+def test_commands_that_take_records_in_need_no_other_library(root: Path, command: str) -> None:
+    words = [str(root / w) if "." in w else w for w in command.split()]
+    done = vsd("-C", str(root), "--now", "2026-11-10", *words)
+    assert done.returncode == 0, done.stderr
+
+
+def test_listening_needs_no_other_library(root: Path) -> None:
+    done = vsd("-C", str(root), "listen", "--once", "--connect-timeout", "1")
+    assert "error[E703]" in done.stderr
+    with (root / "vsd.toml").open("a", encoding="utf-8") as toml:
+        toml.write('[mqtt]\nhost = "127.0.0.1"\nport = 1\n')
+    assert "error[E701]" in vsd("-C", str(root), "listen", "--once", "--connect-timeout", "1").stderr
+
+
+@pytest.mark.parametrize("command", ["report --week 2026-W46", "heatmap", "hours", "forecast"])
+def test_commands_that_make_figures_say_what_to_install(root: Path, command: str) -> None:
+    done = vsd("-C", str(root), "--now", "2026-11-20", *command.split(), "--json")
+    told = json.loads(done.stdout)
+    assert (done.returncode, told["code"]) == (2, "E107")
+    assert "pip install vsd-analytics" in told["fix"]

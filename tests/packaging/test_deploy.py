@@ -1,0 +1,108 @@
+"""Files of `deploy/`: units, container and compose file name what exists, and a real Mosquitto starts with its file."""
+
+from __future__ import annotations
+
+import configparser
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+import yaml
+from live.local_broker import MOSQUITTO, WHY_NOT, free_port
+
+from vsd_analytics.cli import cli
+from vsd_analytics.doctor.broker import config_faults, parse_config
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+COMMANDS = cli.list_commands(click.Context(cli))
+DEPLOY = REPOSITORY / "deploy"
+UNITS = sorted((DEPLOY / "systemd").glob("vsd-*"))
+
+
+def unit(path: Path) -> configparser.ConfigParser:
+    found = configparser.ConfigParser(interpolation=None, strict=False)
+    found.optionxform = str  # type: ignore[assignment,method-assign]
+    found.read(path, encoding="utf-8")
+    return found
+
+
+@pytest.mark.parametrize("path", [p for p in UNITS if p.suffix == ".service"], ids=lambda p: p.name)
+def test_a_unit_runs_a_command_that_exists_as_the_user_that_is_made(path: Path) -> None:
+    service = unit(path)["Service"]
+    program, _, folder, name, *_ = service["ExecStart"].split()
+    assert (program, folder) == ("/opt/vsd/bin/vsd", "/var/lib/vsd/%i")
+    assert name in COMMANDS
+    made = (DEPLOY / "systemd" / "sysusers.conf").read_text().splitlines()[-1].split()
+    assert made[:2] == ["u", service["User"]]
+    folders = [line.split() for line in (DEPLOY / "systemd" / "tmpfiles.conf").read_text().splitlines()[1:]]
+    assert {f[1]: f[3] for f in folders} == {"/var/lib/vsd": service["User"], "/etc/vsd": "root"}
+    assert service["StateDirectory"] == "vsd/%i"
+
+
+def test_a_listener_that_another_one_replaced_is_not_started_again() -> None:
+    assert unit(DEPLOY / "systemd" / "vsd-listen@.service")["Service"]["RestartPreventExitStatus"] == "2"
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not here")
+def test_systemd_understands_the_units(tmp_path: Path) -> None:
+    for path in UNITS:
+        text = path.read_text().replace("/opt/vsd/bin/vsd", sys.executable)
+        (tmp_path / path.name).write_text(text)
+    command = ["systemd-analyze", "verify", "--man=no", *(str(tmp_path / p.name.replace("@", "@shop")) for p in UNITS)]
+    for path in UNITS:
+        (tmp_path / path.name.replace("@", "@shop")).write_text((tmp_path / path.name).read_text())
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    ours = [line for line in done.stderr.splitlines() if "vsd-" in line]
+    assert ours == [], done.stderr
+
+
+def test_the_image_copies_what_exists_and_installs_what_the_core_needs() -> None:
+    lines = (DEPLOY / "Containerfile").read_text().splitlines()
+    for line in lines:
+        if line.startswith("COPY "):
+            for source in line.split()[1:-1]:
+                assert (REPOSITORY / source).exists(), source
+    assert any("core-requirements.txt" in line and "--no-deps" in line for line in lines)
+    user = next(line for line in lines if line.startswith("USER"))
+    assert user == "USER vsd"
+    assert 'ENTRYPOINT ["vsd"]' in lines
+
+
+def test_compose_names_files_that_exist_and_opens_no_port_to_other_machines() -> None:
+    compose = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
+    broker, listener = compose["services"]["broker"], compose["services"]["listener"]
+    assert all(str(port).startswith("127.0.0.1:") for port in broker["ports"])
+    assert (DEPLOY / broker["volumes"][0].partition(":")[0]).is_file()
+    assert (DEPLOY / listener["build"]["context"] / listener["build"]["dockerfile"]).is_file()
+    assert listener["command"][0] in COMMANDS
+    assert "broker" in listener["depends_on"]
+    assert {v.partition(":")[0] for v in broker["volumes"][1:]} == set(compose["volumes"])
+
+
+@pytest.mark.skipif(MOSQUITTO is None, reason=WHY_NOT)
+def test_mosquitto_starts_with_the_file_of_compose(tmp_path: Path) -> None:
+    text = (DEPLOY / "mosquitto.conf").read_text()
+    assert config_faults(parse_config(DEPLOY / "mosquitto.conf")) == []
+    assert not re.search(r"^listener 1883 127", text, re.MULTILINE), "another container could not reach it"
+    own = text.replace("/mosquitto/data/", f"{tmp_path}/").replace("listener 1883", f"listener {free_port()} 127.0.0.1")
+    (tmp_path / "mosquitto.conf").write_text(own)
+    assert MOSQUITTO is not None
+    process = subprocess.Popen([MOSQUITTO, "-c", str(tmp_path / "mosquitto.conf")], stderr=subprocess.PIPE, text=True)
+    try:
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(1.5)
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+def test_requirements_of_the_page_are_those_of_the_file() -> None:
+    page = (REPOSITORY / "docs" / "install.md").read_text()
+    assert "deploy/core-requirements.txt" in page
+    for name in re.findall(r"deploy/[\w./@-]+", page):
+        found = name.rstrip(".")
+        assert (REPOSITORY / found).exists() or found == "deploy/project" or found.startswith("deploy/project/"), found

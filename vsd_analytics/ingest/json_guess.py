@@ -1,0 +1,60 @@
+"""Guessing the mapping of an unknown JSON message from its names, to be shown to the user and never used unasked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from vsd_analytics.errors import VsdError
+from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.json_map import leaves
+from vsd_analytics.ingest.json_messages import messages
+from vsd_analytics.ingest.telling_names import letters, named_like, place_like
+
+_TIMES: Final = ("ts", "timestamp", "time", "datetime", "utc", "epoch", "date", "at", "t")
+_DEPTH: Final = 4
+
+
+def guessed_mapping(source: Source) -> str | None:
+    """Return the options by which a file of JSON messages can probably be read, or None when its names say too little.
+
+    Args:
+        source: A file that begins like JSON.
+    """
+    try:
+        first = next((m for _, m, _, _ in messages(source, IngestOptions()) if m is not None), None)
+    except (VsdError, OSError):
+        return None
+    if first is None:
+        return None
+    for path, person in [*_lists(first), (None, first)]:
+        theirs = _mapping(first, person)
+        if theirs is not None:
+            joined = ",".join(f"{ours}={name}" for ours, name in theirs.items())
+            return f"{'--format json' if path is None else f'--persons {path}'} --map {joined}"
+    return None
+
+
+def _mapping(message: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, str] | None:
+    of_message, of_person = ([path for path, _ in leaves(thing)] for thing in (message, person))
+    time = next((p for name in _TIMES for p in of_message if letters(p.rpartition(".")[2]) == name), None)
+    place = place_like(of_person) or _by_last_part(of_person)
+    if time is None or not place or any(sign in path for path in [time, *place.values()] for sign in ",= "):
+        return None
+    cameras, ids = named_like(of_message, "camera"), named_like(of_person, "id")
+    more = {**({"camera_id": cameras[0]} if cameras else {}), **({"track_id": ids[0]} if ids else {})}
+    return {"ts": time, **more, **place}
+
+
+def _by_last_part(paths: list[str]) -> dict[str, str]:
+    by_name = {path.rpartition(".")[2]: path for path in reversed(paths)}
+    return {ours: by_name[name] for ours, name in place_like(by_name).items()}
+
+
+def _lists(message: Mapping[str, Any], front: str = "", depth: int = 0) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the path of each list of objects, and its first object."""
+    for name, value in message.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            yield f"{front}{name}", value[0]
+        elif isinstance(value, dict) and depth < _DEPTH:
+            yield from _lists(value, f"{front}{name}.", depth + 1)

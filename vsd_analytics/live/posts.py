@@ -1,0 +1,389 @@
+"""Messages by HTTP: a server in threads of its own, which answers when the listener has stored them.
+
+A request is answered 202 only after its messages are durable. It speaks plain HTTP and is meant for this machine; for
+others put a proxy with TLS before it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import ipaddress
+import json
+import os
+import secrets
+import threading
+import time
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import msgspec
+
+from vsd_analytics.errors import LiveError, Where
+from vsd_analytics.ingest.adapter import EXCERPT_CHARS, Rejected
+from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
+from vsd_analytics.store.durable import make_dirs, publish
+
+DEFAULT_ADDRESS: Final = "127.0.0.1:8765"
+TOKEN_VARIABLE: Final = "VSD_HTTP_TOKEN"
+TOKEN_FILE: Final = Path("secrets") / "http-token"
+TOKEN_MIN_CHARS: Final = 16
+FRAMES: Final = "frames"
+"""Path of VSD frame messages; any other path is the id of a `[[source]]`."""
+TOPIC: Final = "POST /"
+"""Front of the topic that a posted message has in quarantine and logs."""
+MESSAGES_MAX: Final = 1000
+LINGER_S: Final = 0.1
+CONNECTIONS_MAX: Final = 64
+READ_S: Final = 15.0
+ANSWER_S: Final = 30.0
+
+
+@dataclass(slots=True)
+class PostedMessages:
+    """One request: its messages, and the answer once they are stored.
+
+    Attributes:
+        messages: In the order of the body.
+        n_bytes: Size of the body.
+        bad: Rejected records, by number of the message in the request; None until the messages are durable.
+        is_done: Set when `bad` is.
+    """
+
+    messages: Sequence[ReceivedMessage]
+    n_bytes: int
+    bad: Sequence[tuple[int, Rejected]] | None = None
+    is_done: threading.Event = field(default_factory=threading.Event)
+
+
+class PostInbox:
+    """An HTTP server and the requests that wait to be stored.
+
+    Args:
+        address: HOST:PORT to listen at; port 0 takes a free one.
+        token: Every request has it, as `Authorization: Bearer TOKEN`.
+        sources: Paths that may be posted to, beside `frames`.
+        body_max_bytes: Longest body.
+
+    Raises:
+        LiveError: E709, the address cannot be used.
+    """
+
+    def __init__(self, address: str, *, token: str, sources: Collection[str], body_max_bytes: int) -> None:
+        self.token = token.encode()
+        self.paths = (FRAMES, *sources)
+        self.body_max_bytes = body_max_bytes
+        self.n_refused: Counter[str] = Counter()
+        self._waiting: list[PostedMessages] = []
+        self._n_messages = self._n_bytes = 0
+        self._first_s = 0.0
+        self._changed = threading.Condition()
+        self._is_closed = False
+        host, port = host_and_port(address)
+        try:
+            self._server = _Server((host, port), _Handler)
+        except OSError as error:
+            raise LiveError(
+                f"--http {address}: nothing can listen there",
+                code="E709",
+                why=str(error.strerror or error),
+                fix="name another port, or stop the program that has it: ss -ltnp",
+            ) from None
+        self._server.inbox = self
+        self.address = f"{host}:{self._server.server_address[1]}"
+        self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_loopback(self) -> bool:
+        """Return whether only this machine can reach it."""
+        host = self.address.rpartition(":")[0]
+        try:
+            return ipaddress.ip_address(host).is_loopback
+        except ValueError:
+            return host == "localhost"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return its state for the heartbeat: address, and refused requests by status."""
+        return {"address": self.address, "refused": dict(self.n_refused)}
+
+    def put(self, posted: PostedMessages) -> bool:
+        """Queue a request; return False when too much waits, or the listener stops."""
+        with self._changed:
+            n, n_bytes = self._n_messages + len(posted.messages), self._n_bytes + posted.n_bytes
+            if self._is_closed or (self._waiting and (n > MESSAGES_MAX or n_bytes > 2 * HELD_MAX_BYTES)):
+                return False
+            if not self._waiting:
+                self._first_s = time.monotonic()
+            self._waiting.append(posted)
+            self._n_messages, self._n_bytes = n, n_bytes
+            self._changed.notify_all()
+            return True
+
+    def wait(self, timeout_s: float, *, not_before_s: float = 0.0) -> None:
+        """Wait until requests should be stored.
+
+        Args:
+            timeout_s: Longest wait.
+            not_before_s: Monotonic instant before which nothing can be stored.
+        """
+        with self._changed:
+            if not self._waiting:
+                self._changed.wait(timeout_s)
+        due_s = self.due_in_s()
+        if due_s is not None:
+            time.sleep(min(timeout_s, max(due_s, not_before_s - time.monotonic())))
+
+    def due_in_s(self) -> float | None:
+        """Return in how many seconds what waits should be stored; None = nothing waits."""
+        with self._changed:
+            if not self._waiting:
+                return None
+            return max(0.0, self._first_s + LINGER_S - time.monotonic())
+
+    def take(self) -> list[PostedMessages]:
+        """Return the requests that wait, in their order; they wait until `settle`."""
+        with self._changed:
+            return list(self._waiting)
+
+    def settle(self, posted: Sequence[PostedMessages], bad: Mapping[int, Sequence[Rejected]]) -> None:
+        """Answer requests whose messages are durable.
+
+        Args:
+            posted: The first of those that wait.
+            bad: Rejected records by number of the message, over all requests.
+        """
+        at = 0
+        for request in posted:
+            request.bad = [(i, r) for i in range(len(request.messages)) for r in bad.get(at + i, ())]
+            at += len(request.messages)
+            request.is_done.set()
+        with self._changed:
+            del self._waiting[: len(posted)]
+            self._n_messages -= at
+            self._n_bytes -= sum(request.n_bytes for request in posted)
+            self._first_s = time.monotonic()
+
+    def close(self) -> None:
+        """Stop taking requests, and answer those that wait with 503."""
+        with self._changed:
+            self._is_closed = True
+            waiting, self._waiting = self._waiting, []
+        for request in waiting:
+            request.is_done.set()
+        self._server.shutdown()
+        self._server.finish()
+
+
+class _Server(ThreadingHTTPServer):
+    """The server: a thread a connection, a bounded number of them."""
+
+    daemon_threads = True
+    block_on_close = False
+    inbox: PostInbox
+
+    def __init__(self, *arguments: Any) -> None:
+        self._room = threading.BoundedSemaphore(CONNECTIONS_MAX)
+        self._n_busy = 0
+        super().__init__(*arguments)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread; close it where too many are open."""
+        if not self._room.acquire(blocking=False):
+            self.inbox.n_refused["too many connections"] += 1
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a connection."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a connection that broke off: its sender got no answer and sends again."""
+
+    def finish(self) -> None:
+        """Close the port, after a moment for answers that are on their way."""
+        until_s = time.monotonic() + 1.0
+        while self._n_busy and time.monotonic() < until_s:
+            time.sleep(0.01)
+        self.server_close()
+
+    @contextlib.contextmanager
+    def answering(self) -> Any:
+        """Count a request that will be answered."""
+        self._n_busy += 1
+        try:
+            yield
+        finally:
+            self._n_busy -= 1
+
+
+class _Refusal(Exception):  # noqa: N818 - an answer, not an error of the program
+    """An answer that is not 202: status, a sentence for people."""
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    protocol_version = "HTTP/1.1"
+    server_version = "vsd"
+    sys_version = ""
+    timeout: ClassVar[float] = READ_S
+    server: _Server
+
+    def do_POST(self) -> None:
+        """Take messages, and answer when they are stored."""
+        inbox = self.server.inbox
+        with self.server.answering():
+            try:
+                posted = self._posted(inbox)
+                if not inbox.put(posted):
+                    raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, "too much waits to be stored: send it again later")
+                posted.is_done.wait(ANSWER_S)
+                if posted.bad is None:
+                    text = "not stored yet: send it again, records that were stored meanwhile count once"
+                    raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
+            except _Refusal as refusal:
+                status, why = refusal.args
+                inbox.n_refused[str(int(status))] += 1
+                self._answer(status, {"error": why})
+                return
+            n_bad = len({number for number, _ in posted.bad})
+            told = [{"message": n, "reason": r.reason, "detail": r.detail[:EXCERPT_CHARS]} for n, r in posted.bad[:100]]
+            self._answer(
+                HTTPStatus.UNPROCESSABLE_ENTITY if n_bad else HTTPStatus.ACCEPTED,
+                {"stored": len(posted.messages) - n_bad, "quarantined": n_bad, **({"rejected": told} if told else {})},
+            )
+
+    def do_GET(self) -> None:
+        """Refuse to show anything."""
+        self._answer(HTTPStatus.METHOD_NOT_ALLOWED, {"error": "messages are posted here; nothing can be read"})
+
+    do_PUT = do_DELETE = do_PATCH = do_HEAD = do_OPTIONS = do_GET  # noqa: N815 - names of the library
+
+    def log_message(self, *_: Any) -> None:
+        """Write no line per request."""
+
+    def _posted(self, inbox: PostInbox) -> PostedMessages:
+        """Read a request; what is refused before its body was read ends the connection."""
+        self.close_connection = True
+        given = self.headers.get("Authorization", "").encode("utf-8", "replace")
+        if not hmac.compare_digest(given, b"Bearer " + inbox.token):
+            raise _Refusal(HTTPStatus.UNAUTHORIZED, "the header Authorization: Bearer TOKEN is missing or wrong")
+        path = self.path.partition("?")[0].strip("/")
+        if path not in inbox.paths:
+            known = ", ".join(f"/{p}" for p in inbox.paths[:20])
+            raise _Refusal(HTTPStatus.NOT_FOUND, f"nothing is taken there; there are {known}")
+        if self.headers.get("Content-Encoding", "identity") != "identity":
+            raise _Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send the body as it is, not compressed")
+        length = self.headers.get("Content-Length", "")
+        if "Transfer-Encoding" in self.headers or not (length.isascii() and length.isdigit() and len(length) < 12):
+            raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "send a Content-Length")
+        if int(length) > inbox.body_max_bytes:
+            text = f"a body has at most {inbox.body_max_bytes:,} bytes (line_max_bytes)"
+            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)
+        body = self._body(int(length))
+        is_lines = any(kind in self.headers.get("Content-Type", "").lower() for kind in ("ndjson", "jsonl"))
+        messages = messages_of(body, is_lines=is_lines)
+        if not messages:
+            raise _Refusal(HTTPStatus.BAD_REQUEST, "the body holds no message")
+        if len(messages) > MESSAGES_MAX:
+            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request has at most {MESSAGES_MAX:,} messages")
+        self.close_connection = self.headers.get("Connection", "").lower() == "close"
+        return PostedMessages([ReceivedMessage(TOPIC + path, m, len(m)) for m in messages], len(body))
+
+    def _body(self, length: int) -> bytes:
+        try:
+            body = self.rfile.read(length)
+        except OSError:
+            body = b""
+        if len(body) < length:
+            raise _Refusal(HTTPStatus.BAD_REQUEST, "the body ended early")
+        return body
+
+    def _answer(self, status: HTTPStatus, content: Mapping[str, Any]) -> None:
+        body = json.dumps(content).encode() + b"\n"
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(body)))
+        if status == HTTPStatus.UNAUTHORIZED:
+            self.send_header("WWW-Authenticate", "Bearer")
+        if status == HTTPStatus.SERVICE_UNAVAILABLE:
+            self.send_header("Retry-After", "1")
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+
+def messages_of(body: bytes, *, is_lines: bool = False) -> list[bytes]:
+    """Return the messages of a body: the elements of a JSON array, the lines, or the body itself.
+
+    Args:
+        body: What was posted.
+        is_lines: The sender says that each line is a message.
+    """
+    if is_lines:
+        return [line for line in body.splitlines() if line.strip()]
+    if body.lstrip().startswith(b"["):
+        try:
+            return [bytes(raw) for raw in msgspec.json.decode(body, type=list[msgspec.Raw])]
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return [body]  # quarantined as it is, with the reason
+    return [body] if body.strip() else []
+
+
+def host_and_port(address: str) -> tuple[str, int]:
+    """Return host and port of HOST:PORT, of HOST, or of :PORT.
+
+    Raises:
+        LiveError: E709, it is neither.
+    """
+    host, _, port = (address if ":" in address else f"{address}:{DEFAULT_ADDRESS.rpartition(':')[2]}").rpartition(":")
+    if not (port.isascii() and port.isdigit() and int(port) < 65536) or "/" in host or ":" in host:
+        fix = f"--http {DEFAULT_ADDRESS}"
+        raise LiveError(f"--http {address!r} is not HOST:PORT", code="E709", why="an IPv4 address or a name", fix=fix)
+    return host or "127.0.0.1", int(port)
+
+
+def token_of(root: Path, *, environ: Mapping[str, str]) -> str:
+    """Return the token of the environment's VSD_HTTP_TOKEN, else of `secrets/http-token`, which is made when missing.
+
+    Raises:
+        LiveError: E704, it cannot be read, or has fewer than 16 characters.
+    """
+    path = root / TOKEN_FILE
+    try:
+        if TOKEN_VARIABLE in environ:
+            token = environ[TOKEN_VARIABLE]
+        else:
+            if not path.exists():
+                make_dirs(path.parent)
+                publish(path, f"{secrets.token_urlsafe(32)}\n".encode())
+                path.chmod(0o600)
+            token = path.read_text(encoding="utf-8").partition("\n")[0].strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise _no_token(path, str(error)) from None
+    if len(token) < TOKEN_MIN_CHARS or not (token.isascii() and token.isprintable()) or " " in token:
+        raise _no_token(path, f"it must have {TOKEN_MIN_CHARS} or more printable ASCII characters, without blanks")
+    return token
+
+
+def _no_token(path: Path, why: str) -> LiveError:
+    return LiveError(
+        "the token of --http cannot be used",
+        code="E704",
+        where=Where(os.fspath(path)),
+        why=why,
+        fix=f"delete the file, and vsd listen makes a new one; or set {TOKEN_VARIABLE}",
+    )
