@@ -15,6 +15,8 @@ from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -64,6 +66,18 @@ def engine() -> None:
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
 @click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
+@click.option(
+    "--overlay",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Draw a picture of each frame: skeletons or boxes, safe spaces, and lines between people too close.",
+)
+@click.option(
+    "--pictures",
+    metavar="FOLDER|VIDEO",
+    type=click.Path(path_type=Path),
+    help="What --overlay draws on: the camera's pictures, the last number in a name is the frame's (default: grey).",
+)
 @json_option
 @pass_project
 def run(
@@ -79,6 +93,8 @@ def run(
     size: str | None,
     hz: float | None,
     start: str | None,
+    overlay: Path | None,
+    pictures: Path | None,
     as_json: bool,
 ) -> int:
     """Turn the people of a detector into frame messages that vsd ingest reads.
@@ -86,12 +102,15 @@ def run(
     PEOPLE is an OpenPose folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels,
     or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
 
+    With --overlay and --pictures, people are on the pictures written: they are personal data, and nothing deletes them.
+
     \b
     Example:
       vsd engine run people.csv --camera cam-1 --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --hz 25 --start 2026-11-09T08:00 --out frames.jsonl
       vsd engine run boxes.csv --camera cam-1 --hz 2 --start 2026-11-09T08:00 --track --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
+      vsd engine run joints/ --camera cam-1 --out frames.jsonl --overlay look/ --pictures door.mp4
     """
     from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.messages import frame_messages, instants_ms
@@ -101,6 +120,8 @@ def run(
 
     if track and method == "paper":
         raise UsageError("--track needs metres on the floor", fix="leave out --method paper")
+    if pictures is not None and overlay is None:
+        raise UsageError("--pictures is what --overlay draws on", fix="--overlay overlay/")
     camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
     found = read_people(people, size_px=picture_px)
@@ -118,6 +139,7 @@ def run(
     else:
         parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
         moves = _moves(project, camera, found, people, picture_px, ts_ms=ts_ms)
+    drawn = {} if overlay is None else _overlay(project, camera, found, parts, picture_px, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
     publish(out, b"".join(line + b"\n" for line in lines))
     done = {
@@ -129,6 +151,7 @@ def run(
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
         "bad_rows": dict(found.bad),
         "moves": moves,
+        **drawn,
     }
     if as_json:
         emit_json(done)
@@ -140,6 +163,9 @@ def run(
 def _print(done: dict[str, Any]) -> None:
     frames, persons, pairs = (count(done[what], what[:-1]) for what in ("frames", "persons", "pairs"))
     click.echo(f"{done['file']}: {frames}, {persons}, {pairs} ({done['engine']})")
+    if "overlay" in done:
+        on = f"{done['pictured']:,} of them on the camera's" if done["pictured"] else "on grey ground"
+        click.echo(f"{done['overlay']}/: {count(done['pictures'], 'picture')}, {on}")
     for what, n in done["left_out"].items():
         click.echo(f"  {count(n, 'person')} not used: {what}")
     for what, n in done["bad_rows"].items():
@@ -221,11 +247,36 @@ def _calibrated(
             homography=used.homography,
             picture_px=picture_px,
             within_m=project.site.settings.pair_max_m,
+            distance_m=project.site.settings.distance_m,
             name=used.calibration_id,
             error=_stated_error(used),
         )
         parts.append((seen, when))
     return parts
+
+
+def _overlay(
+    project: Project,
+    camera: Camera,
+    people: People,
+    parts: Sequence[tuple[Seen, NDArray[np.int64]]],
+    picture_px: tuple[int, int] | None,
+    *,
+    to: Path,
+    on: Path | None,
+) -> dict[str, object]:
+    """Draw what was seen; return what was drawn, for `--json`."""
+    from vsd_analytics.engine.frame_pictures import frame_pictures
+    from vsd_analytics.engine.overlay import OverlayLook, write_overlay
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.report.words.format import distance
+
+    if picture_px is None:
+        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
+    settings = project.site.settings
+    look = OverlayLook(picture_px, settings.distance_m, lambda metres: distance(metres, settings.distance_unit))
+    n_pictured = write_overlay(to, parts, pictures=frame_pictures(on, people), source=on, look=look)
+    return {"overlay": str(to), "pictures": len(people.frames), "pictured": n_pictured}
 
 
 def _stated_error(used: Calibration) -> StatedError | None:
