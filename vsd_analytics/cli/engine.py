@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from vsd_analytics.engine.monoloco_files import MonolocoPeople
     from vsd_analytics.engine.people import People
     from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
@@ -46,9 +47,10 @@ def engine() -> None:
 @click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="JSON Lines file to write.")
 @click.option(
     "--method",
-    type=click.Choice(["people", "paper"]),
+    type=click.Choice(["people", "paper", "monoloco"]),
     default="people",
-    help="people: metres by the camera's calibration (default). paper: overlap of safe spaces by two ratios.",
+    help="people: metres by the camera's calibration (default). paper: overlap of safe spaces by two ratios. "
+    "monoloco: Monoloco's own metres, turned level.",
 )
 @click.option(
     "--part",
@@ -62,7 +64,9 @@ def engine() -> None:
     default="inset",
     help="What the ratios mean: inset, as in the published code (default), or share, as the paper defines them.",
 )
-@click.option("--track", is_flag=True, help="Give people track ids by following them on the floor (--method people).")
+@click.option(
+    "--track", is_flag=True, help="Give people track ids by following them on the floor (not with --method paper)."
+)
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
 @click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
@@ -99,8 +103,8 @@ def run(
 ) -> int:
     """Turn the people of a detector into frame messages that vsd ingest reads.
 
-    PEOPLE is an OpenPose folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels,
-    or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
+    PEOPLE is an OpenPose or Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of
+    ultralytics labels, or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
 
     With --overlay and --pictures, people are on the pictures written: they are personal data, and nothing deletes them.
 
@@ -110,10 +114,12 @@ def run(
       vsd engine run joints/ --camera cam-1 --hz 25 --start 2026-11-09T08:00 --out frames.jsonl
       vsd engine run boxes.csv --camera cam-1 --hz 2 --start 2026-11-09T08:00 --track --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
+      vsd engine run monoloco/ --camera cam-1 --method monoloco --track --hz 10 --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --out frames.jsonl --overlay look/ --pictures door.mp4
     """
     from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.messages import frame_messages, instants_ms
+    from vsd_analytics.engine.monoloco_files import read_monoloco
     from vsd_analytics.engine.people_files import read_people
     from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
@@ -124,7 +130,8 @@ def run(
         raise UsageError("--pictures is what --overlay draws on", fix="--overlay overlay/")
     camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
-    found = read_people(people, size_px=picture_px)
+    own = read_monoloco(people) if method == "monoloco" else None
+    found = read_people(people, size_px=picture_px) if own is None else own.people
     rate = hz or camera.hz or 1.0
     if found.ts_ms is None and start is None:
         project.say(
@@ -137,7 +144,10 @@ def run(
     if method == "paper":
         parts = [(_paper(project, camera, found, picture_px, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
     else:
-        parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
+        if own is None:
+            parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
+        else:
+            parts = _monoloco(project, camera, own, picture_px, ts_ms=ts_ms, is_tracked=track)
         moves = _moves(project, camera, found, people, picture_px, ts_ms=ts_ms)
     drawn = {} if overlay is None else _overlay(project, camera, found, parts, picture_px, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
@@ -150,6 +160,7 @@ def run(
         "pairs": sum(len(seen.a) for seen, _ in parts),
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
         "bad_rows": dict(found.bad),
+        **({} if own is None else _social(own)),
         "moves": moves,
         **drawn,
     }
@@ -166,6 +177,12 @@ def _print(done: dict[str, Any]) -> None:
     if "overlay" in done:
         on = f"{done['pictured']:,} of them on the camera's" if done["pictured"] else "on grey ground"
         click.echo(f"{done['overlay']}/: {count(done['pictures'], 'picture')}, {on}")
+    if "social_flags" in done:
+        flags = done["social_flags"]
+        click.echo(
+            f"  {flags['persons']:,} of {count(flags['of'], 'person')} flagged by Monoloco's own rule of people who face"
+            " each other: not a distance, and not in the messages"
+        )
     for what, n in done["left_out"].items():
         click.echo(f"  {count(n, 'person')} not used: {what}")
     for what, n in done["bad_rows"].items():
@@ -253,6 +270,50 @@ def _calibrated(
         )
         parts.append((seen, when))
     return parts
+
+
+def _monoloco(
+    project: Project,
+    camera: Camera,
+    own: MonolocoPeople,
+    picture_px: tuple[int, int] | None,
+    *,
+    ts_ms: NDArray[np.int64],
+    is_tracked: bool,
+) -> list[tuple[Seen, NDArray[np.int64]]]:
+    """Return what Monoloco placed under each of the camera's calibrations, else on the plane of its people."""
+    from dataclasses import replace
+
+    from vsd_analytics.engine.monoloco_method import floor_of_calibration, floor_of_people, locate_monoloco
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.warehouse.dimensions import calibration_spans
+
+    settings, floors = project.site.settings, []
+    for from_ms, to_ms, used in calibration_spans(camera):
+        if picture_px is None:
+            raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
+        name = used.calibration_id
+        floors.append((from_ms, to_ms, floor_of_calibration(used.homography, picture_px=picture_px, name=name)))
+    timed, parts = replace(own, people=replace(own.people, ts_ms=ts_ms)), []
+    for from_ms, to_ms, floor in floors or [(int(ts_ms[0]), int(ts_ms[-1]) + 1, floor_of_people(own))]:
+        part = timed.between(from_ms, to_ms)
+        when = part.people.ts_ms
+        if when is None or not len(when):
+            continue
+        part = replace(part, people=replace(part.people, ts_ms=own.people.ts_ms))
+        reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
+        parts.append((locate_monoloco(part, floor, **reach, ts_ms=when if is_tracked else None), when))
+    return parts
+
+
+def _social(own: MonolocoPeople) -> dict[str, object]:
+    """Return how many people Monoloco's own rule flags: a judgement of its own, which is no distance."""
+    import numpy as np
+
+    judged = np.isfinite(own.is_social)
+    if not judged.any():
+        return {}
+    return {"social_flags": {"persons": int(np.nansum(own.is_social)), "of": int(judged.sum())}}
 
 
 def _overlay(
