@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
@@ -55,6 +55,12 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Boxes or joints with times: tell whether the camera has moved since its calibration, and when.",
 )
+@click.option("--draw", is_flag=True, help="Write a page to click points, areas, fixtures and views by hand.")
+@click.option(
+    "--picture", type=click.Path(path_type=Path), metavar="FILE", help="Picture for --draw (default: the camera's)."
+)
+@click.option("--open", "is_opened", is_flag=True, help="Open the page of --draw in a browser.")
+@language_option
 @click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people, --check and --camera-file.")
 @click.option("--from", "valid_from", metavar="INSTANT", help="When the camera was put there (default: always).")
 @json_option
@@ -68,6 +74,9 @@ def calibrate(
     unit: str,
     from_people: Path | None,
     check: Path | None,
+    draw: bool,
+    picture: Path | None,
+    is_opened: bool,
     size: str | None,
     valid_from: str | None,
     as_json: bool,
@@ -84,10 +93,15 @@ def calibrate(
     With --camera-file, a lens with distortion gets the homography that fits the floor in the picture best, up to 30 m,
     and what that leaves is printed and stored as the error.
 
-    Without --matrix, --points, --camera-file, --from-people and --check, draw the calibration in force again.
+    With --draw, nothing is calibrated: the page it writes takes points by click on the picture and on the plan, shows
+    circles of the legal distance on the picture, and gives the points as CSV. Areas, fixtures and what the camera sees
+    are drawn on it, too; it gives their lines for vsd.toml. It needs no server and no network.
+
+    Without --matrix, --points, --camera-file, --from-people, --check and --draw, draw the calibration in force again.
 
     \b
     Example:
+      vsd calibrate cam-1 --draw --open
       vsd calibrate cam-1 --points points.csv
       vsd calibrate cam-1 --matrix cam-1.txt --from 2026-11-01T07:00
       vsd calibrate cam-1 --from-people people.csv --size 1920x1080
@@ -98,10 +112,14 @@ def calibrate(
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.errors import UsageError
 
-    if sum(given is not None for given in (matrix, points, camera_files or None, from_people, check)) > 1:
-        which = "--matrix, --points, --camera-file, --from-people and --check"
+    if sum(given is not None for given in (matrix, points, camera_files or None, from_people, check, draw or None)) > 1:
+        which = "--matrix, --points, --camera-file, --from-people, --check and --draw"
         raise UsageError(f"{which} exclude each other", fix="give one of them")
     since = None if valid_from is None else instant(valid_from, zone=project.site.timezone, what="--from")
+    if (picture is not None or is_opened) and not draw:
+        raise UsageError("--picture and --open belong to --draw", fix=f"vsd calibrate {camera} --draw")
+    if draw:
+        return _draw(project, camera, picture=picture, is_opened=is_opened, as_json=as_json)
     if check is not None:
         return _check(project, camera, check, size=size, as_json=as_json)
     if camera_files:
@@ -110,6 +128,26 @@ def calibrate(
         return _from_people(project, camera, from_people, size=size, since=since, as_json=as_json)
     done = calibration.calibrate(project.site, camera_id=camera, matrix=matrix, points=points, valid_from=since)
     return _shown(project, done, _lines(done), {}, as_json=as_json)
+
+
+def _draw(project: Project, camera_id: str, *, picture: Path | None, is_opened: bool, as_json: bool) -> int:
+    """Write the page to calibrate a camera by hand."""
+    from vsd_analytics.calibration_page.page import render_calibration_page
+    from vsd_analytics.config.calibrate import FOLDER, camera_called
+    from vsd_analytics.store.durable import publish
+
+    project.speak()
+    camera = camera_called(project.site, camera_id)
+    page = render_calibration_page(project.site, camera, picture=picture)
+    path = project.root / FOLDER / f"{camera.camera_id}-draw.html"
+    publish(path, page.encode())
+    if as_json:
+        emit_json({"camera_id": camera.camera_id, "page": str(path), "bytes": len(page.encode())})
+    else:
+        click.echo(f"{path}   {len(page.encode()) / 1000:.0f} KB")
+    if is_opened:
+        click.launch(str(path))
+    return 0
 
 
 def _shown(project: Project, done: Calibrated, lines: list[str], more: dict[str, object], *, as_json: bool) -> int:

@@ -180,8 +180,8 @@ def _print(done: dict[str, Any]) -> None:
     if "social_flags" in done:
         flags = done["social_flags"]
         click.echo(
-            f"  {flags['persons']:,} of {count(flags['of'], 'person')} flagged by Monoloco's own rule of people who face"
-            " each other: not a distance, and not in the messages"
+            f"  {flags['persons']:,} of {count(flags['of'], 'person')} flagged by Monoloco's own rule of people who "
+            "face each other: not a distance, and not in the messages"
         )
     for what, n in done["left_out"].items():
         click.echo(f"  {count(n, 'person')} not used: {what}")
