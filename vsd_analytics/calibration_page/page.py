@@ -196,7 +196,8 @@ def _extent(site: Site, camera: Camera, floor: Floor, given: tuple[PointPair, ..
     """Return the part of the floor to draw, in whole metres: the plan and all that is known on it."""
     import shapely
 
-    known = [shapely.Polygon(s.polygon) for s in (*site.areas, *site.fixtures) if s.floor_id == floor.floor_id]
+    known = [shapely.Polygon(a.polygon) for a in site.areas if a.floor_id == floor.floor_id]
+    known += [shapely.Polygon(f.polygon) for f in site.fixtures if f.floor_id == floor.floor_id]
     known += [shapely.Point(x, y) for _, _, x, y in given]
     shown = plan_bounds(floor)
     if shown is not None:
