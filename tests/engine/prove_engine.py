@@ -22,17 +22,19 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from engine.pair_errors import distances, pair_errors
 from engine.simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
+from engine.simulated_rooms import room_picture
 from engine.simulated_weeks import MONDAY_MS, simulate_week
 
-from vsd_analytics.engine.body import PART_M, feet
+from vsd_analytics.engine.body import PART_M, feet, ground_points, part_px
 from vsd_analytics.engine.camera_moves import HOUR_MS, CameraCheck, check_camera
 from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.people_calibration import FromPeople, calibrate_from_people
 from vsd_analytics.engine.ratio_search import Labelled, paper_distances, search
 from vsd_analytics.engine.ratios import Ratios
-from vsd_analytics.engine.safe_space import pairs_of_frames
+from vsd_analytics.engine.safe_space import pairs_of_frames, safe_spaces
 from vsd_analytics.engine.scores import f1_of, f1_of_frames
+from vsd_analytics.engine.vanishing_points import camera_from_segments, line_segments
 from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.homography import to_floor
 
@@ -175,6 +177,21 @@ def worlds(n: int, seed: int) -> Iterator[Scene]:
             yield scene
 
 
+def by_lines(scene: Scene, given: Labelled, *, seed: int) -> dict[str, Array]:
+    """Return distances by the vanishing points of a tiled room: measured by the torso, and by the camera's height."""
+    turn_deg = float(np.random.default_rng(seed).uniform(-45, 45))
+    segments = line_segments(room_picture(scene.camera, seed=seed, turn_deg=turn_deg))
+    found = camera_from_segments(segments, size_px=SIZE, height_m=scene.camera.height_m)
+    homography, people = found.camera.homography(), given.people
+    length = part_px(people, "torso")
+    spaces = safe_spaces(
+        homography, ground_points(people), length, length_m=PART_M["torso"], radius_m=1.0, picture_px=SIZE
+    )
+    apart = np.linalg.norm(spaces.centre[given.a] - spaces.centre[given.b], axis=1)
+    torso_m = apart / (spaces.radius[given.a] + spaces.radius[given.b]) * 2
+    return {"vanishing points, torso": torso_m, "vanishing points, height given": floor_m(given, homography)}
+
+
 def simulated(n: int, seed: int) -> None:
     rows: dict[str, list[list[float]]] = {}
     refused: dict[str, int] = {}
@@ -201,6 +218,12 @@ def simulated(n: int, seed: int) -> None:
                 refused[name] = refused.get(name, 0) + 1
                 continue
             rows.setdefault(name, []).append(scores(who, floor_m(who, found.homography)))
+        try:
+            for name, found_m in by_lines(scene, given, seed=seed + n_used).items():
+                rows.setdefault(name, []).append(scores(given, found_m))
+        except CalibrationError:
+            for name in ("vanishing points, torso", "vanishing points, height given"):
+                refused[name] = refused.get(name, 0) + 1
         name = "true camera, joints"
         rows.setdefault(name, []).append(scores(given, floor_m(given, scene.camera.homography())))
     print(f"\n{n_used} of {n} cameras saw 20 close pairs or more. Medians over cameras; distance error also at 90 %.")

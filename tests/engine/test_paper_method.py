@@ -117,7 +117,7 @@ def test_discs_overlap_exactly_where_the_filled_ellipses_overlap(seed: int, hori
     top = SIZE[1] * 0.95
     people = boxes([(x, y - 150, x + 60, y) for x, y in zip(rng.uniform(0, 1800, 6), rng.uniform(top, 1080, 6))])  # noqa: B905
     spaces = spaces_of(people, ratios=Ratios(horizontal, vertical), size_px=SIZE, part="box", distance_m=2.0)
-    rings = [shapely.Polygon(ring) for ring in spaces.ellipses(720)]
+    rings = [shapely.Polygon(ring) for ring in spaces.ellipses(n_points=720)]
     near = near_pairs(spaces, people.frame, within_m=2.0)
     found = set(zip(near.a.tolist(), near.b.tolist(), strict=True))
     a, b = pairs_of_frames(people.frame)
@@ -129,7 +129,9 @@ def test_discs_overlap_exactly_where_the_filled_ellipses_overlap(seed: int, hori
 
 def test_ellipse_is_as_wide_as_the_radius_is_by_the_person_s_height() -> None:
     people = boxes([(900, 700, 1000, 870)])
-    ring = spaces_of(people, ratios=Ratios(0.5, 0.5), size_px=SIZE, part="box", distance_m=2.0).ellipses(720)[0]
+    ring = spaces_of(people, ratios=Ratios(0.5, 0.5), size_px=SIZE, part="box", distance_m=2.0).ellipses(n_points=720)[
+        0
+    ]
     assert np.ptp(ring[:, 0]) / 2 == pytest.approx(100, rel=0.02)  # 170 px are 1.70 m
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
@@ -55,6 +55,25 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Boxes or joints with times: tell whether the camera has moved since its calibration, and when.",
 )
+@click.option(
+    "--lines",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Picture of a place with right angles: its straight edges show focal length and tilt; with --height.",
+)
+@click.option(
+    "--height",
+    "height_m",
+    type=click.FloatRange(min=0.5, max=100),
+    metavar="M",
+    help="Height of the lens, with --lines.",
+)
+@click.option("--draw", is_flag=True, help="Write a page to click points, areas, fixtures and views by hand.")
+@click.option(
+    "--picture", type=click.Path(path_type=Path), metavar="FILE", help="Picture for --draw (default: the camera's)."
+)
+@click.option("--open", "is_opened", is_flag=True, help="Open the page of --draw in a browser.")
+@language_option
 @click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people, --check and --camera-file.")
 @click.option("--from", "valid_from", metavar="INSTANT", help="When the camera was put there (default: always).")
 @json_option
@@ -68,6 +87,11 @@ def calibrate(
     unit: str,
     from_people: Path | None,
     check: Path | None,
+    lines: Path | None,
+    height_m: float | None,
+    draw: bool,
+    picture: Path | None,
+    is_opened: bool,
     size: str | None,
     valid_from: str | None,
     as_json: bool,
@@ -84,32 +108,71 @@ def calibrate(
     With --camera-file, a lens with distortion gets the homography that fits the floor in the picture best, up to 30 m,
     and what that leaves is printed and stored as the error.
 
-    Without --matrix, --points, --camera-file, --from-people and --check, draw the calibration in force again.
+    With --lines, the vanishing points of floor, shelves and walls in a picture give focal length, tilt and roll. The
+    height of the lens above the floor sets the scale. The origin is below the camera, as with --from-people.
+
+    With --draw, nothing is calibrated: the page it writes takes points by click on the picture and on the plan, shows
+    circles of the legal distance on the picture, and gives the points as CSV. Areas, fixtures and what the camera sees
+    are drawn on it, too; it gives their lines for vsd.toml. It needs no server and no network.
+
+    Without --matrix, --points, --camera-file, --lines, --from-people, --check and --draw, draw the calibration in force
+    again.
 
     \b
     Example:
+      vsd calibrate cam-1 --draw --open
       vsd calibrate cam-1 --points points.csv
       vsd calibrate cam-1 --matrix cam-1.txt --from 2026-11-01T07:00
       vsd calibrate cam-1 --from-people people.csv --size 1920x1080
       vsd calibrate cam-1 --check week.csv
+      vsd calibrate cam-1 --lines pictures/cam-1.png --height 3.2
       vsd calibrate cam-1 --camera-file intr.xml --camera-file extr.xml --unit cm
       vsd calibrate cam-1
     """
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.errors import UsageError
 
-    if sum(given is not None for given in (matrix, points, camera_files or None, from_people, check)) > 1:
-        which = "--matrix, --points, --camera-file, --from-people and --check"
+    ways = (matrix, points, camera_files or None, from_people, check, lines, draw or None)
+    if sum(given is not None for given in ways) > 1:
+        which = "--matrix, --points, --camera-file, --from-people, --check, --lines and --draw"
         raise UsageError(f"{which} exclude each other", fix="give one of them")
+    if (lines is None) != (height_m is None):
+        raise UsageError("--lines and --height go together", fix="--lines PICTURE --height 3.2, in metres")
     since = None if valid_from is None else instant(valid_from, zone=project.site.timezone, what="--from")
+    if (picture is not None or is_opened) and not draw:
+        raise UsageError("--picture and --open belong to --draw", fix=f"vsd calibrate {camera} --draw")
+    if draw:
+        return _draw(project, camera, picture=picture, is_opened=is_opened, as_json=as_json)
     if check is not None:
         return _check(project, camera, check, size=size, as_json=as_json)
     if camera_files:
         return _from_camera_files(project, camera, camera_files, unit=unit, size=size, since=since, as_json=as_json)
+    if lines is not None and height_m is not None:
+        return _from_lines(project, camera, lines, height_m=height_m, since=since, as_json=as_json)
     if from_people is not None:
         return _from_people(project, camera, from_people, size=size, since=since, as_json=as_json)
     done = calibration.calibrate(project.site, camera_id=camera, matrix=matrix, points=points, valid_from=since)
     return _shown(project, done, _lines(done), {}, as_json=as_json)
+
+
+def _draw(project: Project, camera_id: str, *, picture: Path | None, is_opened: bool, as_json: bool) -> int:
+    """Write the page to calibrate a camera by hand."""
+    from vsd_analytics.calibration_page.page import render_calibration_page
+    from vsd_analytics.config.calibrate import FOLDER, camera_called
+    from vsd_analytics.store.durable import publish
+
+    project.speak()
+    camera = camera_called(project.site, camera_id)
+    page = render_calibration_page(project.site, camera, picture=picture)
+    path = project.root / FOLDER / f"{camera.camera_id}-draw.html"
+    publish(path, page.encode())
+    if as_json:
+        emit_json({"camera_id": camera.camera_id, "page": str(path), "bytes": len(page.encode())})
+    else:
+        click.echo(f"{path}   {len(page.encode()) / 1000:.0f} KB")
+    if is_opened:
+        click.launch(str(path))
+    return 0
 
 
 def _shown(project: Project, done: Calibrated, lines: list[str], more: dict[str, object], *, as_json: bool) -> int:
@@ -143,6 +206,47 @@ def _from_people(
     stated = beside(project.site.root / done.file, "people")
     write_stated_error(stated, found, calibration_id=done.calibration_id)
     return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
+
+
+def _from_lines(
+    project: Project, camera_id: str, picture: Path, *, height_m: float, since: datetime | None, as_json: bool
+) -> int:
+    """Calibrate a camera from the straight lines of a picture, and put the result into force."""
+    import numpy as np
+
+    from vsd_analytics.config import calibrate as calibration
+    from vsd_analytics.engine.vanishing_points import camera_from_lines
+    from vsd_analytics.errors import UsageError
+
+    known = calibration.camera_called(project.site, camera_id).picture_px
+    found = camera_from_lines(picture, height_m=height_m)
+    if known is not None and known != found.size_px:
+        sizes = ["{}x{}".format(*size) for size in (found.size_px, known)]
+        raise UsageError(
+            f"{picture.name} has {sizes[0]} pixels, and the camera's pictures {sizes[1]}",
+            fix="give a picture as the engine sees it",
+        )
+    camera = found.camera
+    tilt, roll, spread = np.degrees([camera.tilt_rad, camera.roll_rad, found.tilt_sd_rad])
+    focal = camera.focal_px / found.size_px[0]
+    done = _put_into_force(project, camera_id, camera.homography(), since=since)
+    lines = [
+        f"{camera_id}: from {found.n_segments} straight edges, {found.share:.0%} of their length in three directions",
+        f"tilt {tilt:.1f} degrees (one sd {spread:.1f}), roll {roll:.1f} degrees, "
+        f"focal length {focal:.2f} picture widths",
+        f"distances are as right as the height given, {height_m:g} m",
+        *_lines(done)[1:],
+    ]
+    more: dict[str, object] = {
+        "height_m": height_m,
+        "tilt_deg": round(float(tilt), 2),
+        "roll_deg": round(float(roll), 2),
+        "focal_px": round(camera.focal_px, 1),
+        "tilt_sd_deg": round(float(spread), 2),
+        "n_segments": found.n_segments,
+        "share_of_length": round(found.share, 3),
+    }
+    return _shown(project, done, lines, more, as_json=as_json)
 
 
 def _from_camera_files(

@@ -15,9 +15,12 @@ from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from vsd_analytics.engine.monoloco_files import MonolocoPeople
     from vsd_analytics.engine.people import People
     from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
@@ -44,9 +47,10 @@ def engine() -> None:
 @click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="JSON Lines file to write.")
 @click.option(
     "--method",
-    type=click.Choice(["people", "paper"]),
+    type=click.Choice(["people", "paper", "monoloco"]),
     default="people",
-    help="people: metres by the camera's calibration (default). paper: overlap of safe spaces by two ratios.",
+    help="people: metres by the camera's calibration (default). paper: overlap of safe spaces by two ratios. "
+    "monoloco: Monoloco's own metres, turned level.",
 )
 @click.option(
     "--part",
@@ -60,10 +64,24 @@ def engine() -> None:
     default="inset",
     help="What the ratios mean: inset, as in the published code (default), or share, as the paper defines them.",
 )
-@click.option("--track", is_flag=True, help="Give people track ids by following them on the floor (--method people).")
+@click.option(
+    "--track", is_flag=True, help="Give people track ids by following them on the floor (not with --method paper)."
+)
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
 @click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
+@click.option(
+    "--overlay",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Draw a picture of each frame: skeletons or boxes, safe spaces, and lines between people too close.",
+)
+@click.option(
+    "--pictures",
+    metavar="FOLDER|VIDEO",
+    type=click.Path(path_type=Path),
+    help="What --overlay draws on: the camera's pictures, the last number in a name is the frame's (default: grey).",
+)
 @json_option
 @pass_project
 def run(
@@ -79,12 +97,16 @@ def run(
     size: str | None,
     hz: float | None,
     start: str | None,
+    overlay: Path | None,
+    pictures: Path | None,
     as_json: bool,
 ) -> int:
     """Turn the people of a detector into frame messages that vsd ingest reads.
 
-    PEOPLE is an OpenPose folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels,
-    or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
+    PEOPLE is an OpenPose or Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of
+    ultralytics labels, or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
+
+    With --overlay and --pictures, people are on the pictures written: they are personal data, and nothing deletes them.
 
     \b
     Example:
@@ -92,18 +114,24 @@ def run(
       vsd engine run joints/ --camera cam-1 --hz 25 --start 2026-11-09T08:00 --out frames.jsonl
       vsd engine run boxes.csv --camera cam-1 --hz 2 --start 2026-11-09T08:00 --track --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
+      vsd engine run monoloco/ --camera cam-1 --method monoloco --track --hz 10 --out frames.jsonl
+      vsd engine run joints/ --camera cam-1 --out frames.jsonl --overlay look/ --pictures door.mp4
     """
     from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.messages import frame_messages, instants_ms
+    from vsd_analytics.engine.monoloco_files import read_monoloco
     from vsd_analytics.engine.people_files import read_people
     from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
 
     if track and method == "paper":
         raise UsageError("--track needs metres on the floor", fix="leave out --method paper")
+    if pictures is not None and overlay is None:
+        raise UsageError("--pictures is what --overlay draws on", fix="--overlay overlay/")
     camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
-    found = read_people(people, size_px=picture_px)
+    own = read_monoloco(people) if method == "monoloco" else None
+    found = read_people(people, size_px=picture_px) if own is None else own.people
     rate = hz or camera.hz or 1.0
     if found.ts_ms is None and start is None:
         project.say(
@@ -116,8 +144,12 @@ def run(
     if method == "paper":
         parts = [(_paper(project, camera, found, picture_px, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
     else:
-        parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
+        if own is None:
+            parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
+        else:
+            parts = _monoloco(project, camera, own, picture_px, ts_ms=ts_ms, is_tracked=track)
         moves = _moves(project, camera, found, people, picture_px, ts_ms=ts_ms)
+    drawn = {} if overlay is None else _overlay(project, camera, found, parts, picture_px, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
     publish(out, b"".join(line + b"\n" for line in lines))
     done = {
@@ -128,7 +160,9 @@ def run(
         "pairs": sum(len(seen.a) for seen, _ in parts),
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
         "bad_rows": dict(found.bad),
+        **({} if own is None else _social(own)),
         "moves": moves,
+        **drawn,
     }
     if as_json:
         emit_json(done)
@@ -140,6 +174,15 @@ def run(
 def _print(done: dict[str, Any]) -> None:
     frames, persons, pairs = (count(done[what], what[:-1]) for what in ("frames", "persons", "pairs"))
     click.echo(f"{done['file']}: {frames}, {persons}, {pairs} ({done['engine']})")
+    if "overlay" in done:
+        on = f"{done['pictured']:,} of them on the camera's" if done["pictured"] else "on grey ground"
+        click.echo(f"{done['overlay']}/: {count(done['pictures'], 'picture')}, {on}")
+    if "social_flags" in done:
+        flags = done["social_flags"]
+        click.echo(
+            f"  {flags['persons']:,} of {count(flags['of'], 'person')} flagged by Monoloco's own rule of people who "
+            "face each other: not a distance, and not in the messages"
+        )
     for what, n in done["left_out"].items():
         click.echo(f"  {count(n, 'person')} not used: {what}")
     for what, n in done["bad_rows"].items():
@@ -221,11 +264,80 @@ def _calibrated(
             homography=used.homography,
             picture_px=picture_px,
             within_m=project.site.settings.pair_max_m,
+            distance_m=project.site.settings.distance_m,
             name=used.calibration_id,
             error=_stated_error(used),
         )
         parts.append((seen, when))
     return parts
+
+
+def _monoloco(
+    project: Project,
+    camera: Camera,
+    own: MonolocoPeople,
+    picture_px: tuple[int, int] | None,
+    *,
+    ts_ms: NDArray[np.int64],
+    is_tracked: bool,
+) -> list[tuple[Seen, NDArray[np.int64]]]:
+    """Return what Monoloco placed under each of the camera's calibrations, else on the plane of its people."""
+    from dataclasses import replace
+
+    from vsd_analytics.engine.monoloco_method import floor_of_calibration, floor_of_people, locate_monoloco
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.warehouse.dimensions import calibration_spans
+
+    settings, floors = project.site.settings, []
+    for from_ms, to_ms, used in calibration_spans(camera):
+        if picture_px is None:
+            raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
+        name = used.calibration_id
+        floors.append((from_ms, to_ms, floor_of_calibration(used.homography, picture_px=picture_px, name=name)))
+    timed, parts = replace(own, people=replace(own.people, ts_ms=ts_ms)), []
+    for from_ms, to_ms, floor in floors or [(int(ts_ms[0]), int(ts_ms[-1]) + 1, floor_of_people(own))]:
+        part = timed.between(from_ms, to_ms)
+        when = part.people.ts_ms
+        if when is None or not len(when):
+            continue
+        part = replace(part, people=replace(part.people, ts_ms=own.people.ts_ms))
+        reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
+        parts.append((locate_monoloco(part, floor, **reach, ts_ms=when if is_tracked else None), when))
+    return parts
+
+
+def _social(own: MonolocoPeople) -> dict[str, object]:
+    """Return how many people Monoloco's own rule flags: a judgement of its own, which is no distance."""
+    import numpy as np
+
+    judged = np.isfinite(own.is_social)
+    if not judged.any():
+        return {}
+    return {"social_flags": {"persons": int(np.nansum(own.is_social)), "of": int(judged.sum())}}
+
+
+def _overlay(
+    project: Project,
+    camera: Camera,
+    people: People,
+    parts: Sequence[tuple[Seen, NDArray[np.int64]]],
+    picture_px: tuple[int, int] | None,
+    *,
+    to: Path,
+    on: Path | None,
+) -> dict[str, object]:
+    """Draw what was seen; return what was drawn, for `--json`."""
+    from vsd_analytics.engine.frame_pictures import frame_pictures
+    from vsd_analytics.engine.overlay import OverlayLook, write_overlay
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.report.words.format import distance
+
+    if picture_px is None:
+        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
+    settings = project.site.settings
+    look = OverlayLook(picture_px, settings.distance_m, lambda metres: distance(metres, settings.distance_unit))
+    n_pictured = write_overlay(to, parts, pictures=frame_pictures(on, people), source=on, look=look)
+    return {"overlay": str(to), "pictures": len(people.frames), "pictured": n_pictured}
 
 
 def _stated_error(used: Calibration) -> StatedError | None:

@@ -207,6 +207,10 @@ Fix: give a longer recording with track ids, or measure points: vsd calibrate CA
     "E412": """\
 Messages and truth cannot be compared: they have no frame, or no track id of a person, in common.
 Fix: give the truth of the same recording, with the frame numbers and track ids of the detector's file.""",
+    "E413": """\
+The straight lines of a picture do not show how the camera looks; the message says why. Nothing was changed.
+Common causes: few long edges, a round or winding place, a lens that bends lines, a camera that looks straight down.
+Fix: give an empty picture with floor, shelves and walls, or click points: vsd calibrate CAMERA --draw""",
     "W401": """\
 The calibration comes from few points. Four points always fit exactly, so their error says nothing, and with
 five an error of one is spread over all. Fix: measure six or more, spread over the floor.""",

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.people_calibration_file import StatedError
-from vsd_analytics.engine.safe_space import pairs_of_frames
+from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
 from vsd_analytics.engine.seen import Seen
-from vsd_analytics.geometry.homography import to_floor
+from vsd_analytics.geometry.homography import as_matrix, to_floor
 
 
 def locate(
@@ -19,6 +19,7 @@ def locate(
     homography: ArrayLike,
     picture_px: tuple[int, int] | None,
     within_m: float,
+    distance_m: float = 2.0,
     name: str,
     error: StatedError | None = None,
 ) -> Seen:
@@ -31,6 +32,7 @@ def locate(
         homography: 3x3, pixels to floor metres.
         picture_px: Width and height of the picture.
         within_m: Pairs from this distance on are left out.
+        distance_m: Two persons nearer than this are too close; a safe space has half of it as its radius.
         name: What the homography is, for the messages.
         error: Stated error of the calibration; None = unknown.
     """
@@ -51,5 +53,6 @@ def locate(
         quality="metric",
         engine=f"vsd-people {name}",
         left_out={why: n for why, n in reasons.items() if n},
+        spaces=SafeSpaces(as_matrix(homography), xy, np.full(len(people), distance_m / 2), distance_m / 2),
         sd_m=None if error is None else error.distance_sd_m(uv[a[near]], uv[b[near]]),
     )

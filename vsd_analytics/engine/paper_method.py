@@ -69,4 +69,5 @@ def detect(
         quality="relative",
         engine=f"vsd-paper {ratios} {part}",
         left_out=left_out,
+        spaces=spaces,
     )

@@ -12,7 +12,8 @@ def read_people(path: Path, *, size_px: tuple[int, int] | None = None) -> People
     """Read the people a detector found, whatever it wrote them as.
 
     Args:
-        path: A folder of JSON files (OpenPose) or of text files (ultralytics), a JSON file, or a CSV table of boxes.
+        path: A folder of JSON files (OpenPose, Monoloco) or of text files (ultralytics), a JSON file, or a CSV table of
+            boxes.
         size_px: Width and height of the picture; needed for ultralytics only, which writes shares of it.
 
     Raises:
@@ -25,6 +26,10 @@ def read_people(path: Path, *, size_px: tuple[int, int] | None = None) -> People
             from vsd_analytics.engine.ultralytics_labels import read_labels
 
             return read_labels(path, size_px=size_px)
+        from vsd_analytics.engine.monoloco_files import is_monoloco, read_monoloco
+
+        if is_monoloco(path):
+            return read_monoloco(path).people
         from vsd_analytics.engine.joint_files import read_joint_folder
 
         return read_joint_folder(path)

@@ -31,12 +31,24 @@ class SafeSpaces:
     radius: Array
     radius_m: float
 
-    def ellipses(self, n_points: int = 64) -> Array:
-        """Return the rings of the discs in the picture, pixels, shape (n, n_points, 2)."""
+    def ellipses(self, rows: NDArray[np.intp] | None = None, *, n_points: int = 64) -> Array:
+        """Return the rings of discs in the picture.
+
+        Args:
+            rows: Which discs; None = all.
+            n_points: Points of a ring.
+
+        Returns:
+            Pixels, shape (n, n_points, 2); NaN for the part of a disc that lies behind the camera.
+        """
+        centre, radius = (self.centre, self.radius) if rows is None else (self.centre[rows], self.radius[rows])
         angle = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
-        ring = self.centre[:, None] + self.radius[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+        ring = centre[:, None] + radius[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])
         back = as_matrix(np.linalg.inv(self.homography))
-        return project(back, ring.reshape(-1, 2)).reshape(len(self.centre), n_points, 2)
+        depth = ring @ back[2, :2] + back[2, 2]  # has the sign of the disc's middle as far as the camera sees
+        is_ahead = depth * (centre @ back[2, :2] + back[2, 2])[:, None] > 0
+        seen = project(back, ring.reshape(-1, 2)).reshape(ring.shape)
+        return np.asarray(np.where(is_ahead[..., None], seen, np.nan))
 
 
 def safe_spaces(

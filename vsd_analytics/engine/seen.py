@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.people import Array, People
+from vsd_analytics.engine.safe_space import SafeSpaces
 
 Quality = Literal["metric", "body", "relative"]
 
@@ -28,6 +29,7 @@ class Seen:
         engine: Name and parameters, as the messages carry it.
         left_out: Persons that do not count, by reason.
         sd_m: Standard deviation of the distances, shape (m,); None where it is unknown.
+        spaces: Safe space of each person; None where nothing maps the floor to the picture.
     """
 
     people: People
@@ -40,3 +42,4 @@ class Seen:
     engine: str
     left_out: dict[str, int]
     sd_m: Array | None = None
+    spaces: SafeSpaces | None = None

@@ -56,6 +56,11 @@ def tracked(
     per_px = floor_per_px(homography, uv, picture_px=picture_px)
     covariance = per_px @ np.swapaxes(per_px, 1, 2) * (sd_px**2)[:, None, None]
     numbers = follow(xy, covariance, np.searchsorted(people.frames, people.frame), ts_ms / 1000)
+    return with_ids(people, numbers, ts_ms=ts_ms)
+
+
+def with_ids(people: People, numbers: NDArray[np.int64], *, ts_ms: NDArray[np.int64]) -> People:
+    """Return the people with ids of track numbers: `START-N`, so that those of two files never meet."""
     start = int(ts_ms[0]) if len(ts_ms) else 0
     ids = np.empty(len(people), dtype=object)
     ids[:] = [f"{start:x}-{number}" for number in numbers.tolist()]

@@ -114,18 +114,38 @@ def ground_resolution(homography: ArrayLike, xy: ArrayLike, *, picture_px: tuple
 def projection(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Array | None:
     """Return the whole camera behind a homography: the 3x4 matrix P from floor metres and height to pixels.
 
-    (u w, v w, w) = P (x, y, z, 1), w the depth in metres. A homography fixes P when the lens has square pixels and its
-    axis meets the middle of the picture: with G = H^-1 shifted to that middle, its first two columns are
-    diag(f, f, 1) times two orthogonal vectors of equal length, two equations for 1/f^2, solved by least squares (Zhang,
-    A flexible new technique for camera calibration, 2000, section 3.1). Of the two normals of the floor, the one with
-    the camera above it is taken.
+    (u w, v w, w) = P (x, y, z, 1), w the depth in metres.
 
     Args:
         homography: 3x3, pixels to metres.
         picture_px: Width and height of the picture.
 
     Returns:
-        None when no such lens makes this homography, as for a camera that looks straight down.
+        None when no such lens makes this homography (`camera_pose`).
+    """
+    found = camera_pose(homography, picture_px=picture_px)
+    if found is None:
+        return None
+    focal_px, pose = found
+    lens = np.array([[focal_px, 0, picture_px[0] / 2], [0, focal_px, picture_px[1] / 2], [0, 0, 1]])
+    return np.asarray(lens @ pose)
+
+
+def camera_pose(homography: ArrayLike, *, picture_px: tuple[int, int]) -> tuple[float, Array] | None:
+    """Return the lens and the place of the camera behind a homography.
+
+    A homography fixes both when the lens has square pixels and its axis meets the middle of the picture: with G = H^-1
+    shifted to that middle, its first two columns are diag(f, f, 1) times two orthogonal vectors of equal length, two
+    equations for 1/f^2, solved by least squares (Zhang, A flexible new technique for camera calibration, 2000, section
+    3.1). Of the two normals of the floor, the one with the camera above it is taken.
+
+    Args:
+        homography: 3x3, pixels to metres.
+        picture_px: Width and height of the picture.
+
+    Returns:
+        The focal length in pixels, and the 3x4 matrix from floor metres and height (x, y, z, 1) to camera axes: metres
+        right, down, ahead. None when no such lens makes this homography, as for a camera that looks straight down.
     """
     h = as_matrix(homography)
     to_middle = np.array([[1.0, 0.0, -picture_px[0] / 2], [0.0, 1.0, -picture_px[1] / 2], [0.0, 0.0, 1.0]])
@@ -136,13 +156,13 @@ def projection(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Array |
     inverse_f2 = -float(ahead @ rest) / max(float(ahead @ ahead), np.finfo(float).tiny)
     if not inverse_f2 > 0:
         return None
-    lens = np.diag([1 / np.sqrt(inverse_f2), 1 / np.sqrt(inverse_f2), 1.0])
-    pose = _inverse(lens) @ g
+    focal_px = 1 / np.sqrt(inverse_f2)
+    pose = np.diag([1 / focal_px, 1 / focal_px, 1.0]) @ g
     pose /= np.sqrt(np.linalg.norm(pose[:, 0]) * np.linalg.norm(pose[:, 1]))
     up = np.cross(pose[:, 0], pose[:, 1])
     if -up @ pose[:, 2] < 0:
         up = -up
-    return np.asarray(_inverse(to_middle) @ lens @ np.column_stack([pose[:, :2], up, pose[:, 2]]))
+    return float(focal_px), np.column_stack([pose[:, :2], up, pose[:, 2]])
 
 
 def fit_homography(points: Sequence[tuple[float, float, float, float]] | ArrayLike) -> Fit:

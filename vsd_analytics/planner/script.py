@@ -67,9 +67,14 @@ def sentences() -> dict[str, str | dict[str, str]]:
 
 @cache
 def script() -> str:
-    """Return the page's only script: the shipped files one after the other in one scope, without comments' lines."""
+    """Return the page's only script."""
+    return one_script(SCRIPTS)
+
+
+def one_script(names: tuple[str, ...]) -> str:
+    """Return shipped scripts one after the other in one scope, without comments' lines."""
     folder = shipped("reports") / "static"
-    text = "".join((folder / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    text = "".join((folder / name).read_text(encoding="utf-8") for name in names)
     text = re.sub(r"^\s*/\*.*?\*/\s*$", "", text, flags=re.DOTALL | re.MULTILINE)
     lines = "".join(f"{line.strip()}\n" for line in text.splitlines() if line.strip())
     return f"(() => {{\n'use strict';\n{lines}}})();\n"
