@@ -67,7 +67,7 @@ def cell_map(
     class_of = np.searchsorted(np.asarray(steps), values, side="right")
     opacity = None if frame.is_metric else "0.75"
     for k, colour in enumerate((LOW, *RAMP_LIGHT)):
-        rings = [frame.ring(cells[i].ring) for i in np.flatnonzero(class_of == k)]
+        rings = [frame.ring(cells[i].ring) for i in np.flatnonzero(class_of == k).tolist()]
         if rings:
             drawn.append(el("path", fill=colour, fill_opacity=opacity, d=straight_path(rings)))
     if frame.is_metric:
