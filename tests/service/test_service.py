@@ -33,7 +33,7 @@ from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_csv
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.service.access import RateLimit, is_loopback, token_of
-from vsd_analytics.service.answers import Answers
+from vsd_analytics.service.answers import ReportAnswers
 from vsd_analytics.service.app import make_app
 from vsd_analytics.service.openapi import ADDRESSES
 
@@ -44,7 +44,7 @@ MONDAY = date(2026, 11, 9)
 
 def client_of(root: Path, *, per_min: float = 1e6, burst: int = 10**6) -> TestClient:
     limit = RateLimit(per_min=per_min, burst=burst)
-    app = make_app(Answers(root), token=TOKEN, limit=limit, title="Shop")
+    app = make_app(ReportAnswers(root), token=TOKEN, limit=limit, title="Shop")
     return TestClient(app, raise_server_exceptions=False, headers={"Authorization": f"Bearer {TOKEN}"})
 
 
@@ -135,7 +135,7 @@ def test_a_changed_project_is_answered_anew(demo_project: Path, tmp_path: Path) 
     root = tmp_path / "vsd-demo"
     shutil.copytree(demo_project, root)
     seconds = [0.0]
-    answers = Answers(root, clock=lambda: seconds[0])
+    answers = ReportAnswers(root, clock=lambda: seconds[0])
     before = json.loads(answers.site())
     assert before["name"] == "Quayside Market"
     text = (root / "vsd.toml").read_text()
@@ -193,10 +193,10 @@ def test_the_rate_recovers_and_clients_do_not_slow_each_other() -> None:
 
 
 def test_an_internal_error_says_nothing_about_the_machine(demo_project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(self: Answers) -> bytes:
+    def broken(self: ReportAnswers) -> bytes:
         raise RuntimeError("/secret/path")
 
-    monkeypatch.setattr(Answers, "site", broken)
+    monkeypatch.setattr(ReportAnswers, "site", broken)
     answer = client_of(demo_project).get("/v1/site")
     assert answer.status_code == 500
     assert "secret" not in answer.text

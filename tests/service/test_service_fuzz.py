@@ -29,11 +29,11 @@ STEADY = settings(
 @pytest.fixture(scope="module")
 def app(demo_project: Path) -> Any:
     from vsd_analytics.service.access import RateLimit
-    from vsd_analytics.service.answers import Answers
+    from vsd_analytics.service.answers import ReportAnswers
     from vsd_analytics.service.app import make_app
 
     limit = RateLimit(per_min=1e6, burst=10**6)
-    return make_app(Answers(demo_project), token=TOKEN, limit=limit, title="Shop")
+    return make_app(ReportAnswers(demo_project), token=TOKEN, limit=limit, title="Shop")
 
 
 @pytest.fixture(scope="module")

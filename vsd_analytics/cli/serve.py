@@ -44,12 +44,12 @@ def serve(project: Project, host: str, port: int, per_minute: float) -> None:
         raise UsageError(
             "vsd serve needs more packages", why=str(error), fix="pip install 'vsd-analytics[serve]'"
         ) from None
-    from vsd_analytics.service.answers import Answers
+    from vsd_analytics.service.answers import ReportAnswers
 
     token, where = token_of(project.root, environ=os.environ)
     now = project.now if project.now_text is not None else None
     limit = RateLimit(per_min=per_minute, burst=max(10, int(per_minute // 4)))
-    app = make_app(Answers(project.root, now=now), token=token, limit=limit, title=project.site.name)
+    app = make_app(ReportAnswers(project.root, now=now), token=token, limit=limit, title=project.site.name)
     if not is_loopback(host):
         project.say(
             f"warning: {host} is not this machine alone, and HTTP is not encrypted: put a proxy with TLS before it"

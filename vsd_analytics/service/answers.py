@@ -25,7 +25,7 @@ from vsd_analytics.warehouse.stored_days import stored_extent
 
 TABLES: Final = ("hours", "areas", "hotspots")
 ANSWERS_MAX: Final = 64
-"""Answers in memory; the one that was not asked for longest goes first."""
+"""ReportAnswers in memory; the one that was not asked for longest goes first."""
 LOOK_AGAIN_S: Final = 2.0
 """Time after which the project's files are looked at again."""
 _INPUTS: Final = ("vsd.toml", "log.jsonl", "questions.jsonl", "purge.jsonl")
@@ -38,7 +38,7 @@ class NotFoundError(VsdError):
     default_code = "E101"
 
 
-class Answers:
+class ReportAnswers:
     """The answers of one project, made when first asked for and again when the project's files changed.
 
     One answer is made at a time: a report uses all processors, and two at once would need the memory of both.

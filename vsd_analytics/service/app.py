@@ -18,7 +18,7 @@ from starlette.routing import Route
 
 from vsd_analytics.errors import ConfigError, StoreError, VsdError
 from vsd_analytics.service.access import RateLimit, is_allowed
-from vsd_analytics.service.answers import Answers, NotFoundError
+from vsd_analytics.service.answers import NotFoundError, ReportAnswers
 from vsd_analytics.service.openapi import ADDRESSES, Address, document
 
 HEADERS: Final = {
@@ -34,7 +34,7 @@ HEADERS: Final = {
 _UNAUTHORISED: Final = {"WWW-Authenticate": 'Bearer, Basic realm="vsd", charset="UTF-8"'}
 
 
-def make_app(answers: Answers, *, token: str, limit: RateLimit, title: str) -> Starlette:
+def make_app(answers: ReportAnswers, *, token: str, limit: RateLimit, title: str) -> Starlette:
     """Return the service as an ASGI application.
 
     Args:

@@ -34,7 +34,7 @@ class Address:
 
     Attributes:
         path: Its path with parameters in braces.
-        name: The method of `Answers` that answers, and the operation's id.
+        name: The method of `ReportAnswers` that answers, and the operation's id.
         summary: What it answers.
         media_type: Type of the answer.
         schema: JSON Schema of a JSON answer.
