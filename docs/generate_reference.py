@@ -243,6 +243,20 @@ def figures_markdown() -> str:
     return _table(head, rows)
 
 
+def exports_markdown() -> str:
+    """Return the generated part of `docs/tools.md`: the tables of `vsd export --duckdb`, from the SQL files."""
+    from vsd_analytics.report.pages.duckdb_file import column_text, exported_tables
+
+    parts = []
+    for relation in exported_tables():
+        where = f"sql/{relation.layer}/{relation.name}.sql"
+        known = f"One row is identified by {_listed(relation.grain)}. File: [{where}](../{where})."
+        rows = [(f"`{c}`", column_text(relation, c)) for c in relation.columns]
+        parts += [f"### {relation.name}", relation.description, known, _table(("column", "what it is"), rows)]
+        parts.append(f"Assumes: {relation.assumes}.")
+    return "\n\n".join(parts)
+
+
 def _python(name: str) -> str:
     """Return a link to the file of a function or class, by its dotted name."""
     module, _, short = name.rpartition(".")
@@ -302,7 +316,7 @@ PAGES: Final[Mapping[str, Callable[[], str]]] = {
 }
 
 
-PARTS: Final[Mapping[str, Callable[[], str]]] = {"figures.md": figures_markdown}
+PARTS: Final[Mapping[str, Callable[[], str]]] = {"figures.md": figures_markdown, "tools.md": exports_markdown}
 """Pages written by hand of which a part, between `PART_BEGINS` and `PART_ENDS`, is made from the code."""
 PART_BEGINS: Final = "<!-- Made by `make docs` from the headers of the SQL files; edit there. -->"
 PART_ENDS: Final = "<!-- Written by hand from here on. -->"

@@ -3,12 +3,17 @@
 The public API. `open` is the way in for analysts; the functions below it compute single figures on a `Warehouse`.
 Everything heavy is imported when first used, and editors and type checkers see every name.
 
+The examples of all docstrings run on a demo project of one week. Their names:
+
 Example:
     >>> import vsd_analytics as vsd
-    >>> site = vsd.open("vsd-demo")  # doctest: +SKIP
-    >>> site.week("2026-W46").hours.df()  # doctest: +SKIP
-    >>> "open" in dir(vsd)
-    True
+    >>> from datetime import date
+    >>> site = vsd.open("vsd-demo")
+    >>> week = site.week("2026-W46")
+    >>> [floor] = site.site.floors
+    >>> warehouse = vsd.open_warehouse(site.site, week.first, week.last)
+    >>> warehouse.rows("select count(*) as n_hours from hours")
+    [{'n_hours': 168}]
 """
 
 from __future__ import annotations
@@ -25,6 +30,7 @@ if TYPE_CHECKING:
     from vsd_analytics.api.project import OpenProject as OpenProject
     from vsd_analytics.api.project import open_project as open
     from vsd_analytics.api.table import Table as Table
+    from vsd_analytics.api.trajectories import TrackTable as TrackTable
     from vsd_analytics.config import find_project as find_project
     from vsd_analytics.config import load_site as load_site
     from vsd_analytics.figures.before_after import before_after as before_after
@@ -62,6 +68,7 @@ _PLACES = {
     "Site": "vsd_analytics.site.model",
     "Store": "vsd_analytics.store",
     "Table": "vsd_analytics.api.table",
+    "TrackTable": "vsd_analytics.api.trajectories",
     "Warehouse": "vsd_analytics.warehouse.warehouse",
     "before_after": "vsd_analytics.figures.before_after",
     "burden_map": "vsd_analytics.figures.maps",
@@ -101,6 +108,7 @@ __all__ = [
     "Site",
     "Store",
     "Table",
+    "TrackTable",
     "VsdError",
     "Warehouse",
     "__version__",

@@ -33,6 +33,13 @@ def test_generated_page_is_what_the_code_says(name: str) -> None:
     assert (REPOSITORY / "docs" / name).read_text(encoding="utf-8") == reference.PAGES[name]()
 
 
+@pytest.mark.parametrize("name", sorted(reference.PARTS))
+def test_generated_part_of_a_page_is_what_the_code_says(name: str) -> None:
+    """Run `make docs` after changing the header of a SQL file."""
+    text = (REPOSITORY / "docs" / name).read_text(encoding="utf-8")
+    assert reference.with_part(text, reference.PARTS[name]()) == text
+
+
 def test_every_command_has_help_an_example_and_an_entry() -> None:
     text = (REPOSITORY / "docs" / "cli.md").read_text(encoding="utf-8")
     for name, command in all_commands():

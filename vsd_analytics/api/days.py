@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import date
 from functools import cached_property
-from typing import Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import pandas as pd
 import pyarrow as pa
@@ -20,6 +20,9 @@ from vsd_analytics.settings import BY_NAME
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+
+if TYPE_CHECKING:
+    from vsd_analytics.api.trajectories import TrackTable
 
 MapKind = Literal["exposure", "burden", "risk", "excess"]
 T = TypeVar("T")
@@ -88,27 +91,53 @@ class Days:
         shown = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
         return Days(site, self.first, self.last, name=f"{self.name} at {shown}")
 
+    def _repr_html_(self) -> str:
+        """Return what was recorded, for a notebook: a strip of hours for each camera and day, as in the report."""
+        from vsd_analytics.api.recorded_strips import recorded_html
+
+        with self._warehouse() as warehouse:
+            return recorded_html(warehouse, title=repr(self))
+
     @cached_property
     def hours(self) -> Table:
         """Return one row for each local hour: `start`, `state`, counts, person-seconds; null without data.
 
         Columns as in `sql/marts/hours.sql`; `start` is an instant in the site's time zone.
+
+        Example:
+            >>> week.hours.df()["state"].iloc[10]
+            'full'
         """
         return self._query(_HOURS, "Hours")
 
     @cached_property
     def violations(self) -> Table:
-        """Return one row for each violation: `started`, `duration_s`, place, area, closest distance, both tracks."""
+        """Return one row for each violation: `started`, `duration_s`, place, area, closest distance, both tracks.
+
+        Example:
+            >>> bool((week.violations.df()["duration_s"] >= 3).all())
+            True
+        """
         return self._query(_VIOLATIONS, "Violations")
 
     @cached_property
     def cells(self) -> Table:
-        """Return one row for each cell of 1 m in which anybody was: its middle, person-seconds, those too close."""
+        """Return one row for each cell of 1 m in which anybody was: its middle, person-seconds, those too close.
+
+        Example:
+            >>> week.cells.columns
+            ['floor_id', 'x_m', 'y_m', 'exposure_s', 'violation_s']
+        """
         return self._query(_CELLS, "Cells of 1 m")
 
     @cached_property
     def coverage(self) -> Table:
-        """Return one row for each camera and day: open hours, and how many of them it recorded."""
+        """Return one row for each camera and day: open hours, and how many of them it recorded.
+
+        Example:
+            >>> len(week.coverage)  # four cameras on seven days
+            28
+        """
         return self._query(_COVERAGE, "Coverage")
 
     @cached_property
@@ -118,6 +147,10 @@ class Days:
         Columns: `floor_id`, `kind` (floor, area or rest), `area_id`, `name`; violations per open hour (M0) and share of
         person-time too close (M6) as `violations_per_open_h`, `close_share`, each with `_lo`, `_hi`, `_state` and
         `_reason`.
+
+        Example:
+            >>> week.areas.df()["kind"].tolist()
+            ['floor', 'area', 'area', 'area', 'area', 'rest']
         """
         from vsd_analytics.figures import close_time, compare, rates
         from vsd_analytics.figures.panels import FloorHours, Period
@@ -153,6 +186,10 @@ class Days:
 
         Columns: `floor_id`, `number`, `area_id`, `x_m`, `y_m`, `ratio` with `ratio_lo` and `ratio_hi`,
         `excess_min_per_week`, `n_violations`, `state`, `since`.
+
+        Example:
+            >>> print(week.hotspots.note)
+            Ground floor: 7 of the 28 days were recorded ... hotspots need 14
         """
         from vsd_analytics.figures import hotspots as figures
 
@@ -193,6 +230,10 @@ class Days:
 
         Raises:
             UsageError: E101, there is no such map or floor.
+
+        Example:
+            >>> week.heatmap("exposure", cell_m=1.0).array.shape
+            (16, 23)
         """
         from vsd_analytics.figures import maps
         from vsd_analytics.figures.compare import known_floor
@@ -207,7 +248,28 @@ class Days:
             raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
         floor = known_floor(self.site, floor_id, ())
         with self._warehouse() as warehouse:
-            return as_heatmap(kind, made[kind](warehouse, floor=floor, cell_m=cell_m), floor)
+            found = made[kind](warehouse, floor=floor, cell_m=cell_m)
+        return as_heatmap(kind, found, floor=floor, site=self.site, until=self.last)
+
+    def trajectories(self, camera_id: str | None = None) -> TrackTable:
+        """Return the stored tracks of a camera in metres, in the columns that PedPy and movingpandas read.
+
+        These are personal data: a path says more about a person than a count.
+
+        Args:
+            camera_id: The camera; None where there is only one.
+
+        Raises:
+            UsageError: E101, there is no such camera.
+
+        Example:
+            >>> walks = site.days("2026-11-09").trajectories("cam-1")
+            >>> walks.frame_rate_hz
+            0.5
+        """
+        from vsd_analytics.api.trajectories import trajectories
+
+        return trajectories(self.site, camera_id, first=self.first, last=self.last)
 
     def sql(self, query: str, **tables: pd.DataFrame | pa.Table | Table) -> Table:
         """Return the rows of one `select` over the relations of `sql/` and your own tables.
@@ -221,7 +283,9 @@ class Days:
             SqlError: E603, the query fails.
 
         Example:
-            >>> week.sql("select * from hours join tills using (local_date, local_hour)", tills=frame)  # doctest: +SKIP
+            >>> tills = pd.DataFrame({"local_hour": [10, 11], "sales": [5, 7]})
+            >>> len(week.sql("select local_date, sales from hours join tills using (local_hour)", tills=tills))
+            14
         """
         from vsd_analytics.warehouse.analyst_query import run_query
         from vsd_analytics.warehouse.sqlfiles import relations

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from datetime import date
+from html import escape
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vsd_analytics.api.floor_view import PictureView, floor_view, ink, picture_view
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import Grid
 from vsd_analytics.figures.maps import CellMap
+from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.report.draw.cell_map import MapCell, cell_map, doubling_steps
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.site.model import Floor
+from vsd_analytics.site.model import Floor, Site
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+EXCESS_STEPS: Final = (1.0, 1.25, 1.5, 2.0, 3.0)
+"""Classes of excess: 1 is what the crowd explains."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Heatmap:
-    """One map of a floor (M16 to M19).
+    """One map of a floor (M16 to M19); a notebook shows it on the floor's plan.
 
     Attributes:
         kind: exposure, burden, risk or excess.
@@ -31,6 +40,8 @@ class Heatmap:
         exposure_h: Person-hours in each cell, same shape.
         floor: The floor.
         note: Why there is no map; empty where there is one.
+        site: The site, for its plan, fixtures, areas and cameras.
+        until: Last day of the map, for what stood on the floor.
     """
 
     kind: str
@@ -40,57 +51,127 @@ class Heatmap:
     exposure_h: NDArray[np.float64] = field(repr=False)
     floor: Floor = field(repr=False)
     note: str
+    site: Site = field(repr=False)
+    until: date = field(repr=False)
 
     @property
     def cell_m(self) -> float:
-        """Return the side of a cell in metres."""
+        """Return the side of a cell in metres.
+
+        Example:
+            >>> week.heatmap("risk", cell_m=1.0).cell_m
+            1.0
+        """
         return (self.extent_m[1] - self.extent_m[0]) / max(1, int(self.array.shape[1]))
 
-    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the map with its scale, metres on both axes, unknown cells left blank.
+    def plot(self, ax: Axes | None = None, *, over: str | None = None, **options: Any) -> Axes:
+        """Draw the map with its scale; unknown cells stay blank.
 
         Args:
             ax: Axes to draw on; None = new ones.
-            **options: For `matplotlib.axes.Axes.imshow`, such as `cmap` or `vmax`.
+            over: "plan" adds the floor's plan, fixtures and areas; the id of a camera draws the cells that it sees
+                whole into its picture, in pixels; None = bare floor.
+            **options: For matplotlib's `imshow` (over a camera: `PolyCollection`), such as `cmap` or `vmax`.
 
         Raises:
-            UsageError: E101, there is no map; `note` says why.
+            UsageError: E101, there is no map (`note` says why), or no such camera.
+
+        Example:
+            >>> axes = week.heatmap("risk").plot(over="plan")
+            >>> axes.get_xlabel()
+            'x, m'
         """
         if not self.array.size:
             raise UsageError(f"there is no map of {self.kind}", why=self.note)
+        view = (
+            None if over in (None, "plan") else picture_view(self.site, str(over), floor=self.floor, until=self.until)
+        )
         import matplotlib.pyplot as plt
 
         if ax is None:
             _, ax = plt.subplots(layout="constrained")
-        drawn = ax.imshow(self.array, origin="lower", extent=self.extent_m, **{"cmap": "YlOrBr", **options})
-        ax.set(xlabel="x, m", ylabel="y, m", title=f"{self.floor.name}: {self.kind}")
-        ax.figure.colorbar(drawn, ax=ax, label=self.unit)
+        options = {"cmap": "YlOrBr", **options}
+        if view is not None:
+            drawn = self._plot_picture(ax, view, options)
+        else:
+            drawn = ax.imshow(self.array, origin="lower", extent=self.extent_m, **options)
+            if over == "plan":
+                self._plot_plan(ax)
+            ax.set(xlabel="x, m", ylabel="y, m", title=f"{self.floor.name}: {self.kind}")
+        ax.figure.colorbar(drawn, ax=ax, label=self.unit, shrink=0.8)
         return ax
 
     def geojson(self) -> dict[str, Any]:
-        """Return the known cells as GeoJSON polygons in floor metres, each with its `value`; row by row."""
-        left, _, bottom, _ = self.extent_m
-        side = self.cell_m
-        features = []
-        for row, column in np.argwhere(np.isfinite(self.array)).tolist():
-            x, y = left + column * side, bottom + row * side
-            ring = [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
-            features.append(
-                {
-                    "type": "Feature",
-                    "properties": {"value": float(self.array[row, column]), "unit": self.unit},
-                    "geometry": {"type": "Polygon", "coordinates": [ring]},
-                }
-            )
+        """Return the known cells as GeoJSON polygons in floor metres, each with its `value`; row by row.
+
+        Example:
+            >>> week.heatmap("burden", cell_m=1.0).geojson()["features"][0]["geometry"]["type"]
+            'Polygon'
+        """
+        known, corners = self._cells()
+        features = [
+            {
+                "type": "Feature",
+                "properties": {"value": value, "unit": self.unit},
+                "geometry": {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
+            }
+            for value, ring in zip(known.tolist(), corners.tolist(), strict=True)
+        ]
         return {"type": "FeatureCollection", "features": features}
 
+    def _repr_html_(self) -> str:
+        """Return the map on the floor's plan as SVG, drawn as in the report."""
+        if not self.array.size:
+            return f"<p><b>{escape(self.floor.name)}: {self.kind}</b></p><p>{escape(self.note)}</p>"
+        known, corners = self._cells()
+        cells = [
+            MapCell(tuple((x, y) for x, y in ring), value)
+            for value, ring in zip(known.tolist(), corners.tolist(), strict=True)
+        ]
+        label = f"{self.floor.name}: {self.kind}, {self.unit}"
+        steps = EXCESS_STEPS if self.kind == "excess" else doubling_steps(self.array)
+        drawn = cell_map(self._floor(), cells, steps=steps, unit=self.unit, label=label, name=f"vsd-{self.kind}")
+        return f"<p><b>{escape(self.floor.name)}: {self.kind}</b></p>{drawn}"
 
-def as_heatmap(kind: str, found: CellMap, floor: Floor) -> Heatmap:
+    def _cells(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the known values, shape (n,), and the corners of their cells in metres, shape (n, 4, 2)."""
+        rows, columns = np.nonzero(np.isfinite(self.array))
+        lower_left = np.stack([self.extent_m[0] + columns * self.cell_m, self.extent_m[2] + rows * self.cell_m], axis=1)
+        around = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * self.cell_m
+        return self.array[rows, columns], lower_left[:, None, :] + around
+
+    def _floor(self) -> FloorMap:
+        left, right, bottom, top = self.extent_m
+        return floor_view(self.site, self.floor, until=self.until, extent=(left, bottom, right, top))
+
+    def _plot_plan(self, ax: Axes) -> None:
+        shown = self._floor()
+        x0, y0, x1, y1 = shown.extent
+        ax.imshow(ink(shown), extent=(x0, x1, y0, y1), zorder=2)
+        ax.set(xlim=(x0, x1), ylim=(y0, y1))
+
+    def _plot_picture(self, ax: Axes, view: PictureView, options: dict[str, Any]) -> Any:
+        from matplotlib.collections import PolyCollection
+
+        known, corners = self._cells()
+        seen, corners_px = view.corners_px(corners)
+        limits = {name: options.pop(name) for name in ("vmin", "vmax") if name in options}
+        drawn = PolyCollection(list(corners_px), array=known[seen], **{"alpha": 0.7, "linewidth": 0, **options})
+        drawn.set_clim(**({"vmin": float(np.nanmin(self.array)), "vmax": float(np.nanmax(self.array))} | limits))
+        width, height = view.size_px
+        ax.imshow(view.pixels(), extent=(0, width, height, 0))
+        ax.add_collection(drawn)
+        ax.set(xlim=(0, width), ylim=(height, 0), xticks=[], yticks=[], title=f"{view.camera.name}: {self.kind}")
+        return drawn
+
+
+def as_heatmap(kind: str, found: CellMap, *, floor: Floor, site: Site, until: date) -> Heatmap:
     """Return a map of the figures as a `Heatmap`."""
     if found.grid is None or found.values is None or found.exposure_h is None:
-        nothing = np.zeros((0, 0))
-        return Heatmap(kind, nothing, found.unit, (0.0, 0.0, 0.0, 0.0), nothing, floor, reason_text(found.reason))
-    return Heatmap(kind, found.values, found.unit, _extent_m(found.grid), found.exposure_h, floor, "")
+        nothing, nowhere = np.zeros((0, 0)), (0.0, 0.0, 0.0, 0.0)
+        return Heatmap(kind, nothing, found.unit, nowhere, nothing, floor, reason_text(found.reason), site, until)
+    extent_m = _extent_m(found.grid)
+    return Heatmap(kind, found.values, found.unit, extent_m, found.exposure_h, floor, "", site, until)
 
 
 def _extent_m(grid: Grid) -> tuple[float, float, float, float]:

@@ -34,8 +34,9 @@ def open_project(folder: str | Path = ".") -> OpenProject:
 
     Example:
         >>> import vsd_analytics as vsd
-        >>> site = vsd.open("vsd-demo")  # doctest: +SKIP
-        >>> site.week("2026-W46").hours.df()  # doctest: +SKIP
+        >>> site = vsd.open("vsd-demo")
+        >>> site
+        Quayside Market: 4 cameras, 4 areas, stored 2026-11-09 to 2026-11-15
     """
     return OpenProject(load_site(find_project(Path(folder))))
 
@@ -61,6 +62,10 @@ class OpenProject:
         Raises:
             UsageError: E101, it is no week.
             StoreError: E301, nothing is stored yet.
+
+        Example:
+            >>> site.week("2026-W46")
+            Quayside Market, 2026-W46: 2026-11-09 to 2026-11-15
         """
         extent = stored_extent(self.site)
         if extent is None:
@@ -77,6 +82,10 @@ class OpenProject:
 
         Raises:
             UsageError: E101, they are no days.
+
+        Example:
+            >>> site.days("2026-11-09..2026-11-11")
+            Quayside Market, 2026-11-09..2026-11-11: 2026-11-09 to 2026-11-11
         """
         begin, end = _range(first if last is None else (_range(first)[0], _range(last)[1]))
         return Days(self.site, begin, end, name=f"{begin}..{end}")
@@ -100,6 +109,11 @@ class OpenProject:
 
         Raises:
             UsageError: E101, a period, floor or area is unknown, or the periods have days in common.
+
+        Example:
+            >>> changed = site.compare("2026-11-09", "2026-11-10")
+            >>> [name for name in changed.columns if name.startswith("close_share_change")]
+            ['close_share_change', 'close_share_change_lo', 'close_share_change_hi']
         """
         from vsd_analytics.figures import compare as figures
 
@@ -125,7 +139,12 @@ class OpenProject:
 
     @property
     def changes(self) -> Table:
-        """Return the change log: `at`, `text`, `area_id`."""
+        """Return the change log: `at`, `text`, `area_id`.
+
+        Example:
+            >>> site.changes.columns
+            ['at', 'text', 'area_id']
+        """
         from vsd_analytics.config.change_log import read_log
 
         log = [{"at": e.at, "text": e.text, "area_id": e.area_id} for e in read_log(self.site)]

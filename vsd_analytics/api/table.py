@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import TYPE_CHECKING, Final
 
 import pyarrow as pa
@@ -32,18 +31,33 @@ class Table:
 
     @property
     def columns(self) -> list[str]:
-        """Return the names of the columns."""
+        """Return the names of the columns.
+
+        Example:
+            >>> week.coverage.columns
+            ['camera_id', 'local_date', 'open_h', 'recorded_h']
+        """
         return list(self._rows.column_names)
 
     def __len__(self) -> int:
         return int(self._rows.num_rows)
 
     def arrow(self) -> pa.Table:
-        """Return the rows as an Arrow table, without a copy."""
+        """Return the rows as an Arrow table, without a copy.
+
+        Example:
+            >>> week.hours.arrow().num_rows
+            168
+        """
         return self._rows
 
     def df(self) -> pd.DataFrame:
-        """Return the rows as a pandas frame: days are `datetime64`, whole numbers that may be null are `Int64`."""
+        """Return the rows as a pandas frame: days are `datetime64`, whole numbers that may be null are `Int64`.
+
+        Example:
+            >>> str(week.hours.df()["n_violations"].dtype)
+            'Int64'
+        """
         import pandas as pd
 
         frame: pd.DataFrame = self._rows.to_pandas(date_as_object=False)
@@ -57,6 +71,10 @@ class Table:
 
         Raises:
             UsageError: E101, polars is not installed.
+
+        Example:
+            >>> week.hours.pl().shape[0]
+            168
         """
         try:
             import polars as pl
@@ -78,8 +96,8 @@ class Table:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """Return the first rows for a notebook; texts are escaped."""
-        head = self._head().df().to_html(index=False, border=0, max_cols=12, escape=True)
-        more = f"<p>{len(self) - SHOWN_ROWS:,} more rows</p>" if len(self) > SHOWN_ROWS else ""
-        note = f"<p>{escape(self.note)}</p>" if self.note else ""
-        return f"<p><b>{escape(self.title)}</b>, {len(self):,} rows</p>{note}{head if len(self) else ''}{more}"
+        """Return the first rows for a notebook, written and drawn as in the report; texts are escaped."""
+        from vsd_analytics.api.notebook_html import table_html
+
+        rows = self._rows.slice(0, SHOWN_ROWS).to_pylist()
+        return table_html(rows, columns=self.columns, title=self.title, note=self.note, n_rows=len(self))

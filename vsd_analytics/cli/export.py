@@ -1,4 +1,4 @@
-"""`vsd export`: write stored records to a file."""
+"""`vsd export`: write stored records, or the figures for other tools, to a file."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import click
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.ranges import resolve
 from vsd_analytics.cli.record_selection import RECORD_NAMES, camera_id_of, parse_span
+from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
     from vsd_analytics.retention.export import Exported
@@ -24,21 +26,43 @@ if TYPE_CHECKING:
     type=click.Choice(["all", "frames", "observations", "pairs"]),
     help="RecordScope records (default: all for .jsonl, else observations).",
 )
-@click.option("--out", metavar="FILE", required=True, help="FILE.parquet, FILE.csv, or FILE.jsonl (frame messages).")
+@click.option("--out", metavar="FILE", help="FILE.parquet, FILE.csv, or FILE.jsonl (frame messages).")
+@click.option(
+    "--duckdb", "duckdb_out", metavar="FILE", help="Write the figures of whole weeks, without records, for other tools."
+)
 @json_option
 @pass_project
-def export(project: Project, span: str | None, camera: str | None, table: str | None, out: str, as_json: bool) -> None:
+def export(
+    project: Project,
+    span: str | None,
+    camera: str | None,
+    table: str | None,
+    out: str | None,
+    duckdb_out: str | None,
+    as_json: bool,
+) -> None:
     """Write stored records to a file: for somebody who asks what is stored about them, or to move elsewhere.
 
     JSON Lines are VSD frame messages, which vsd ingest reads. Records in quarantine that are, or may be, of the camera
     and time go to a file beside it, NAME.quarantine.jsonl, as they came. All this is personal data: handle it
     with care.
 
+    --duckdb writes no records: it writes the numbers of the weekly reports, small counts hidden, as tables for Grafana,
+    Metabase, Excel and others. A range means the weeks that it touches.
+
     \b
     Example:
       vsd export --camera cam-1 --range 2026-11-09T10:00..2026-11-09T12:00 --out asked-for.csv
       vsd export --range 2026-11-09..2026-11-15 --out week.jsonl
+      vsd export --duckdb week.duckdb --range 2026-11-09..2026-11-15
     """
+    if duckdb_out is not None:
+        if out is not None or camera is not None or table is not None:
+            raise UsageError("--duckdb takes no --out, --camera or --table", fix=f"vsd export --duckdb {duckdb_out}")
+        _export_duckdb(project, span, duckdb_out, as_json=as_json)
+        return
+    if out is None:
+        raise UsageError("which file?", fix="--out FILE.csv for records, or --duckdb FILE.duckdb for figures")
     from vsd_analytics.retention import export as exporting
     from vsd_analytics.store.removal import RecordScope
 
@@ -55,6 +79,24 @@ def export(project: Project, span: str | None, camera: str | None, table: str | 
         emit_json(printed)
         return
     _print_result(project, done, out)
+
+
+def _export_duckdb(project: Project, days: str | None, out: str, *, as_json: bool) -> None:
+    from vsd_analytics.report.pages.duckdb_file import export_duckdb
+
+    first, last = resolve(project, week=None, days=days)
+    done = export_duckdb(
+        project.site,
+        first,
+        last,
+        out=Path(out),
+        now=project.now if project.now_text is not None else None,
+        on_week=lambda monday: project.say(f"week {monday:%G-W%V}"),
+    )
+    if as_json:
+        emit_json({"file": out, "rows": dict(done.rows)})
+        return
+    click.echo(f"{sum(done.rows.values()):,} rows in {len(done.rows)} tables written to {out}")
 
 
 def _print_result(project: Project, done: Exported, out: str) -> None:

@@ -35,6 +35,10 @@ def find_project(start: Path) -> Path:
 
     Raises:
         UsageError: There is none (E102).
+
+    Example:
+        >>> vsd.find_project(site.site.root / "plans").name
+        'vsd-demo'
     """
     start = start.absolute()
     for folder in (start, *start.parents):
@@ -62,6 +66,10 @@ def load_site(folder: Path, *, environ: Mapping[str, str] | None = None) -> Site
     Raises:
         UsageError: There is no vsd.toml in `folder` (E102).
         ConfigError: It has mistakes (E103); `problems` lists all of them, by line.
+
+    Example:
+        >>> vsd.load_site(site.site.root).timezone
+        'Europe/Rome'
     """
     folder = folder.absolute()
     path = folder / FILE

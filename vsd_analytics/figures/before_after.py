@@ -159,6 +159,10 @@ def before_after(
 
     Raises:
         UsageError: E101, there is no such entry or area, or the entry names none.
+
+    Example:
+        >>> vsd.before_after(warehouse, 1).state  # one week is too little
+        'not_enough_data'
     """
     site = warehouse.site
     entry = log_entry(site, number)

@@ -150,6 +150,12 @@ def compare(
 
     Raises:
         UsageError: E101, a floor or area is unknown, or the periods overlap.
+
+    Example:
+        >>> two_days, next_two = (date(2026, 11, 9), date(2026, 11, 10)), (date(2026, 11, 11), date(2026, 11, 12))
+        >>> found = vsd.compare(warehouse, two_days, next_two)
+        >>> found.state, found.n_pairs  # no weekday is in both periods
+        ('ok', 0)
     """
     site = warehouse.site
     if a[0] <= b[1] and b[0] <= a[1]:

@@ -88,6 +88,11 @@ def episode_figures(
 
     Raises:
         UsageError: E101, the site has no such floor.
+
+    Example:
+        >>> median = vsd.episode_figures(warehouse).durations.median
+        >>> median.lo_s < median.value_s < median.hi_s
+        True
     """
     site = warehouse.site
     if floor_id is not None and floor_id not in {f.floor_id for f in site.floors}:

@@ -127,6 +127,10 @@ def plan_experiment(
     Raises:
         UsageError: E101, the site has no such area.
         ValueError: No effect.
+
+    Example:
+        >>> vsd.plan_experiment(warehouse, "checkout-queue", effect=-0.2).state  # needs four weeks before the change
+        'not_enough_data'
     """
     site = warehouse.site
     area = known_area(site, area_id)

@@ -139,6 +139,10 @@ def forecast(
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
+
+    Example:
+        >>> vsd.forecast(warehouse, date(2026, 11, 9)).week
+        '2026-W47'
     """
     slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
     next_monday = monday + timedelta(days=7)

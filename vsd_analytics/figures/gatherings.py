@@ -123,6 +123,10 @@ def gatherings(
 
     Raises:
         UsageError: E101, the site has no such floor.
+
+    Example:
+        >>> vsd.gatherings(warehouse).state
+        'ok'
     """
     site = warehouse.site
     if floor_id is not None and floor_id not in {f.floor_id for f in site.floors}:

@@ -153,6 +153,10 @@ def groups(
 
     Raises:
         UsageError: E101, the site has no such camera.
+
+    Example:
+        >>> vsd.groups(warehouse).state
+        'ok'
     """
     cameras = _cameras(warehouse, camera_id)
     days = _Days(first or warehouse.first, last or warehouse.last)

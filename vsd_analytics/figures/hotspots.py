@@ -160,6 +160,10 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
 
     Raises:
         KeyError: The site has no floor of this id.
+
+    Example:
+        >>> vsd.hotspots(warehouse).state  # needs 14 recorded days
+        'not_enough_data'
     """
     site, last = warehouse.site, until or warehouse.last
     floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)

@@ -86,6 +86,10 @@ def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = N
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
+
+    Example:
+        >>> len(vsd.week_profile(warehouse, date(2026, 11, 9)).rows)  # the open hours of a week
+        86
     """
     slots = load_slots(warehouse, monday, n_weeks=PROFILE_WEEKS, floor_id=floor_id)
     confidence = float(warehouse.site.settings.confidence)

@@ -87,6 +87,10 @@ def cell_maps(warehouse: Warehouse, **asked: Unpack[CellRange]) -> CellMaps:
     Args:
         warehouse: Its days.
         **asked: Floor, cells and days: `CellRange`.
+
+    Example:
+        >>> vsd.cell_maps(warehouse, floor=floor, cell_m=1.0).risk.metric
+        'M18'
     """
     data = cell_hours(warehouse, **asked)
     people = data if data.is_everything else cell_hours(warehouse, needs_distances=False, **asked)
@@ -98,6 +102,10 @@ def exposure_map(warehouse: Warehouse, **asked: Unpack[CellRange]) -> CellMap:
 
     value = sum over cameras of (person-seconds of the camera in the cell / its recorded open hours) / area of the cell,
     so that a camera that was down does not pale its part of the floor. NaN where nobody was seen.
+
+    Example:
+        >>> vsd.exposure_map(warehouse, floor=floor, cell_m=1.0).unit
+        'person-seconds per m² and recorded open hour'
     """
     return _exposure(cell_hours(warehouse, needs_distances=False, **asked))
 
@@ -106,6 +114,10 @@ def burden_map(warehouse: Warehouse, **asked: Unpack[CellRange]) -> CellMap:
     """Return where people are too close: person-seconds in violation per m² and recorded open hour (M17).
 
     Arguments and formula as for `exposure_map`, of person-seconds with somebody closer than the legal distance.
+
+    Example:
+        >>> vsd.burden_map(warehouse, floor=floor, cell_m=1.0).values.shape
+        (16, 23)
     """
     return _burden(cell_hours(warehouse, **asked))
 
@@ -115,6 +127,11 @@ def risk_map(warehouse: Warehouse, **asked: Unpack[CellRange]) -> CellMap:
 
     Person-seconds in violation and in view are smoothed by the same Gaussian of 1 m; the numerator is a part of the
     denominator everywhere, so the share lies between 0 and 1. NaN where fewer than 0.25 person-hours were spent.
+
+    Example:
+        >>> shares = vsd.risk_map(warehouse, floor=floor).values
+        >>> bool((shares[shares == shares] <= 1).all())  # NaN, where nothing is known, is not equal to itself
+        True
     """
     return _risk(cell_hours(warehouse, **asked))
 
@@ -137,6 +154,10 @@ def excess_map(warehouse: Warehouse, **asked: Unpack[CellRange]) -> ExcessMap:
     M rather than the mean number of people less one, it also holds for hours with hardly anybody. Hours of the day
     share one map over the range: the map of a single quiet hour is little else than the ways of those few themselves.
     Arguments as for `cell_maps`.
+
+    Example:
+        >>> vsd.excess_map(warehouse, floor=floor).is_clear is None  # a test needs 14 recorded days
+        True
     """
     return _excess(warehouse, asked["floor"], cell_hours(warehouse, **asked))
 

@@ -67,6 +67,11 @@ def hours(
         `violation_records`, `n_violations`, `recorded_s` (mean over cameras), `recorded_share`, `open_s`, `exposure_s`
         (person-seconds), `violation_s` (person-seconds), `cameras_down`, `is_inferred`, `state`. Counts of an
         hour in which nothing was recorded are missing, never 0.
+
+    Example:
+        >>> hours = vsd.hours(warehouse)
+        >>> len(hours), hours["start"].iloc[0]
+        (168, '2026-11-09T00:00:00+01:00')
     """
     frame = warehouse.frame(_BY[by])
     if until_ms is not None:
@@ -94,6 +99,10 @@ def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midp
 
     Raises:
         UsageError: E101, there are several floors and none is named.
+
+    Example:
+        >>> list(vsd.heatmap(warehouse).columns)
+        ['cx', 'cy', 'records', 'exposure_s']
     """
     floors = [f.floor_id for f in warehouse.site.floors]
     if floor_id is None and len(floors) == 1:
@@ -120,6 +129,10 @@ def coverage(warehouse: Warehouse, *, until_ms: int | None = None) -> dict[str, 
         `gaps`: camera_id, start (last message before), end (first after), n_missing, first_missing, last_missing
         (running numbers); `n_missing` over all, None when no engine numbers its messages; `restarts`: camera_id, start
         and end of each restart of an engine's count, around which losses are unknown.
+
+    Example:
+        >>> [camera["camera_id"] for camera in vsd.coverage(warehouse)["cameras"]]
+        ['cam-1', 'cam-2', 'cam-3', 'cam-4']
     """
     days = warehouse.rows(
         "select camera_id, local_date, sum(recorded_open_s) / 3600 as recorded_h, sum(open_s) / 3600 as scheduled_h "

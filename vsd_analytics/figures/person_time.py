@@ -65,6 +65,12 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
     Args:
         period: The days.
         able: Cameras whose track ids tell who moves together; None = asked of these days (`camera_lives`).
+
+    Example:
+        >>> from vsd_analytics.figures.panels import FloorHours, Period
+        >>> period = Period(FloorHours(warehouse, floor=floor), date(2026, 11, 9), date(2026, 11, 15))
+        >>> vsd.person_time(period).people.state
+        'ok'
     """
     data = period.data
     if (why := period.why_no_exposure) is not None:

@@ -85,6 +85,10 @@ def threshold_sensitivity(
 
     Raises:
         UsageError: E101, there is no such floor.
+
+    Example:
+        >>> [point.distance_m for point in vsd.threshold_sensitivity(warehouse).points]
+        [1.8, 2.0, 2.2]
     """
     site = warehouse.site
     if floor_id is not None and floor_id not in {floor.floor_id for floor in site.floors}:

@@ -62,6 +62,10 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
         InputError: E110, a line of the change log is not an entry.
+
+    Example:
+        >>> len(vsd.trend(warehouse, date(2026, 11, 9)).weeks)
+        1
     """
     slots = load_slots(warehouse, monday, n_weeks=TREND_WEEKS + HISTORY_WEEKS, floor_id=floor_id)
     if (why := slots.why_no_violations) is not None:

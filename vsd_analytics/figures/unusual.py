@@ -50,6 +50,10 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
+
+    Example:
+        >>> vsd.unusual(warehouse, date(2026, 11, 9)).state  # needs four weeks of history
+        'not_enough_data'
     """
     slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
     week = iso_week(monday)

@@ -38,7 +38,7 @@ from vsd_analytics.resources import shipped
 if TYPE_CHECKING:
     import duckdb
 
-LAYERS = ("staging", "facts", "marts", "audits")
+LAYERS = ("staging", "facts", "marts", "audits", "exports")
 FIGURE_FIELDS = ("definition", "unit", "denominator", "needs", "uncertainty", "by")
 _IDENTIFIER = re.compile(r"^[a-z][a-z0-9_]*$")
 _FIELD = re.compile(r"^-- (name|unit|stored_by|kept|graph|grain|reads|params|columns|figure|steps|assumes): ?(.*)$")
@@ -81,7 +81,7 @@ class Relation:
     """One SQL file.
 
     Attributes:
-        layer: "staging", "facts", "marts" or "audits".
+        layer: "staging", "facts", "marts", "audits" or "exports".
         name: Relation name, the file's stem.
         description: What a row is.
         unit: "hour" or "day" (facts).

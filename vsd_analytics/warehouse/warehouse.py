@@ -242,6 +242,11 @@ def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Wareh
 
     Raises:
         StoreError: E301, nothing is stored.
+
+    Example:
+        >>> with vsd.open_warehouse(site.site, date(2026, 11, 9), date(2026, 11, 15)) as warehouse:
+        ...     warehouse.rows("select count(*) as n_hours from hours")
+        [{'n_hours': 168}]
     """
     if stored_extent(site) is None:
         raise StoreError(

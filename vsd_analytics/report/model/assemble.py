@@ -72,6 +72,11 @@ def week_report(
     Raises:
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
+
+    Example:
+        >>> report = vsd.week_report(site.site, date(2026, 11, 9))
+        >>> report.state, vsd.render_html(report)[:15]
+        ('first_week', '<!doctype html>')
     """
     floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
     if floor is None:

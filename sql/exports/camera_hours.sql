@@ -1,0 +1,34 @@
+-- name: exports/camera_hours
+-- One row per camera and local hour; small counts hidden as by vsd hours --by camera --share.
+-- grain: camera_id, start_utc
+-- reads: shared_camera_hours
+-- columns:
+--   camera_id
+--   start_utc        start of the hour in UTC
+--   start_local      the same on the clocks of the site
+--   open_s           opening time in it, seconds
+--   recorded_s       recorded time, seconds
+--   person_records   person records; null where hidden or unknown
+--   violations       violations that began in it; likewise
+--   exposure_s       person-seconds in view; likewise
+--   violation_s      person-seconds too close; likewise
+--   state            ok; no_data = nothing recorded; masked = a small count is hidden; held_back = hidden because it would reveal one
+-- assumes: a count of an hour without data is null, never 0
+select
+    camera_id,
+    make_timestamp(epoch_us(cast(started as timestamptz))) as start_utc,
+    cast(left(started, 19) as timestamp) as start_local,
+    cast(open_s as double) as open_s,
+    cast(recorded_s as double) as recorded_s,
+    cast(person_records as bigint) as person_records,
+    cast(n_violations as bigint) as violations,
+    cast(exposure_s as double) as exposure_s,
+    cast(violation_s as double) as violation_s,
+    case
+        when masked then 'masked'
+        when held_back then 'held_back'
+        when coalesce(recorded_s, 0) = 0 then 'no_data'
+        else 'ok'
+    end as state
+from shared_camera_hours
+order by camera_id, start_utc

@@ -1,0 +1,185 @@
+"""`vsd export --duckdb`: the numbers of the reports in one file that any DuckDB reads, small counts hidden."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import pytest
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config import load_site
+from vsd_analytics.errors import DiskError
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.duckdb_file import export_duckdb, exported_tables
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.store import durable
+
+MONDAY = date(2026, 11, 9)
+
+
+def rows(path: Path, query: str) -> list[dict[str, Any]]:
+    with duckdb.connect(str(path), read_only=True) as con:
+        found = con.execute(query)
+        names = [column[0] for column in found.description or ()]
+        return [dict(zip(names, row, strict=True)) for row in found.fetchall()]
+
+
+@pytest.fixture(scope="module")
+def masked_project(demo_project: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the demo with a limit so high that many hours, and an area, are under it."""
+    root = tmp_path_factory.mktemp("masked") / "vsd-demo"
+    shutil.copytree(demo_project, root)
+    text = (root / "vsd.toml").read_text()
+    (root / "vsd.toml").write_text(text.replace("[report]", "[report]\nmask_below = 200"))
+    return root
+
+
+@pytest.fixture(scope="module")
+def export(masked_project: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("export") / "week.duckdb"
+    export_duckdb(load_site(masked_project), MONDAY, MONDAY, out=out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(masked_project: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(to_json(week_report(load_site(masked_project), MONDAY)))
+    return found
+
+
+def test_every_table_and_column_has_a_comment_and_the_columns_of_its_header(export: Path) -> None:
+    tables = rows(export, "select table_name, comment from duckdb_tables()")
+    assert {t["table_name"] for t in tables} == {relation.name for relation in exported_tables()}
+    assert [t for t in tables if not t["comment"]] == []
+    for relation in exported_tables():
+        of_table = f"from duckdb_columns() where table_name = '{relation.name}' order by column_index"
+        columns = rows(export, f"select column_name, comment {of_table}")
+        assert [c["column_name"] for c in columns] == list(relation.columns)
+        assert [c for c in columns if not c["comment"]] == []
+
+
+def test_hours_are_those_of_the_report_with_small_counts_hidden(export: Path, report: dict[str, Any]) -> None:
+    found = rows(export, "from hours")
+    cells = sorted(report["when"]["cells"], key=lambda c: str(c["start"]))
+    assert [(h["start_local"].isoformat(), h["violations"]) for h in found] == [
+        (c["start"][:19], c["violations"]) for c in cells
+    ]
+    hidden = [h for h in found if h["state"] in ("masked", "held_back")]
+    assert len(hidden) > 10
+    assert {h["violations"] for h in hidden} == {None}
+    shown = [h["violations"] for h in found if h["violations"] is not None]
+    assert not [n for n in shown if 0 < n < 200]
+    utc = datetime.fromisoformat(cells[0]["start"]).timestamp()
+    assert (found[0]["start_utc"] - datetime(1970, 1, 1)).total_seconds() == utc
+
+
+def test_headline_and_figures_are_those_of_the_json_file(export: Path, report: dict[str, Any]) -> None:
+    [week] = rows(export, "from weeks")
+    often = report["level"]["often"]
+    assert (week["violations_per_open_h"], week["violations_per_open_h_lo"], week["violations_per_open_h_hi"]) == (
+        often["value"],
+        often["lo"],
+        often["hi"],
+    )
+    figures = {f["metric"]: f for f in rows(export, "from figures")}
+    assert figures.keys() == report["figures"].keys()
+    for metric, figure in report["figures"].items():
+        assert [figures[metric][k] for k in ("value", "lo", "hi", "state", "unit")] == [
+            figure[k] for k in ("value", "lo", "hi", "state", "unit")
+        ]
+
+
+def test_lists_of_figures_keep_every_entry(export: Path, report: dict[str, Any]) -> None:
+    found = {(r["metric"], r["row_no"], r["name"]): r for r in rows(export, "from figure_rows")}
+    n = 0
+    for metric, figure in report["figures"].items():
+        for number, row in enumerate(figure["rows"] or (), start=1):
+            for name, value in row.items():
+                entry = found[metric, number, name]
+                n += 1
+                if isinstance(value, int | float) and not isinstance(value, bool):
+                    assert entry["number"] == value
+                elif isinstance(value, str):
+                    assert entry["text"] == value
+                elif value is None:
+                    assert (entry["number"], entry["text"]) == (None, None)
+    assert len(found) == n > 100
+
+
+def test_a_hidden_area_has_no_numbers(export: Path, report: dict[str, Any]) -> None:
+    areas = {a["area_id"]: a for a in rows(export, "from areas")}
+    hidden = {a["area_id"] or "rest" for a in report["areas"] if a["is_masked"] or a["is_held_back"]}
+    assert hidden
+    for area_id, row in areas.items():
+        numbers = [row[k] for k in ("violations", "violations_per_open_h", "violations_per_open_h_lo", "floor_share")]
+        assert (numbers == [None] * 4) == (area_id in hidden)
+        assert (row["state"] in ("masked", "held_back")) == (area_id in hidden)
+
+
+def test_counts_by_camera_and_area_hide_small_ones_and_unknown_is_not_zero(export: Path) -> None:
+    for table in ("camera_hours", "area_hours"):
+        found = rows(export, f"from {table}")
+        assert not [r for r in found if 0 < (r["violations"] or 0) < 200]
+        hidden = [r for r in found if r["state"] in ("masked", "held_back")]
+        assert hidden
+        # a count of zero may stay beside a hidden one of another kind
+        assert {r["violations"] for r in hidden} <= {None, 0}
+    silent = [r for r in rows(export, "from camera_hours") if r["state"] == "no_data"]
+    assert {(r["person_records"], r["violations"]) for r in silent} == {(None, None)}
+
+
+def test_the_calendar_has_every_hour_of_the_week_and_its_opening_time(export: Path) -> None:
+    calendar = rows(export, "from calendar")
+    assert len(calendar) == 168
+    assert {row["week"] for row in calendar} == {"2026-W46"}
+    assert sum(row["open_min"] for row in calendar) == (6 * 13 + 8) * 60
+
+
+def test_the_same_input_gives_the_same_rows(masked_project: Path, export: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.duckdb"
+    export_duckdb(load_site(masked_project), MONDAY, MONDAY, out=again)
+    for relation in exported_tables():
+        assert rows(again, f"from {relation.name}") == rows(export, f"from {relation.name}")
+
+
+def test_a_failed_export_leaves_the_file_that_is_there(
+    masked_project: Path, export: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "week.duckdb"
+    shutil.copy(export, out)
+    before = out.read_bytes()
+
+    def full(path: Path, data: bytes, **options: object) -> None:
+        (path.parent / f".{path.name}.x.tmp").write_bytes(data[: len(data) // 2])
+        raise DiskError("the disk is full", code="E304")
+
+    monkeypatch.setattr(durable, "publish", full)
+    with pytest.raises(DiskError):
+        export_duckdb(load_site(masked_project), MONDAY, MONDAY, out=out)
+    assert out.read_bytes() == before
+
+
+def test_only_the_owner_may_read_the_file(export: Path) -> None:
+    assert export.stat().st_mode & 0o777 == 0o600
+
+
+def test_the_command_takes_whole_weeks_and_refuses_options_of_records(
+    demo_project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "week.duckdb"
+    command: Callable[..., object] = lambda *a: run(cli, ["-C", str(demo_project), "export", *a])  # noqa: E731
+    assert command("--duckdb", str(out), "--range", "2026-11-11..2026-11-12", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["rows"]["weeks"] == 1
+    assert rows(out, "select monday from weeks") == [{"monday": MONDAY}]
+    for more in (["--camera", "cam-1"], ["--out", "x.csv"], ["--table", "pairs"]):
+        assert command("--duckdb", str(out), *more) == 2
+        assert "--duckdb takes no" in capsys.readouterr().err
+    assert command() == 2
+    assert "which file" in capsys.readouterr().err

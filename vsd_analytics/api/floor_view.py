@@ -1,0 +1,133 @@
+"""What lies below or over the cells of a map: a floor with its plan, fixtures and areas, or a camera's picture."""
+
+from __future__ import annotations
+
+import io
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.week.floor_maps import map_fixtures
+from vsd_analytics.figures.week.model_map import Extent, FloorMap, MapArea, MapImage
+from vsd_analytics.geometry import camera_views
+from vsd_analytics.geometry.embedded_pictures import has_paper, picture_image, plan_image
+from vsd_analytics.geometry.homography import to_image
+from vsd_analytics.report.draw.cell_map import floor_ink
+from vsd_analytics.site.model import Calibration, Camera, Floor, Site
+
+INK_PX: Final = 2000
+"""Width of a plan that is drawn over an array."""
+
+
+def floor_view(site: Site, floor: Floor, *, until: date, extent: Extent) -> FloorMap:
+    """Return a floor as it was at the end of a day, ready to draw.
+
+    Args:
+        site: The site.
+        floor: The floor.
+        until: The day; fixtures are those at its end.
+        extent: Left, bottom, right, top in floor metres, where there is no plan.
+    """
+    bounds = camera_views.plan_bounds(floor)
+    image = None
+    if floor.plan is not None and bounds is not None:
+        image = MapImage(data_uri=plan_image(floor.plan)[0], extent=bounds, is_opaque=has_paper(floor.plan))
+    fixtures = [f for f in site.fixtures if f.floor_id == floor.floor_id and f.is_there(_end_of(until, site))]
+    areas = [a for a in site.areas if a.floor_id == floor.floor_id]
+    return FloorMap(
+        kind="floor" if image is None else "plan",
+        title=floor.name,
+        extent=bounds or extent,
+        image=image,
+        fixtures=map_fixtures(fixtures),
+        areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in areas),
+    )
+
+
+def ink(shown: FloorMap) -> NDArray[np.uint8]:
+    """Return the plan, fixtures and areas of a floor as a picture on clear ground, shape (height, width, 4)."""
+    import matplotlib as mpl
+    import resvg_py
+    from PIL import Image
+
+    font = Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    png = resvg_py.svg_to_bytes(
+        svg_string=str(floor_ink(shown)),
+        width=INK_PX,
+        font_files=[str(font)],
+        font_family="DejaVu Sans",
+        skip_system_fonts=True,
+    )
+    with Image.open(io.BytesIO(bytes(png))) as opened:
+        return np.asarray(opened.convert("RGBA"))
+
+
+def picture_view(site: Site, camera_id: str, *, floor: Floor, until: date) -> PictureView:
+    """Return the picture of a camera with the calibration in force at the end of a day.
+
+    Raises:
+        UsageError: E101, the floor has no such camera, or the camera has no picture or no calibration.
+    """
+    cameras = {c.camera_id: c for c in site.cameras if c.floor_id == floor.floor_id}
+    if camera_id not in cameras:
+        fix = f'over="plan", or a camera: {", ".join(cameras)}'
+        raise UsageError(f"a map cannot be drawn over {camera_id!r}", fix=fix)
+    camera = cameras[camera_id]
+    end = _end_of(until, site)
+    known = [c for c in camera.calibrations if c.valid_from is None or c.valid_from < end]
+    if camera.picture is None or not known:
+        lacks = "picture" if camera.picture is None else "calibration"
+        raise UsageError(f"{camera.name} has no {lacks}", fix=f"name its {lacks} in vsd.toml")
+    return PictureView(camera, known[-1])
+
+
+class PictureView:
+    """A camera's picture, and where places of the floor are in it.
+
+    Args:
+        camera: The camera; it has a picture.
+        calibration: Its calibration.
+    """
+
+    def __init__(self, camera: Camera, calibration: Calibration) -> None:
+        assert camera.picture is not None
+        uri, size = picture_image(camera.picture, width_px=1280)
+        self.camera = camera
+        self._calibration = calibration
+        self.size_px = camera.picture_px or size
+        extent = (0.0, 0.0, float(self.size_px[0]), float(self.size_px[1]))
+        image = MapImage(data_uri=uri, extent=extent)
+        self.shown = FloorMap(kind="picture", title=camera.name, extent=extent, image=image)
+
+    def pixels(self) -> Any:
+        """Return the picture as an array, shape (height, width, 3)."""
+        from PIL import Image
+
+        assert self.camera.picture is not None
+        with Image.open(self.camera.picture) as opened:
+            return np.asarray(opened.convert("RGB"))
+
+    def corners_px(self, corners_m: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Return which cells the camera sees whole, and the corners of these in its picture.
+
+        Args:
+            corners_m: Corners of cells in floor metres, shape (n, 4, 2).
+
+        Returns:
+            Shape (n,), and pixels of shape (number of cells seen, 4, 2).
+        """
+        import shapely
+
+        view = camera_views.view_polygon(self.camera, calibration=self._calibration)
+        homography = self._calibration.homography
+        inside = shapely.contains_xy(view, corners_m[..., 0], corners_m[..., 1]).all(axis=1)
+        px = to_image(homography, corners_m[inside].reshape(-1, 2), picture_px=self.size_px).reshape(-1, 4, 2)
+        return inside, px
+
+
+def _end_of(day: date, site: Site) -> datetime:
+    return datetime.combine(day + timedelta(days=1), time(), tzinfo=site.zone) - timedelta(seconds=1)

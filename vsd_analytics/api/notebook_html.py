@@ -1,0 +1,138 @@
+"""Tables and days as a notebook shows them: numbers written as in the report, its bars and strips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date, datetime
+from typing import Any, Final
+
+from markupsafe import Markup, escape
+
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_recording import CameraDay
+from vsd_analytics.report.draw.svg import HATCH, MUTED, RULE, change_bar, change_limit, el, strip
+from vsd_analytics.report.words import format as fmt
+
+COLUMNS_SHOWN: Final = 12
+NOWRAP_LETTERS: Final = 24
+_CELL = f"padding:2px 10px 2px 0;border-bottom:1px solid {RULE};vertical-align:middle"
+
+
+def table_html(rows: Sequence[Mapping[str, Any]], *, columns: Sequence[str], title: str, note: str, n_rows: int) -> str:
+    """Return the first rows of a table.
+
+    Numbers are written as in the report. A change with its interval (`x_change`, `x_change_lo`, `x_change_hi`) is also
+    drawn as the report's bar around zero.
+
+    Args:
+        rows: The rows to show.
+        columns: Names of all columns; the first twelve are shown.
+        title: What the table is.
+        note: What a reader must know.
+        n_rows: How many rows the whole table has.
+    """
+    parts = [Markup("<p><b>{}</b>, {} rows</p>").format(title, fmt.count(n_rows))]
+    if note:
+        parts.append(Markup("<p>{}</p>").format(note))
+    if rows:
+        shown = [c for c in columns if not _is_in_bar(c, columns)][:COLUMNS_SHOWN]
+        left_out = len([c for c in columns if not _is_in_bar(c, columns)]) - len(shown)
+        limits = {c: change_limit([_estimate(row, c) for row in rows]) for c in shown if f"{c}_lo" in columns}
+        head = Markup("").join(_cell("th", c, is_number=_is_number(rows[0][c])) for c in shown)
+        body = [Markup("").join(_value(row, c, limits.get(c)) for c in shown) for row in rows]
+        lines = Markup("").join(el("tr", line) for line in body)
+        parts.append(el("table", el("thead", el("tr", head)) + el("tbody", lines), style="border-collapse:collapse"))
+        more = [f"{n_rows - len(rows):,} more rows" if n_rows > len(rows) else "", f"{left_out} more columns"]
+        words = ", ".join(w for w in (more[0], more[1] if left_out else "") if w)
+        parts.append(Markup("<p>{}</p>").format(words) if words else Markup(""))
+    return str(Markup("").join(parts))
+
+
+def days_html(
+    *, title: str, summary: str, cameras: Mapping[str, Sequence[CameraDay]], first_hour: int, last_hour: int
+) -> str:
+    """Return what was recorded on some days: a strip of hours for each camera and day, as in the report.
+
+    Args:
+        title: Site and days.
+        summary: One line about them.
+        cameras: By name of the camera, its days.
+        first_hour: First local hour of the strips.
+        last_hour: Last local hour, inclusive.
+    """
+    hatch = el("line", stroke=HATCH, stroke_width=1.4, x1=0, y1=0, x2=0, y2=6)
+    pattern = el(
+        "pattern", hatch, id="hat", width=6, height=6, patternUnits="userSpaceOnUse", patternTransform="rotate(45)"
+    )
+    defs = el("svg", el("defs", pattern), width=0, height=0, style="position:absolute", aria_hidden="true")
+    days = next(iter(cameras.values()), ())
+    head = _cell("th", "recorded") + Markup("").join(_cell("th", fmt.day_short(day.day)) for day in days)
+    lines = [
+        _cell("td", name)
+        + Markup("").join(
+            el(
+                "td",
+                el("div", strip(day, first_hour=first_hour, last_hour=last_hour), style="width:84px"),
+                title=fmt.percent(day.share),
+                style=_CELL,
+            )
+            for day in own
+        )
+        for name, own in cameras.items()
+    ]
+    body = Markup("").join(el("tr", line) for line in (head, *lines))
+    hours = f"{fmt.hour_label(first_hour)} to {fmt.hour_label(last_hour)}; hatched: open, not recorded"
+    return str(
+        defs
+        + Markup("<p><b>{}</b><br>{}</p>").format(title, summary)
+        + el("table", body, style="border-collapse:collapse")
+        + Markup('<p style="color:{}">{}</p>').format(MUTED, hours)
+    )
+
+
+def _is_in_bar(column: str, columns: Sequence[str]) -> bool:
+    """Return whether a column is an end of an interval that a bar shows."""
+    stem, _, end = column.rpartition("_")
+    return end in ("lo", "hi") and stem.endswith("_change") and stem in columns
+
+
+def _estimate(row: Mapping[str, Any], column: str) -> Estimate:
+    verdict = row.get(f"{column.removesuffix('_change')}_verdict")
+    lo, hi = row.get(f"{column}_lo"), row.get(f"{column}_hi")
+    return Estimate(value=None, change=row.get(column), change_lo=lo, change_hi=hi, verdict=verdict)
+
+
+def _value(row: Mapping[str, Any], column: str, limit: float | None) -> Markup:
+    value = row[column]
+    if column.endswith("_change") and limit is not None:
+        bar = el("div", change_bar(_estimate(row, column), limit=limit), style="width:134px")
+        return el("td", Markup("{}{}").format(fmt.signed(value), bar), style=_CELL)
+    return _cell("td", _text(value), is_number=_is_number(value))
+
+
+def _text(value: Any) -> str:
+    match value:
+        case None:
+            return fmt.MISSING
+        case bool():
+            return "yes" if value else "no"
+        case int():
+            return fmt.count(value)
+        case float():
+            return fmt.number(value)
+        case datetime():
+            return value.isoformat(sep=" ", timespec="minutes")
+        case date():
+            return value.isoformat()
+        case _:
+            return str(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _cell(tag: str, text: str, *, is_number: bool = False) -> Markup:
+    side = "right" if is_number else "left"
+    wraps = ";white-space:nowrap" if len(text) <= NOWRAP_LETTERS else ""
+    return el(tag, escape(text) or Markup("&nbsp;"), style=f"{_CELL};text-align:{side}{wraps}")

@@ -1,0 +1,67 @@
+"""`vsd serve`: figures and pages over HTTP, read only."""
+
+from __future__ import annotations
+
+import os
+
+import click
+
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import UsageError
+
+
+@click.command()
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), default=8377, show_default=True, help="Port to listen on.")
+@click.option(
+    "--per-minute",
+    type=click.FloatRange(min=1),
+    default=120,
+    show_default=True,
+    metavar="N",
+    help="Requests a minute of one client.",
+)
+@pass_project
+def serve(project: Project, host: str, port: int, per_minute: float) -> None:
+    """Answer requests for figures and pages of the weekly reports over HTTP; nothing can be changed.
+
+    Every request needs the token of secrets/serve.token, which the first start makes, or of VSD_SERVE_TOKEN. The
+    numbers are those of vsd report --format json, with small counts hidden. /openapi.json describes all addresses. HTTP
+    is not encrypted: for other machines, put a proxy with TLS before it.
+
+    \b
+    Example:
+      vsd serve
+      curl -H "Authorization: Bearer $(cat secrets/serve.token)" http://127.0.0.1:8377/v1/site
+    """
+    from vsd_analytics.service.access import RateLimit, is_loopback, token_of
+
+    try:
+        import uvicorn
+
+        from vsd_analytics.service.app import make_app
+    except ImportError as error:
+        raise UsageError(
+            "vsd serve needs more packages", why=str(error), fix="pip install 'vsd-analytics[serve]'"
+        ) from None
+    from vsd_analytics.service.answers import ReportAnswers
+
+    token, where = token_of(project.root, environ=os.environ)
+    now = project.now if project.now_text is not None else None
+    limit = RateLimit(per_min=per_minute, burst=max(10, int(per_minute // 4)))
+    app = make_app(ReportAnswers(project.root, now=now), token=token, limit=limit, title=project.site.name)
+    if not is_loopback(host):
+        project.say(
+            f"warning: {host} is not this machine alone, and HTTP is not encrypted: put a proxy with TLS before it"
+        )
+    project.say(f"http://{host}:{port}   token: {where}   Ctrl-C ends it")
+    uvicorn.run(
+        app,
+        host=host,
+        port=port,
+        log_level="warning",
+        server_header=False,
+        limit_concurrency=64,
+        timeout_keep_alive=5,
+        h11_max_incomplete_event_size=16_384,
+    )

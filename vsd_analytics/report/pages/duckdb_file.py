@@ -1,0 +1,144 @@
+"""The weekly reports as one DuckDB file for other tools: every number of their JSON files, in tables with comments.
+
+`sql/exports/` has a file for each table; its header becomes the comments in the DuckDB file and `docs/tools.md`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import pyarrow as pa
+
+from vsd_analytics.figures import operator_counts
+from vsd_analytics.figures.masked_tables import reports_hold, shared_hours
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.site.model import Site
+from vsd_analytics.store import durable
+from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+
+if TYPE_CHECKING:
+    import duckdb
+
+_USUAL = {
+    "camera_id": "camera of vsd.toml",
+    "floor_id": "floor of vsd.toml",
+    "local_date": "date in the site's zone",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DuckdbExport:
+    """What was written.
+
+    Attributes:
+        path: The file.
+        rows: Number of rows by table.
+    """
+
+    path: Path
+    rows: Mapping[str, int]
+
+
+def export_duckdb(
+    site: Site,
+    first: date,
+    last: date,
+    *,
+    out: Path,
+    now: datetime | None = None,
+    on_week: Callable[[date], None] | None = None,
+) -> DuckdbExport:
+    """Write the weekly reports of all floors into one DuckDB file, whole or not at all.
+
+    The numbers are those of `vsd report --format json` and, by camera and area, of `vsd hours --share`: small counts
+    are hidden. A file that is there already is replaced in one step; who has it open reads the old one until it is
+    opened again. The same input gives the same rows.
+
+    Args:
+        site: The project.
+        first: Any day of the first week.
+        last: Any day of the last week.
+        out: The file.
+        now: Instant that the reports print; None = the last record's.
+        on_week: Called with the Monday of each week before its reports are made.
+
+    Raises:
+        StoreError: E301, nothing is stored.
+        DiskError: E304 to E306, the file cannot be written.
+    """
+    monday, sunday = first - timedelta(days=first.weekday()), last + timedelta(days=6 - last.weekday())
+    reports = []
+    for k in range(((sunday - monday).days + 1) // 7):
+        start = monday + timedelta(weeks=k)
+        if on_week is not None:
+            on_week(start)
+        for floor in site.floors:
+            made = to_json(week_report(site, start, floor_id=floor.floor_id, now=now)).decode()
+            reports.append({"floor_id": floor.floor_id, "report": made})
+    with open_warehouse(site, monday, sunday) as warehouse:
+        inputs = {
+            "reports": pa.Table.from_pylist(reports),
+            "shared_camera_hours": _shared(warehouse, "camera"),
+            "shared_area_hours": _shared(warehouse, "area"),
+            "site_calendar": warehouse.table(
+                "select * from calendar where local_date between $first and $last",
+                {"first": monday, "last": sunday},
+            ),
+        }
+    with tempfile.TemporaryDirectory(prefix="vsd-export-") as folder:
+        made_at = Path(folder) / "export.duckdb"
+        rows = _fill(made_at, inputs)
+        durable.publish(out, made_at.read_bytes(), is_private=True)
+    return DuckdbExport(out, rows)
+
+
+def exported_tables() -> Sequence[Relation]:
+    """Return the tables of the file, in the order of their names."""
+    return [relation for _, relation in sorted(relations("exports").items())]
+
+
+def column_text(relation: Relation, column: str) -> str:
+    """Return what a column of an exported table is."""
+    return relation.columns[column] or _USUAL[column]
+
+
+def _shared(warehouse: Warehouse, by: Literal["camera", "area"]) -> pa.Table:
+    """Return the hourly table by camera or area with small counts hidden."""
+    below = int(warehouse.site.settings.mask_below)
+    frame = shared_hours(operator_counts.hours(warehouse, by=by), below=below, reports=reports_hold(warehouse))
+    return pa.Table.from_pandas(frame.rename(columns={"start": "started"}), preserve_index=False)
+
+
+def _fill(path: Path, inputs: Mapping[str, pa.Table]) -> dict[str, int]:
+    """Make the file; return the number of rows by table."""
+    import duckdb
+
+    rows: dict[str, int] = {}
+    with duckdb.connect(str(path)) as con:
+        for name, table in inputs.items():
+            con.register(name, table)
+        for relation in exported_tables():
+            con.execute(f"create table {relation.name} as {relation.sql}")
+            _comment(con, relation)
+            [(rows[relation.name],)] = con.execute(f"select count(*) from {relation.name}").fetchall()
+        con.execute("checkpoint")
+    return rows
+
+
+def _comment(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
+    about = f"{relation.description} Assumes: {relation.assumes}."
+    con.execute(f"comment on table {relation.name} is {_quoted(about)}")
+    for column in relation.columns:
+        con.execute(f"comment on column {relation.name}.{column} is {_quoted(column_text(relation, column))}")
+
+
+def _quoted(text: str) -> str:
+    """Return a text of a SQL header as a literal: COMMENT ON takes no parameter."""
+    return "'" + text.replace("'", "''") + "'"

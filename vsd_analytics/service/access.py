@@ -1,0 +1,97 @@
+"""Who may ask the service, and how often."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hmac
+import ipaddress
+import secrets
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.store import durable
+
+VARIABLE: Final = "VSD_SERVE_TOKEN"
+LETTERS_MIN: Final = 16
+CLIENTS_MAX: Final = 4096
+
+
+def token_of(root: Path, *, environ: Mapping[str, str]) -> tuple[str, str]:
+    """Return the token and where it comes from: the environment, or a file that is made at the first start.
+
+    Args:
+        root: Folder of the project; the file is `secrets/serve.token`, which only its owner may read.
+        environ: The environment.
+
+    Raises:
+        UsageError: E101, the token is too short to keep anybody out.
+    """
+    token, where = environ.get(VARIABLE), VARIABLE
+    if token is None:
+        path = root / "secrets" / "serve.token"
+        where = str(path)
+        if not path.exists():
+            durable.publish(path, secrets.token_urlsafe(32).encode() + b"\n", is_private=True)
+        token = path.read_text(encoding="utf-8").strip()
+    if len(token) < LETTERS_MIN or not token.isascii() or not token.isprintable():
+        raise UsageError(
+            f"the token of {where} is not safe",
+            why=f"it needs {LETTERS_MIN} plain characters or more",
+            fix=f"{VARIABLE}=$(openssl rand -hex 32) vsd serve",
+        )
+    return token, where
+
+
+def is_allowed(header: str | None, *, token: str) -> bool:
+    """Return whether the header `Authorization` has the token, as `Bearer` or as the password of `Basic`.
+
+    Browsers ask for the second: any user name, the token as the password.
+    """
+    scheme, _, given = (header or "").partition(" ")
+    given = given.strip()
+    if scheme.lower() == "basic":
+        try:
+            given = base64.b64decode(given, validate=True).decode().partition(":")[2]
+        except (binascii.Error, UnicodeDecodeError):
+            return False
+    elif scheme.lower() != "bearer":
+        return False
+    return hmac.compare_digest(given.encode(), token.encode())
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host name or address is this machine only."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class RateLimit:
+    """A bucket for each client: `burst` requests at once, then `per_min` a minute.
+
+    Args:
+        per_min: Requests a minute.
+        burst: Requests at once.
+        clock: Seconds that pass steadily.
+    """
+
+    def __init__(self, *, per_min: float, burst: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self._per_s, self._burst, self._clock = per_min / 60, burst, clock
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait_s(self, client: str) -> float:
+        """Count a request; return 0 when it may pass, else the seconds until the next may."""
+        now = self._clock()
+        left, at = self._buckets.pop(client, (float(self._burst), now))
+        left = min(float(self._burst), left + (now - at) * self._per_s)
+        allowed = left >= 1
+        self._buckets[client] = (left - 1 if allowed else left, now)
+        while len(self._buckets) > CLIENTS_MAX:
+            self._buckets.popitem(last=False)
+        return 0.0 if allowed else (1 - left) / self._per_s
