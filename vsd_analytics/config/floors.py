@@ -97,10 +97,12 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor]) -> tuple[Area,
         floor_id = _floor(table, floors)
         polygon = _polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
+        has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
+        long_s = table.number("long_visit_s", minimum=1, maximum=86_400, unit="seconds", example="120")
         _refuse_dates(table)
         table.close()
         if area_id is not None:
-            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask)
+            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask, has_visits, is_door, long_s)
     return tuple(areas.values())
 
 

@@ -92,13 +92,27 @@ class Floor:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A named polygon on a floor, in floor metres; `ask` is what the report is to ask about it, None = by rule."""
+    """A named polygon on a floor.
+
+    Attributes:
+        area_id: Identifier.
+        name: Display name; free text, always escaped.
+        floor_id: Its floor.
+        polygon: Corners in floor metres.
+        ask: What the report is to ask about it; None = by rule.
+        has_visits: Visits of it are counted, and how long they last.
+        is_door: People come and go here: a track that begins or ends inside was not cut.
+        long_visit_s: Dwell time from which a visit is a long one; None = the setting of that name.
+    """
 
     area_id: str
     name: str
     floor_id: str
     polygon: tuple[Point, ...]
     ask: str | None = None
+    has_visits: bool = False
+    is_door: bool = False
+    long_visit_s: float | None = None
 
 
 FixtureKind = Literal["shelf", "wall", "till", "other"]

@@ -64,7 +64,13 @@ _CALENDAR = pa.schema(
 )
 _SITE_DAYS = pa.schema([("quarter", pa.int64()), ("site_day", pa.date32())])
 _AREAS = pa.schema(
-    [("area_id", pa.string()), ("area_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string())]
+    [
+        ("area_id", pa.string()),
+        ("area_no", pa.int32()),
+        ("name", pa.string()),
+        ("floor_id", pa.string()),
+        ("is_door", pa.bool_()),
+    ]
 )
 
 
@@ -111,13 +117,16 @@ def _has_whole_hours(timezone: str) -> bool:
 
 
 def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
-    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas` and `area_cells` on a connection."""
+    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and `visit_cells`."""
     _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
     _create(con, "cameras", _camera_table(site))
     _create(con, "calibrations", _calibration_table(site))
     _create(con, "owner_cells", owner_cells(site))
-    _create(con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id) for i, a in enumerate(site.areas)]))
+    _create(
+        con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id, a.is_door) for i, a in enumerate(site.areas)])
+    )
     _create(con, "area_cells", area_cells(site))
+    _create(con, "visit_cells", visit_cells(site))
 
 
 def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
@@ -216,6 +225,11 @@ def area_cells(site: Site) -> pa.Table:
                 taken.add((area.floor_id, x, y))
                 rows.append((area.floor_id, area.area_id, int(x), int(y)))
     return _table(_AREA_CELLS, rows)
+
+
+def visit_cells(site: Site) -> pa.Table:
+    """Return the rows of `area_cells` of areas whose visits are counted."""
+    return area_cells(replace(site, areas=tuple(a for a in site.areas if a.has_visits)))
 
 
 def calendar(site: Site, first: date, last: date) -> pa.Table:
