@@ -16,6 +16,20 @@
 --   has_exit        the exit was seen: the track was outside afterwards, or the area is a door
 --   dwell_s         from the entry to the exit, or to the last record inside; see `stitched`
 --   is_counted      this camera counts the place of the first record; else another camera counts the visit
+-- figure: M35 Visits
+--   definition   visits of each area with visits = true whose entry was seen, in opening hours
+--   unit         visits per open hour
+--   denominator  recorded open hours
+--   needs        5 recorded days and 5 visits for an interval
+--   uncertainty  interval as M0
+--   by           vsd_analytics.figures.visits.visits
+-- figure: M36 Dwell time
+--   definition   time from entry to exit; Kaplan-Meier over visits whose entry was seen, lost tracks censored; beside it Little's law
+--   unit         seconds; share of visits
+--   denominator  visits
+--   needs        30 visits; 5 days with visits for an interval
+--   uncertainty  day-clustered 95 % interval of the curve (Ying and Wei), means by jackknife over days
+--   by           vsd_analytics.stats.dwell.dwell
 -- steps:
 --   marked    a stay goes on over the hour where it does not stop for longer than gap_ms
 --   numbered  a running number per visit of a track to an area

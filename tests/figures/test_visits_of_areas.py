@@ -1,4 +1,4 @@
-"""Visits of an area through store, facts and marts: against planted visitors, with cut tracks, hours and two cameras."""
+"""Visits of an area through store, facts and marts: against planted visitors, cut tracks and two cameras."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
 
 def _as_dict(of: AreaVisits) -> dict[str, Any]:
     often, dwell = of.often, of.dwell
-    return rounded(
+    printed: dict[str, Any] = rounded(
         {
             "area_id": of.area.area_id,
             "visits_per_open_h": {"value": often.rate, "lo": often.lo, "hi": often.hi, "n": often.n_events,
@@ -88,6 +88,7 @@ def _as_dict(of: AreaVisits) -> dict[str, Any]:
             "reason": dwell.reason,
         }
     )  # fmt: skip
+    return printed
 
 
 def _text(found: tuple[AreaVisits, ...], *, first: str, last: str) -> str:

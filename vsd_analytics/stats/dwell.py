@@ -133,8 +133,9 @@ def dwell(
 
     S(t) = product over u <= t of (1 - d_u / y_u): d_u visits end at u, y_u were followed until then. The variance of
     ln S(t) is D/(D-1) sum over days of (sum of its visits' psi)^2, with psi_i(t) = sum over u <= min(t, t_i) of d_u /
-    (y_u (y_u - d_u)), minus 1 / (y_{t_i} - d_{t_i}) where visit i ends at t_i <= t. Limits of S on the scale ln(-ln S), of a quantile where
-    these reach 1 - q; t quantile of D - 1 degrees of freedom. Means and their ratio: jackknife over days.
+    (y_u (y_u - d_u)), minus 1 / (y_{t_i} - d_{t_i}) where visit i ends at t_i <= t. Limits of S on the scale
+    ln(-ln S), of a quantile where these reach 1 - q; t quantile of D - 1 degrees of freedom. Means and their ratio:
+    jackknife over days.
 
     Args:
         dwell_s: Time from the entry to the exit, or to the end of the track inside, seconds, shape (n,).
@@ -172,7 +173,8 @@ def dwell(
     short = Reason("visits.days", least=min_days, has=n_days) if n_days < min_days else None
     half = math.inf if short else t_quantile(n_days - 1, confidence=confidence)
     return Dwell(
-        *(_quantile(curve, q, half) for q in (0.5, 0.9)),
+        _quantile(curve, 0.5, half),
+        _quantile(curve, 0.9, half),
         _share_over(curve, long_s, half, n=n, n_days=n_days, reason=short),
         n,
         n_cut,
@@ -197,7 +199,7 @@ def _kaplan_meier(seconds: Array, cut: npt.NDArray[np.bool_], day: npt.NDArray[n
     np.add.at(counts, (code, at), 1.0)
     np.add.at(ends, (code, at), (~cut).astype(np.float64))
     psi = (counts[:, ::-1].cumsum(axis=1)[:, ::-1] * (ended / followed / after) - ends / after).cumsum(axis=1)
-    log_se = np.sqrt(n_days / max(n_days - 1, 1) * (psi**2).sum(axis=0))
+    log_se: Array = np.sqrt(n_days / max(n_days - 1, 1) * (psi**2).sum(axis=0))
     n_cut_later = np.bincount(at, weights=cut, minlength=n_times)[::-1].cumsum()[::-1]
     is_known = _is_known(followed, n_cut_later)
     is_end = (ended > 0) & is_known
@@ -310,8 +312,8 @@ def _little(
         lost = MeanDwell(None, None, None, Reason("visits.long_unseen", share=mean.unseen))
         return LittleCheck(lost, MeanDwell(little, None, None, reason), None, None, None, None)
     if math.isinf(half) or mean.seen_s <= 0 or little <= 0:
-        means = (MeanDwell(value, None, None, reason) for value in (mean.value_s, little))
-        return LittleCheck(*means, little / mean.value_s if mean.value_s > 0 else None, None, None, None)
+        by_tracks, by_little = (MeanDwell(value, None, None, reason) for value in (mean.value_s, little))
+        return LittleCheck(by_tracks, by_little, little / mean.value_s if mean.value_s > 0 else None, None, None, None)
     logs = np.log(
         [
             (
