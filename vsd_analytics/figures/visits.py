@@ -67,7 +67,7 @@ def visits(period: Period) -> tuple[AreaVisits, ...]:
     camera = positions(rows["camera_id"], data.ids, otherwise=-1)
     hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
     is_used = data.hours.is_counted[camera, hour]
-    seen = _Seen(
+    seen = _Stays(
         *(v[is_used] for v in (area, camera, hour)),
         *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
     )
@@ -75,7 +75,7 @@ def visits(period: Period) -> tuple[AreaVisits, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _Stays:
     """Stays of tracks in areas, one element each."""
 
     area: Ints
@@ -85,12 +85,12 @@ class _Seen:
     has_exit: Array
     dwell_s: Array
 
-    def of(self, area: int) -> _Seen:
+    def of(self, area: int) -> _Stays:
         at = self.area == area
-        return _Seen(*(getattr(self, name)[at] for name in self.__slots__))
+        return _Stays(*(getattr(self, name)[at] for name in self.__slots__))
 
 
-def _of_area(period: Period, area: Area, seen: _Seen) -> AreaVisits:
+def _of_area(period: Period, area: Area, seen: _Stays) -> AreaVisits:
     data, settings = period.data, period.data.site.settings
     place = period.area(area.area_id)
     entered = seen.has_entry.astype(np.bool_)

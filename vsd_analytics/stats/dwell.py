@@ -190,7 +190,7 @@ def _kaplan_meier(seconds: Array, cut: npt.NDArray[np.bool_], day: npt.NDArray[n
     n_times = len(time_s)
     ended = np.bincount(at, weights=~cut, minlength=n_times)
     followed = np.bincount(at, minlength=n_times)[::-1].cumsum()[::-1].astype(np.float64)
-    share = np.cumprod(1 - ended / followed)
+    share = np.cumprod(1 - ended / followed).astype(np.float64)
     _, code = np.unique(day, return_inverse=True)
     # psi summed by day: visits followed until u add d_u / (y_u (y_u - d_u)) there, and one that ends at u takes
     # 1 / (y_u - d_u) away; both are the derivative of ln(1 - d_u / y_u)
