@@ -29,6 +29,7 @@ FRAMES = "5 / 2 frame intervals: of an episode one frame may be lost; proven ove
 CELL = "side of the cells of this mart, a multiple of the stored ones: MART_CELL_M"
 
 REASONS: Final[Mapping[str, Mapping[str, str]]] = {
+    "facts/area_stays": {"5": FRAMES},
     "facts/camera_days": {
         "0.5": "the median",
         "1200000": "the longest frame interval, 20 minutes: an hour depends on its neighbours alone (compute.py)",

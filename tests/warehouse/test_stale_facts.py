@@ -13,7 +13,7 @@ import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, fact_files, fact_hours, make_site, open_days, put
 
 from vsd_analytics.resources import shipped
-from vsd_analytics.site.model import Calibration, Camera, Floor, Site
+from vsd_analytics.site.model import Area, Calibration, Camera, Floor, Site
 from vsd_analytics.warehouse import sqlfiles
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
@@ -94,9 +94,19 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert result.facts == facts
     assert facts.keys() == {
         *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
-        *("track_lives", "track_pairs", "crowding"),
+        *("track_lives", "track_pairs", "crowding", "area_stays"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
+
+
+def test_an_area_that_asks_for_visits_recomputes_its_stays_only(root: Path, tmp_path: Path) -> None:
+    area = Area("till", "Till", "ground", ((0, 0), (4, 0), (4, 4), (0, 4)))
+    silent = replace(project(root), areas=(area,))
+    assert changed(silent, tmp_path / "silent")[1] == set(), "an area that does not ask changes no fact"
+    asking = replace(silent, areas=(replace(area, has_visits=True),))
+    result, _, facts = changed(asking, tmp_path / "asking")
+    assert set(result.reasons) == {"areas changed"}
+    assert set(facts) == {"area_stays"}
 
 
 def test_positions_and_owners_are_those_of_their_time(root: Path) -> None:
@@ -255,6 +265,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "track_lives",
                 "track_pairs",
                 "crowding",
+                "area_stays",
                 *OF_PAIRS,
             },
         ),

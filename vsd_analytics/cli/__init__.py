@@ -20,7 +20,8 @@ from vsd_analytics.version import VERSION
 COMMANDS = (
     *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
     *("listen", "alarms"),
-    *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "compare", "plan", "selfcheck", "forecast"),
+    *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "visits"),
+    *("compare", "plan", "selfcheck", "forecast"),
     *("today", "report", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor", "explain"),
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""

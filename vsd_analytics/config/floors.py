@@ -105,9 +105,22 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         polygon = _polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
         first_day, end_day = _days(table, timezone=timezone)
+        has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
+        long_s = table.number("long_visit_s", minimum=1, maximum=86_400, unit="seconds", example="120")
         table.close()
         if area_id is not None:
-            areas[area_id] = Area(area_id, name or "", floor_id, polygon or (), ask, first_day, end_day)
+            areas[area_id] = Area(
+                area_id,
+                name or "",
+                floor_id,
+                polygon or (),
+                ask,
+                first_day,
+                end_day,
+                has_visits=has_visits,
+                is_door=is_door,
+                long_visit_s=long_s,
+            )
     return tuple(areas.values())
 
 

@@ -92,16 +92,19 @@ class Floor:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """A named polygon on a floor, in floor metres.
+    """A named polygon on a floor.
 
     Attributes:
         area_id: Identifier.
         name: Display name; free text, always escaped.
         floor_id: Its floor.
-        polygon: Its outline.
+        polygon: Corners in floor metres.
         ask: What the report is to ask about it; None = by rule.
         first_day: First local day that counts for it; None = always was.
         end_day: Local day from which it counts no longer; None = still does.
+        has_visits: Visits of it are counted, and how long they last.
+        is_door: People come and go here: a track that begins or ends inside was not cut.
+        long_visit_s: Dwell time from which a visit is a long one; None = the setting of that name.
     """
 
     area_id: str
@@ -111,6 +114,9 @@ class Area:
     ask: str | None = None
     first_day: date | None = None
     end_day: date | None = None
+    has_visits: bool = False
+    is_door: bool = False
+    long_visit_s: float | None = None
 
     def is_there(self, first: date, last: date) -> bool:
         """Tell whether it is there on any local day from `first` to `last`."""

@@ -73,7 +73,13 @@ _CALENDAR = pa.schema(
 )
 _SITE_DAYS = pa.schema([("quarter", pa.int64()), ("site_day", pa.date32())])
 _AREAS = pa.schema(
-    [("area_id", pa.string()), ("area_no", pa.int32()), ("name", pa.string()), ("floor_id", pa.string())]
+    [
+        ("area_id", pa.string()),
+        ("area_no", pa.int32()),
+        ("name", pa.string()),
+        ("floor_id", pa.string()),
+        ("is_door", pa.bool_()),
+    ]
 )
 
 
@@ -120,13 +126,16 @@ def _has_whole_hours(timezone: str) -> bool:
 
 
 def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
-    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas` and `area_cells` on a connection."""
+    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and `visit_cells`."""
     _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
     _create(con, "cameras", _camera_table(site))
     _create(con, "calibrations", _calibration_table(site))
     _create(con, "owner_cells", owner_cells(site))
-    _create(con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id) for i, a in enumerate(site.areas)]))
+    _create(
+        con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id, a.is_door) for i, a in enumerate(site.areas)])
+    )
     _create(con, "area_cells", area_cells(site))
+    _create(con, "visit_cells", visit_cells(site))
 
 
 def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
@@ -237,6 +246,16 @@ def _cells_in(corners: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:
     )
     inside = shapely.contains_xy(polygon, (cx + 0.5) * cell_m, (cy + 0.5) * cell_m)
     return list(zip(cx[inside].astype(int).tolist(), cy[inside].astype(int).tolist(), strict=True))
+
+
+def visit_cells(site: Site) -> pa.Table:
+    """Return the rows of `area_cells` of areas whose visits are counted."""
+    import pyarrow.compute as pc
+
+    cells = area_cells(site)
+    return cells.filter(
+        pc.is_in(cells["area_id"], pa.array([a.area_id for a in site.areas if a.has_visits], pa.string()))
+    )
 
 
 def calendar(site: Site, first: date, last: date) -> pa.Table:

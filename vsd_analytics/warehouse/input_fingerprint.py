@@ -31,12 +31,14 @@ STALE_REASONS: Final = {
     "calibration": "calibration changed",
     "views": "views changed",
     "frame interval": "frame interval changed",
+    "areas": "areas changed",
 }
 _KIND_OF_RELATION = {
     "cameras": "cameras",
     "calibrations": "calibration",
     "owner_cells": "views",
     "camera_days": "frame interval",
+    "visit_cells": "areas",
 }
 
 
@@ -132,7 +134,7 @@ class SiteInputs:
         return text_hash(self._owners)
 
     def of_hour(self, hour: int, *, present: Collection[str]) -> InputHashes:
-        """Return hashes of cameras, calibrations and cell owners in force in a UTC hour and its two neighbours.
+        """Return hashes of cameras, calibrations, cell owners and areas in force in a UTC hour and its two neighbours.
 
         Args:
             hour: UTC hour number.
@@ -151,6 +153,7 @@ class SiteInputs:
                 "cameras": text_hash(sorted((c.camera_id, c.floor_id) for c in cameras)),
                 "calibration": text_hash(_within(window, calibrations)),
                 "views": text_hash(_within(window, [span for span in self._owners if span[0] in floors])),
+                "areas": text_hash([area for area in self._areas if area[0] in floors]),
             }
         return self._computed[key]
 
@@ -161,6 +164,16 @@ class SiteInputs:
     @cached_property
     def _owners(self) -> Sequence[tuple[Any, ...]]:
         return [(s.floor_id, s.from_ms, s.to_ms, text_hash(sorted(s.cells))) for s in owner_spans(self._site)]
+
+    @cached_property
+    def _areas(self) -> Sequence[tuple[Any, ...]]:
+        """Return the areas of floors with an area that asks for visits: cells that two share belong to the first."""
+        asked = {a.floor_id for a in self._site.areas if a.has_visits}
+        return [
+            (a.floor_id, a.area_id, a.polygon, a.first_day, a.end_day, a.has_visits)
+            for a in self._site.areas
+            if a.floor_id in asked
+        ]
 
     @cached_property
     def _changes(self) -> Sequence[int]:

@@ -1,0 +1,158 @@
+"""`vsd visits`: how many people visit an area, and how long they stay."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.compare_text import table
+from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.report.words.reasons import reason_text
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.visits import AreaVisits
+    from vsd_analytics.stats.durations import QuantileEstimate
+
+_MINUTE_S = 60
+_SHOWN_BELOW_S = 90
+
+
+@click.command()
+@range_options
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@json_option
+@pass_project
+def visits(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
+    """Print how many people visit an area and how long they stay (dwell time), of areas with visits = true.
+
+    A visit counts where its entry was seen. A track that is lost inside tells that the person stayed at least that
+    long (Kaplan-Meier); one that begins inside tells nothing. Little's law gives the mean stay without track ids:
+    where the two disagree, the command says so.
+
+    Exit code 1: no area asks for visits, or none has enough of them.
+
+    \b
+    Example:
+      vsd visits --week last
+      vsd visits --range 2026-11-02..2026-11-15 --json
+    """
+    from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.figures import visits as figures
+    from vsd_analytics.figures.compare import known_floor
+    from vsd_analytics.figures.panels import FloorHours, Period
+
+    floor = known_floor(project.site, floor_id, [])
+    if not any(a.has_visits for a in project.site.areas if a.floor_id == floor.floor_id):
+        raise UsageError(
+            f"no area of floor {floor.floor_id!r} asks for visits",
+            why="visits are computed only for areas that ask for them",
+            fix="add visits = true to an [[area]] of vsd.toml; door = true where people come and go",
+        )
+    with warehouse_of(project, week=week, days=days) as warehouse:
+        first, last = warehouse.first, warehouse.last
+        found = figures.visits(Period(FloorHours(warehouse, floor=floor), first, last))
+        notes = purged_hours_notes(warehouse)
+    if as_json:
+        emit_json({"first": first.isoformat(), "last": last.isoformat(), "areas": [_as_dict(v) for v in found],
+                   **({"notes": notes} if notes else {})})  # fmt: skip
+    else:
+        warn(notes)
+        click.echo(plain(_text(found, first=first.isoformat(), last=last.isoformat())))
+    return 0 if any(v.dwell.state == "ok" for v in found) else 1
+
+
+def _as_dict(of: AreaVisits) -> dict[str, Any]:
+    often, dwell = of.often, of.dwell
+    printed: dict[str, Any] = rounded(
+        {
+            "area_id": of.area.area_id,
+            "visits_per_open_h": {"value": often.rate, "lo": often.lo, "hi": often.hi, "n": often.n_events,
+                                  "state": often.state, "reason": often.reason},
+            "dwell_median_s": asdict(dwell.median),
+            "dwell_p90_s": asdict(dwell.p90),
+            "long_share": {"longer_than_s": of.long_visit_s, "value": dwell.long_share.value,
+                           "lo": dwell.long_share.lo, "hi": dwell.long_share.hi, "reason": dwell.long_share.reason},
+            "little": asdict(dwell.little),
+            "n_visits": dwell.n_visits,
+            "n_cut": dwell.n_cut,
+            "n_began_inside": of.n_began_inside,
+            "n_days": dwell.n_days,
+            "recorded_share": of.recorded_share,
+            "silent_cameras": of.silent_cameras,
+            "state": dwell.state,
+            "reason": dwell.reason,
+        }
+    )  # fmt: skip
+    return printed
+
+
+def _text(found: tuple[AreaVisits, ...], *, first: str, last: str) -> str:
+    rows = [("area", "visits per open hour", "median stay", "90 % leave within", "stay longer than", "recorded")]
+    rows += [
+        (v.area.name, _often(v), _time(v.dwell.median), _time(v.dwell.p90), _long(v), f"{v.recorded_share:.0%}")
+        for v in found
+    ]
+    lines = [f"Visits, {first} to {last}", "", *table(rows)]
+    for v in found:
+        lines += ["", *(f"{v.area.name}: {line}" for line in _notes(v))]
+    return "\n".join(lines)
+
+
+def _often(of: AreaVisits) -> str:
+    rate = of.often
+    if rate.rate is None:
+        return reason_text(rate.reason)
+    limits = "" if rate.lo is None or rate.hi is None else f" ({rate.lo:.3g} to {rate.hi:.3g})"
+    return f"{rate.rate:.3g}{limits}"
+
+
+def _time(of: QuantileEstimate) -> str:
+    if of.value_s is None:
+        return "–"
+    if of.lo_s is None:
+        return _seconds(of.value_s)
+    limits = f"{_seconds(of.lo_s)} to {_seconds(of.hi_s)}" if of.hi_s is not None else f"at least {_seconds(of.lo_s)}"
+    return f"{_seconds(of.value_s)} ({limits})"
+
+
+def _seconds(value_s: float) -> str:
+    return f"{value_s:.0f} s" if value_s < _SHOWN_BELOW_S else f"{value_s / _MINUTE_S:.1f} min"
+
+
+def _long(of: AreaVisits) -> str:
+    share = of.dwell.long_share
+    if share.value is None:
+        return f"{_seconds(of.long_visit_s)}: –"
+    limits = "" if share.lo is None or share.hi is None else f" ({share.lo:.0%} to {share.hi:.0%})"
+    return f"{_seconds(of.long_visit_s)}: {share.value:.0%}{limits}"
+
+
+def _notes(of: AreaVisits) -> list[str]:
+    dwell, little = of.dwell, of.dwell.little
+    lines = [
+        f"{dwell.n_visits:,} entries seen on {dwell.n_days} days; {dwell.n_cut:,} of these visits end with a lost "
+        f"track, {of.n_began_inside:,} tracks begin inside"
+    ]
+    if dwell.reason is not None:
+        lines.append(reason_text(dwell.reason))
+    if of.silent_cameras:
+        lines.append(f"nothing was recorded by {', '.join(of.silent_cameras)}: visits there are not known")
+    if little.ratio is None or little.by_tracks.value_s is None or little.by_little.value_s is None:
+        if little.by_tracks.reason is not None and little.by_tracks.reason != dwell.reason:
+            lines.append(f"mean stay not known: {reason_text(little.by_tracks.reason)}")
+        return lines
+    tracks, by_little = (_seconds(m.value_s) for m in (little.by_tracks, little.by_little) if m.value_s is not None)
+    said = f"mean stay by tracks {tracks}, by Little's law (person-time / entries) {by_little}"
+    if little.agrees is False:
+        way = (
+            "not all entries were seen, or people who stay are lost"
+            if little.ratio > 1
+            else "one person enters several times, as when ids change at the border"
+        )
+        said += f": they disagree, so neither is certain. Likely {way}"
+    return [*lines, said]

@@ -1,0 +1,142 @@
+"""Visits of areas: how many, and how long they last (dwell time), from tracks that may be cut.
+
+Only areas with `visits = true` in vsd.toml. A visit counts where its entry was seen, at the camera that counts that
+place, in opening hours of which enough was recorded. How dwell times are found: `vsd_analytics.stats.dwell`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.panels import Array, FloorHours, Ints, Period, Place, positions
+from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
+from vsd_analytics.site.model import Area
+from vsd_analytics.stats.dwell import Dwell, dwell
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.rates import how_often
+
+_VISITS: Final = """
+select
+    area_id,
+    camera_id,
+    hour_start_ms,
+    has_entry,
+    has_exit,
+    dwell_s::double as dwell_s
+from visits
+where floor_id = $floor and is_counted and is_open and local_date between $first and $last
+order by started_ms, camera_id, track_id, area_id
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class AreaVisits:
+    """The visits of one area in a period.
+
+    Attributes:
+        area: The area.
+        often: Visits per open hour of the area, sum over cameras, with the interval of M0: entries that were seen.
+        dwell: How long they last; its person-time is that of the same camera-hours.
+        long_visit_s: Dwell time from which a visit counts as long.
+        n_began_inside: Tracks that begin inside, whose visit began unseen; they are in no figure but person-time.
+        recorded_share: Recorded share of the opening hours of the cameras that count the area.
+        silent_cameras: Cameras that count the area and recorded nothing of the period.
+    """
+
+    area: Area
+    often: RateEstimate
+    dwell: Dwell
+    long_visit_s: float
+    n_began_inside: int
+    recorded_share: float
+    silent_cameras: tuple[str, ...]
+
+
+def visits(period: Period) -> tuple[AreaVisits, ...]:
+    """Return the visits of each area of a floor that asks for them, in the order of vsd.toml."""
+    data = period.data
+    asked = [a for a in data.areas if a.has_visits]
+    if not asked:
+        return ()
+    rows = data.warehouse.table(_VISITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
+    area = positions(rows["area_id"], [a.area_id for a in asked], otherwise=-1)
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+    is_used = data.hours.is_counted[camera, hour]
+    seen = _Stays(
+        *(v[is_used] for v in (area, camera, hour)),
+        *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
+    )
+    return tuple(_of_area(period, a, seen.of(k)) for k, a in enumerate(asked))
+
+
+@dataclass(frozen=True, slots=True)
+class _Stays:
+    """Stays of tracks in areas, one element each."""
+
+    area: Ints
+    camera: Ints
+    hour: Ints
+    has_entry: Array
+    has_exit: Array
+    dwell_s: Array
+
+    def of(self, area: int) -> _Stays:
+        at = self.area == area
+        return _Stays(*(getattr(self, name)[at] for name in self.__slots__))
+
+
+def _of_area(period: Period, area: Area, seen: _Stays) -> AreaVisits:
+    data, settings = period.data, period.data.site.settings
+    place = period.area(area.area_id)
+    entered = seen.has_entry.astype(np.bool_)
+    n = np.zeros_like(data.everyone.n)
+    np.add.at(n, (seen.camera[entered], seen.hour[entered]), 1.0)
+    counted = Place(n, place.exposure_h, np.asarray((n + place.exposure_h).any(axis=1)), place.is_there)
+    panel = data.panel(counted, period.days)
+    used = data.hours.is_counted & period.is_inside & counted.cameras[:, None]
+    days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
+    person_s = np.zeros(len(days))
+    np.add.at(
+        person_s,
+        np.searchsorted(days, data.hours.day[period.is_inside]),
+        (place.exposure_h * used).sum(axis=0)[period.is_inside] * 3600,
+    )
+    long_s = area.long_visit_s or settings.long_visit_s
+    found = dwell(
+        np.maximum(seen.dwell_s[entered], 0.0),
+        ~seen.has_exit[entered].astype(np.bool_),
+        np.searchsorted(days, data.hours.day[seen.hour[entered]]),
+        person_s=person_s,
+        long_s=long_s,
+        confidence=settings.confidence,
+        min_days=settings.min_days,
+    )
+    open_h = float(data.hours.open_s[period.is_inside].sum()) / 3600 * int(counted.cameras.sum())
+    recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
+    return AreaVisits(
+        area,
+        _often(period, counted, panel.n, panel.x_h),
+        found,
+        long_s,
+        int((~entered).sum()),
+        float(recorded[counted.cameras].sum()) / open_h if open_h else 0.0,
+        _silent(data, counted, recorded),
+    )
+
+
+def _often(period: Period, place: Place, n: Array, x_h: Array) -> RateEstimate:
+    if period.why_no_exposure is not None:
+        return not_measured(period.why_no_exposure)
+    if not period.knows(place):
+        return NOT_RECORDED
+    settings = period.data.site.settings
+    return how_often(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
+
+
+def _silent(data: FloorHours, place: Place, recorded_h: Sequence[float] | Array) -> tuple[str, ...]:
+    return tuple(c for c, counts, h in zip(data.ids, place.cameras, recorded_h, strict=True) if counts and not h)
