@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -15,6 +16,8 @@ from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
+from vsd_analytics.warehouse import build as build_module
+from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.factfiles import by_hour, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -146,6 +149,12 @@ def fact_hours(site: Site) -> dict[tuple[str, int], tuple[list[dict[str, Any]], 
             for hour, inputs in by_hour(noted_inputs(path.read_bytes()), day).items():
                 found[name, hour] = ([row for row in rows if row["hour"] == hour], inputs)
     return found
+
+
+def build_hour_by_hour(site: Site) -> BuildResult:
+    """Build, computing each hour for itself, as a build does with hours of very many records."""
+    with mock.patch.multiple(build_module, BATCH_HOURS=1, QUIET_HOURS=1):
+        return build_module.build(site)
 
 
 def day_after(day: str) -> str:

@@ -72,6 +72,7 @@ def test_another_distance_gives_what_a_project_with_that_distance_gives(
 def test_facts_that_do_not_read_the_setting_are_shared(site: Site) -> None:
     other = site.with_settings(distance_m=1.0)
     result = build(other)
+    assert dict(result.reasons) == {"settings changed": 2}
     path = folder(other)
     assert path is not None
     assert {p.name for p in path.iterdir()} == set(result.facts)

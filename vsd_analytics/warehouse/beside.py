@@ -48,6 +48,11 @@ def roots(site: Site) -> Mapping[str, Path]:
     }
 
 
+def is_beside(root: Path) -> bool:
+    """Return whether a folder of facts is that of other settings than those of vsd.toml."""
+    return root.parent.name == FOLDER.name
+
+
 def days_folder(site: Site) -> Path:
     """Return the folder of the day files of the settings in force."""
     return (folder(site) or site.root / "facts") / "days"

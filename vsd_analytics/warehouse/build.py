@@ -156,7 +156,7 @@ def _write_hours(
     for day, of_day in stale.items():
         for name, hours in of_day.items():
             if not hours:  # an hour fewer than before, or all hours in several files: nothing is computed
-                files.writer(name, day)
+                files.writer(name, day).add_reused()
     writers: dict[tuple[str, int], DayWriter] = {}
     for batch in _batches(computed):
         check(p for parts in merged_parts(batch).values() for p in parts)

@@ -107,6 +107,8 @@ class FactDays:
             older = () if is_fresh else self._older(name, day).values()
             noted = [hours[unit.number] for hours in older if unit.number in hours]
             has_any |= is_fresh or bool(noted)
+            if not is_fresh and not noted and beside.is_beside(self._roots[name]):
+                has_any, changed = True, changed | {"settings"}
             for inputs in noted:
                 changed |= {kind for kind, value in self.inputs(name, unit).items() if inputs.get(kind) != value}
         if not has_any:
@@ -183,21 +185,22 @@ class DayWriter:
         self._path, self._reused = path, dict(reused)
         self._left = sorted(hours, reverse=True)
         self._file = FactWriter(by_kind(hours))
-        self._add_reused()
 
     def add(self, hour: int, rows: pa.Table) -> None:
         """Append the rows of the next hour that is not reused."""
+        self.add_reused()
         assert self._left[-1] == hour
         self._left.pop()
         self._file.add(rows)
-        self._add_reused()
+        self.add_reused()
 
     @property
     def is_done(self) -> bool:
         """Whether the file was published."""
         return not self._left
 
-    def _add_reused(self) -> None:
+    def add_reused(self) -> None:
+        """Append the rows of the next hours that are reused; publish the file after the last hour of all."""
         while self._left and self._left[-1] in self._reused:
             self._file.add(self._reused.pop(self._left.pop()))
         if self.is_done:  # whole or not at all; without fsync, because facts can be computed again
