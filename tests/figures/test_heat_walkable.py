@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from types import SimpleNamespace
 from typing import Any
 
@@ -126,7 +126,9 @@ def test_without_fixtures_the_map_is_smoothed_as_ever() -> None:
     def midnight(day: date) -> datetime:
         return datetime(day.year, day.month, day.day, tzinfo=UTC)
 
-    data: Any = SimpleNamespace(site=site, floor=SimpleNamespace(floor_id="f"), monday=monday, midnight=midnight)
+    data: Any = SimpleNamespace(
+        site=site, floor=SimpleNamespace(floor_id="f"), monday=monday, span=timedelta(days=7), midnight=midnight
+    )
     grid = FloorGrid(data, (0.0, 0.0, 12.0, 12.0))
     counts = np.random.default_rng(5).poisson(0.4, (N, N)).astype(float)
     np.testing.assert_array_equal(grid.smooth(counts), gaussian_filter(counts, 2.0, mode="constant"))

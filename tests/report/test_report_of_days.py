@@ -18,6 +18,7 @@ from vsd_analytics.report.pages.mail import make_mail
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.languages import speaking
 from vsd_analytics.site.model import LANGUAGES, Site
+from vsd_analytics.site_index.read_reports import find_reports
 
 HOURS, OPENING = (9, 10), '{ mon-sun = "09:00-10:00" }'
 WEEKS = 4
@@ -145,6 +146,13 @@ def test_the_command_writes_files_named_by_their_days(vsd: Vsd, site: Site, tmp_
     names = [f"{stem}{end}" for end in ("-areas.csv", "-hotspots.csv", "-hours.csv", ".eml", ".html", ".json")]
     assert sorted(p.name for p in tmp_path.iterdir()) == names
     assert not (site.root / "questions.jsonl").exists(), "it asks nothing"
+
+
+def test_the_index_of_weeks_does_not_list_other_days(site: Site, tmp_path: Path) -> None:
+    (tmp_path / "2026-W46.json").write_bytes(to_json(week_report(site, w.MONDAY)))
+    (tmp_path / "2026-11-11.json").write_bytes(to_json(days_report(site, WEDNESDAY, WEDNESDAY)))
+    found = find_reports(tmp_path, project="shop")
+    assert ([e.stem for e in found.entries], found.problems) == (["2026-W46"], ())
 
 
 def test_a_range_of_one_week_is_that_weeks_report(vsd: Vsd, tmp_path: Path) -> None:

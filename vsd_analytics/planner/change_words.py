@@ -120,7 +120,7 @@ def _notes(result: Redesign) -> tuple[str, ...]:
     n, notes = result.n_weeks or 0, []
     if result.design == "beside":
         notes.append(say("planner.log.beside", plural=n, n=n, areas=terms.joined(result.compared_with)))
-    if result.moved_elsewhere is not None and result.moved_elsewhere > 0:
+    if result.moved_elsewhere and outcome(result) == "moved":  # else nobody can tell whether it moved
         share = fmt.percent(min(1.0, result.moved_elsewhere))
         notes.append(say("planner.log.elsewhere", share=share, area=result.area_name))
     return tuple(notes)

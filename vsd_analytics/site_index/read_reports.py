@@ -38,6 +38,8 @@ memory."""
 KINDS: Final = {".html": "report", ".pdf": "pdf", ".json": "json"}
 STEM: Final = re.compile(r"(?P<iso>\d{4}-W\d{2})(?:-(?P<floor>[a-z0-9][a-z0-9_-]{0,62}))?")
 """Names of reports: 2026-W46, or 2026-W46-ground where a site has several floors."""
+OF_DAYS: Final = re.compile(r"\d{4}-\d{2}-\d{2}")
+"""How the files of other days than a week begin (`vsd report --range`); the index lists weeks."""
 PLANNER: Final = re.compile(rf"{STEM.pattern}-planner")
 _YEARS: Final = range(1900, 2200)
 
@@ -135,7 +137,7 @@ def find_reports(folder: Path, *, project: str, prefix: str = "") -> FoundReport
     problems: list[VsdError] = []
     names = files_in(folder)
     reports: dict[str, IndexedReport] = {}
-    for name in (n for n in names if n.endswith(".json")):
+    for name in (n for n in names if n.endswith(".json") and not OF_DAYS.match(n)):
         try:
             reports[name.removesuffix(".json")] = read_report_json(folder / name)
         except VsdError as problem:

@@ -17,6 +17,18 @@ pytestmark = pytest.mark.browser
 ALL = {**weeks.ALL, **sections.MORE}
 MODES = [("light", 1280), ("light", 390), ("dark", 390)]
 """Dark changes colours alone, at any width."""
+TOO_SMALL = """() => [...document.body.querySelectorAll("*")].flatMap(e => {
+    if (!e.checkVisibility() || e.closest(".vh, .skip")) return [];
+    const found = [], text = [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
+    let size = parseFloat(getComputedStyle(e).fontSize);
+    if (e.getScreenCTM) { const m = e.getScreenCTM(); size *= Math.hypot(m.a, m.b); }
+    if (text && size < 11.95) found.push(["text", size.toFixed(1), e.tagName, e.textContent.trim().slice(0, 30)]);
+    const high = e.getBoundingClientRect().height;
+    if (e.matches("a, summary, button, input, select") && high < 23.5)
+        found.push(["target", high.toFixed(1), e.tagName, e.textContent.trim().slice(0, 30)]);
+    return found;
+})"""
+"""Visible text under 12 px, also in drawings, and links under 24 px high."""
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 
@@ -72,6 +84,32 @@ def test_nothing_is_wider_than_the_screen(browser: Any, pages: dict[str, Path], 
     timetable = page.evaluate("document.querySelector('.tt').scrollWidth - document.querySelector('.tt').clientWidth")
     page.close()
     assert (overflow, timetable) == (0, 0)
+
+
+@pytest.mark.parametrize("width", [320, 390, 768, 1280])
+@pytest.mark.parametrize("name", ["twelve_weeks", "too_incomplete", "settings_changed", "hostile"])
+def test_every_text_is_large_enough_to_read_and_every_link_to_hit(
+    browser: Any, pages: dict[str, Path], name: str, width: int
+) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(pages[name].as_uri())
+    found = page.evaluate(TOO_SMALL)
+    page.close()
+    assert found == []
+
+
+def test_forced_colours_leave_drawings_their_own(browser: Any, pages: dict[str, Path]) -> None:
+    context = browser.new_context(forced_colors="active", viewport={"width": 1280, "height": 900})
+    page = context.new_page()
+    page.goto(pages["twelve_weeks"].as_uri())
+    assert page.evaluate("matchMedia('(forced-colors: active)').matches")
+    step, dot, hollow = page.evaluate(
+        """() => [".ramp .sw.b4", ".dots .on", ".dots i:not(.on)"].map(s =>
+            document.querySelector(s) && getComputedStyle(document.querySelector(s)).backgroundColor)"""
+    )
+    context.close()
+    assert step == "rgb(231, 111, 63)"
+    assert dot != hollow, "a filled dot is not an empty one"
 
 
 def test_the_style_is_let_through_by_the_policy(browser: Any, pages: dict[str, Path]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import date, timedelta
+from datetime import UTC, date, datetime, timedelta
 from functools import cached_property
 
 import numpy as np
@@ -184,24 +184,31 @@ def without_patches(values: Array, *, least: float, is_left_out: Callable[[Flags
 
 def floor_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return the fixtures on the floor at the end of the week."""
-    return fixtures_at(data, data.sunday)
+    return _standing(data, _instant(data.this.span_ms[1] - 1))
 
 
 def fixtures_before(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood there at the end of the week before."""
-    return fixtures_at(data, data.monday - timedelta(days=1))
+    return _standing(data, _instant(data.this.span_ms[0] - 1))
 
 
 def fixtures_at(data: WeekData, day: date) -> tuple[Fixture, ...]:
     """Return those that stood there at the end of a day."""
-    last = data.midnight(day + timedelta(days=1)) - timedelta(seconds=1)
-    return tuple(f for f in _listed(data) if f.is_there(last))
+    return _standing(data, data.midnight(day + timedelta(days=1)) - timedelta(seconds=1))
 
 
 def fixed_fixtures(data: WeekData) -> tuple[Fixture, ...]:
     """Return those that stood in one place all through this week and the one before: nobody walked there in either."""
     first, end = data.midnight(data.monday - data.span), data.midnight(data.monday + data.span)
     return tuple(f for f in _listed(data) if f.is_there(first, until=end))
+
+
+def _standing(data: WeekData, at: datetime) -> tuple[Fixture, ...]:
+    return tuple(f for f in _listed(data) if f.is_there(at))
+
+
+def _instant(ms: int) -> datetime:
+    return datetime.fromtimestamp(ms // 1000, tz=UTC)
 
 
 def _listed(data: WeekData) -> tuple[Fixture, ...]:

@@ -126,7 +126,7 @@ def adding_up(differences: Sequence[float], *, before: float, after: float, deci
 
 
 def _parts(report: WeekReport, unseen: Sequence[AreaRow]) -> list[_Part] | None:
-    """Return the parts with a number, the largest first; None where a part that is held back would be told.
+    """Return the parts with a number, the largest first; None where one that is held back would show.
 
     What is held back shares a row: with another such area, or with the little that neighbours saw of an unseen one.
     """
