@@ -52,6 +52,11 @@ class ColumnPlan:
         """Return the columns to read: ours by our names, those of `where` by `beside` of theirs."""
         return {**self.theirs, **{beside(name): i for name, i in self.compared.items()}}
 
+    @property
+    def box(self) -> str:
+        """Return the column that a bad box is reported by."""
+        return next((c for c in ("right", "width") if c in self.theirs), "ts")
+
     def only_where(self) -> ColumnPlan:
         """Return the plan that reads only camera and time, whatever else is wrong with a row."""
         theirs = {ours: i for ours, i in self.theirs.items() if ours in ("ts", TIME_OF_DAY, "frame", "camera_id")}
