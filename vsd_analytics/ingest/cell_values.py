@@ -57,7 +57,7 @@ def floats_or_null(values: np.ndarray) -> pa.Array:
 
 
 def tracks(values: pa.Array | None, *, length: int) -> pa.Array:
-    """Return a column of track ids as strings, as `ids`; what stands for no id is missing."""
+    """Return a column of track ids as strings, as `ids` does it; a value that means "no id" is missing."""
     found = ids(values, default=None, length=length)
     is_none = pc.is_in(pc.utf8_lower(found), pa.array(sorted(NO_ID)))
     return pc.if_else(pc.fill_null(is_none, True), pa.scalar(None, pa.string()), found)
