@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -88,7 +89,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
     if "ts" not in found and "frame" not in found:
         dates, times = named_like(header.names, "date"), named_like(header.names, "time")
-        joined = f"--map ts={dates[0]}+{times[0]}" if dates and times else None
+        joined = f"--map {shlex.quote(f'ts={dates[0]}+{times[0]}')}" if dates and times else None
         raise _missing(source, "ts", header, "without a time nothing can be counted by hour", fix=joined)
     if kind == "pairs":
         if "distance_m" not in found and not {"x_a_m", "y_a_m", "x_b_m", "y_b_m"} <= set(found):
@@ -115,7 +116,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         like = named_like(header.names, "camera")
         raise _missing(
             source, "camera_id", header, "the site has several cameras, and nothing says which one saw this",
-            fix=f"--map camera_id={like[0]}" if like else "--camera ID",
+            fix=f"--map {shlex.quote(f'camera_id={like[0]}')}" if like else "--camera ID",
         )  # fmt: skip
     wanted = {*(("ts", TIME_OF_DAY) if "ts" in found else ("frame",)), "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
@@ -136,7 +137,8 @@ def _place_fix(header: Header, found: Mapping[str, int]) -> str | None:
         note = "   (metres; of the picture: u_px=...,v_px=...; another unit: --unit mm)"
     elif set(theirs) == {"left", "top", "width", "height"}:
         note = f"   (the upper left corner; a centre: center_x={theirs['left']},center_y={theirs['top']})"
-    return f"--map {','.join(f'{ours}={name}' for ours, name in theirs.items())}{note}"
+    mapped = ",".join(f"{ours}={name}" for ours, name in theirs.items())
+    return f"--map {shlex.quote(mapped)}{note}"
 
 
 def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:
@@ -235,7 +237,8 @@ def _missing(
     if fix is None and header.line is None and header.text is not None:
         fix = f"name it in --columns: {column}, at its place in the order of the file's columns"
     if fix is None:
-        fix = f"--map {ours or column}={near or 'THEIR_NAME'}      (or in vsd.toml, under [ingest.map])"
+        named = shlex.quote(f"{ours or column}={near or 'THEIR_NAME'}")
+        fix = f"--map {named}      (or in vsd.toml, under [ingest.map])"
     return InputError(
         f"{source.file_name} has no column {column!r}",
         code="E203",

@@ -273,7 +273,7 @@ def _zones(case: Case) -> Iterator[Doubt]:
     if site.opening is not None:
         open_as_read, open_as_local = open_share(here, site), open_share(there, site)
         shares = f"; {open_as_read:.0%} and {open_as_local:.0%} of the records would be in opening hours"
-    camera = next((c.camera_id for c in case.cameras), "cam-1")
+    camera = next((c.camera_id for c in (*case.cameras, *site.cameras)), "cam-1")
     yield Doubt(
         "W223",
         f"times have no offset and are taken as {zone}: in {site.timezone} they are {as_read}",
