@@ -12,11 +12,11 @@ import pytest
 from docs.markdown_pages import REPOSITORY, blocks
 
 from vsd_analytics.ingest.adapter import RawBatch
-from vsd_analytics.ingest.testing import Sample, prove
+from vsd_analytics.ingest.testing import AdapterSample, prove
 
 EXAMPLE = {b.mark: b.text for b in blocks(REPOSITORY / "docs" / "plugins.md") if b.mark}
 DATA = b"#acme 3\n1762761600;7;1.0;2.0\n1762761600;8;2.5;2.0\n1762761601;7;1.1;2.0\n"
-SAMPLE = Sample(DATA, n_records=3, first_ms=1762761600000, bad_line=b"1762761601;7;left;2")
+SAMPLE = AdapterSample(DATA, n_records=3, first_ms=1762761600000, bad_line=b"1762761601;7;left;2")
 
 
 @pytest.fixture

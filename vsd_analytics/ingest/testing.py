@@ -4,7 +4,7 @@ Example:
     A test of a plug-in::
 
         def test_acme(tmp_path):
-            prove(Acme, Sample(b"#acme\n1762761600;7;1.0;2.0\n", n_records=1), tmp_path)
+            prove(Acme, AdapterSample(b"#acme\n1762761600;7;1.0;2.0\n", n_records=1), tmp_path)
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _ONE_CAMERA: Final = IngestOptions(camera="cam-1")
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class AdapterSample:
     """A good file of the format, and what is in it.
 
     Attributes:
@@ -50,7 +50,7 @@ class Sample:
     options: IngestOptions = _ONE_CAMERA
 
 
-def prove(make: Callable[[], Adapter], sample: Sample, folder: Path) -> None:
+def prove(make: Callable[[], Adapter], sample: AdapterSample, folder: Path) -> None:
     """Try an adapter on a sample, on damaged copies of it, and on files of other formats.
 
     Args:
@@ -79,7 +79,7 @@ def prove(make: Callable[[], Adapter], sample: Sample, folder: Path) -> None:
     _prove_damage(make, sample, folder)
 
 
-def _prove_lines(make: Callable[[], Adapter], sample: Sample, folder: Path, rows: Sequence[Any]) -> None:
+def _prove_lines(make: Callable[[], Adapter], sample: AdapterSample, folder: Path, rows: Sequence[Any]) -> None:
     """A bad line costs itself, and many lines come in many batches."""
     assert sample.bad_line is not None
     lines = sample.data.splitlines()
@@ -100,7 +100,7 @@ def _prove_lines(make: Callable[[], Adapter], sample: Sample, folder: Path, rows
         assert n <= BATCH_MAX, f"a batch has {n:,} rows: yield at most about {BATCH_ROWS:,}, so that memory is bounded"
 
 
-def _prove_damage(make: Callable[[], Adapter], sample: Sample, folder: Path) -> None:
+def _prove_damage(make: Callable[[], Adapter], sample: AdapterSample, folder: Path) -> None:
     """Whatever is cut off or flipped ends in records, rejected ones, or an InputError."""
     chance = random.Random(0)
     for i in range(_CUTS):
@@ -118,13 +118,13 @@ def _prove_damage(make: Callable[[], Adapter], sample: Sample, folder: Path) -> 
                 raise AssertionError(text) from error
 
 
-def _file(folder: Path, sample: Sample, data: bytes) -> Source:
+def _file(folder: Path, sample: AdapterSample, data: bytes) -> Source:
     path = folder / sample.file_name
     path.write_bytes(data)
     return Source(path)
 
 
-def _batches(make: Callable[[], Adapter], sample: Sample, data: bytes, folder: Path) -> list[RawBatch]:
+def _batches(make: Callable[[], Adapter], sample: AdapterSample, data: bytes, folder: Path) -> list[RawBatch]:
     batches = []
     for batch in make().read(_file(folder, sample, data), sample.options):
         for name, table in batch.tables.items():
@@ -133,7 +133,7 @@ def _batches(make: Callable[[], Adapter], sample: Sample, data: bytes, folder: P
     return batches
 
 
-def _records(make: Callable[[], Adapter], sample: Sample, data: bytes, folder: Path) -> list[dict[str, Any]]:
+def _records(make: Callable[[], Adapter], sample: AdapterSample, data: bytes, folder: Path) -> list[dict[str, Any]]:
     batches = _batches(make, sample, data, folder)
     return [row for batch in batches for name in ("observations", "pairs") for row in batch.table(name).to_pylist()]
 
