@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -11,6 +11,9 @@ from vsd_analytics.cli.project import Project, pass_project
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+HISTORY_WEEKS: Final = 12
+"""Weeks with which a change can be compared and next week be forecast."""
 
 
 @click.command()
@@ -60,7 +63,6 @@ def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str
     from vsd_analytics.errors import UsageError
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
-    from vsd_analytics.simulate.history import MIN_WEEKS
 
     root = Path(folder)
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
@@ -96,8 +98,8 @@ def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str
     for path in pages:
         click.echo(f"  {path}   {path.stat().st_size / 1000:.0f} KB   open it in any browser")
     click.echo(f"  Next: cd {folder} && vsd coverage --week {last_week}")
-    if weeks < MIN_WEEKS:
-        longer = f"vsd demo {folder}-history --weeks {MIN_WEEKS}"
+    if weeks < HISTORY_WEEKS:
+        longer = f"vsd demo {folder}-history --weeks {HISTORY_WEEKS}"
         click.echo(f"  Before and after of a change, and forecasts, need more weeks: {longer}")
     if is_opened:
         click.launch(str(pages[-1]))

@@ -79,7 +79,8 @@ def hours(
         project.say(note)
     if by != "area":
         frame = frame[(frame["recorded_s"] > 0) | (frame["open_s"] > 0)]
-    columns = [c for c in _HOUR_COLUMNS if c in frame and (c != "cameras_down" or frame[c].any())]
+    is_mean = len(project.site.cameras) > 1 and "cameras_down" in frame and bool(frame["cameras_down"].any())
+    columns = [c for c in _HOUR_COLUMNS if c in frame and (c != "cameras_down" or is_mean)]
     click.echo(_text(frame[columns], held_back=frame["masked"] if share else None, below=below))
 
 

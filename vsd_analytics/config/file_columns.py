@@ -18,5 +18,5 @@ PLACES: Final = (
 )
 """Columns that hold a place together: on the floor, then in the picture."""
 
-METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "km": 1000.0, "ft": 0.3048, "in": 0.0254}
+METRES: Final = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "km": 1000.0, "ft": 0.3048, "yd": 0.9144, "in": 0.0254}
 """Metres of one unit that positions and distances of a file may have."""

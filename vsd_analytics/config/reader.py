@@ -135,9 +135,9 @@ class TableReader:
             self.asked[key] = {**(form or {}), **known}
         return self.values.get(key)
 
-    def missing(self, key: str, example: str, *, why: str | None = None, instead: str | None = None) -> None:
-        """Note that a needed key, or the one that may be there instead, is not there."""
-        self.needed.append((key,) if instead is None else (key, instead))
+    def missing(self, key: str, example: str, *, why: str | None = None, instead: str | tuple[str, ...] = ()) -> None:
+        """Note that a needed key, or one that may be there instead, is not there."""
+        self.needed.append((key, *((instead,) if isinstance(instead, str) else instead)))
         fix = f"add a line such as: {key} = {example}"
         self.mistakes.add(self.path, f"{self.label} has no {key}", code="E123", why=why, fix=fix)
 

@@ -120,7 +120,8 @@ def _files(table: TableReader) -> tuple[str, ...]:
     if value is None and {"topics", "persons"} & set(table.values):
         return ()  # messages have no file names
     if value is None:
-        table.missing("files", example, why="a source says by file names which files it is for")
+        why = "a source says by file names which files it is for, or by topics or persons that it reads messages"
+        table.missing("files", example, why=why, instead=("topics", "persons"))
         return ()
     patterns = [value] if isinstance(value, str) else value
     if not (isinstance(patterns, list) and patterns and all(isinstance(p, str) and p.strip() for p in patterns)):

@@ -12,6 +12,8 @@ import pyarrow.compute as pc
 
 # 7.0 and the 7.0000000e+00 of numpy.savetxt are the id 7; "12e4" is a hexadecimal id and stays one
 _WHOLE = re.compile(r"^(-?\d+)\.0*$")
+NO_ID = frozenset({"", "-1", "na", "n/a", "nan", "nil", "none", "null", "undefined", "<na>", "#n/a", "\\n"})
+"""What programs write for a person whom no tracker follows (in lower case); -1 is that of MOTChallenge and others."""
 _SCIENTIFIC = re.compile(r"^-?\d\.\d+[eE][+-]\d{2,3}$")
 
 
@@ -52,6 +54,13 @@ def numbers(values: pa.Array, *, decimal_comma: bool = False) -> tuple[np.ndarra
 def floats_or_null(values: np.ndarray) -> pa.Array:
     """Return float64 with nulls where `values` is NaN; infinities stay, for validation to see."""
     return pa.array(values, type=pa.float64(), mask=np.isnan(values))
+
+
+def tracks(values: pa.Array | None, *, length: int) -> pa.Array:
+    """Return a column of track ids as strings, as `ids` does it; a value that means "no id" is missing."""
+    found = ids(values, default=None, length=length)
+    is_none = pc.is_in(pc.utf8_lower(found), pa.array(sorted(NO_ID)))
+    return pc.if_else(pc.fill_null(is_none, True), pa.scalar(None, pa.string()), found)
 
 
 def ids(values: pa.Array | None, *, default: str | None, length: int) -> pa.Array:

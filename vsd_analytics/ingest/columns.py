@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -52,6 +53,11 @@ class ColumnPlan:
         """Return the columns to read: ours by our names, those of `where` by `beside` of theirs."""
         return {**self.theirs, **{beside(name): i for name, i in self.compared.items()}}
 
+    @property
+    def box(self) -> str:
+        """Return the column that a bad box is reported by."""
+        return next((c for c in ("right", "width") if c in self.theirs), "ts")
+
     def only_where(self) -> ColumnPlan:
         """Return the plan that reads only camera and time, whatever else is wrong with a row."""
         theirs = {ours: i for ours, i in self.theirs.items() if ours in ("ts", TIME_OF_DAY, "frame", "camera_id")}
@@ -83,7 +89,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
     if "ts" not in found and "frame" not in found:
         dates, times = named_like(header.names, "date"), named_like(header.names, "time")
-        joined = f"--map ts={dates[0]}+{times[0]}" if dates and times else None
+        joined = f"--map {shlex.quote(f'ts={dates[0]}+{times[0]}')}" if dates and times else None
         raise _missing(source, "ts", header, "without a time nothing can be counted by hour", fix=joined)
     if kind == "pairs":
         if "distance_m" not in found and not {"x_a_m", "y_a_m", "x_b_m", "y_b_m"} <= set(found):
@@ -96,7 +102,8 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         lacking = [c for c in place if c not in found]
         if lacking:
             why = "without a position no distance can be measured"
-            raise _missing(source, lacking[0], header, why, fix=_place_fix(header, found))
+            fix, near = _place_fix(header, found, lacking[0])
+            raise _missing(source, lacking[0], header, why, fix=fix, near=near)
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
         raise InputError(
@@ -110,7 +117,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         like = named_like(header.names, "camera")
         raise _missing(
             source, "camera_id", header, "the site has several cameras, and nothing says which one saw this",
-            fix=f"--map camera_id={like[0]}" if like else "--camera ID",
+            fix=f"--map {shlex.quote(f'camera_id={like[0]}')}" if like else "--camera ID",
         )  # fmt: skip
     wanted = {*(("ts", TIME_OF_DAY) if "ts" in found else ("frame",)), "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
@@ -120,18 +127,22 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
 
 
-def _place_fix(header: Header, found: Mapping[str, int]) -> str | None:
-    """Return the option that names the columns of the place: both axes at once, and a box as a box, never as metres."""
+def _place_fix(header: Header, found: Mapping[str, int], lacking: str) -> tuple[str | None, str | None]:
+    """Return the option that names the columns of the place, and the one that is meant by the lacking column.
+
+    Both axes are named at once, and a box as a box, never as metres.
+    """
     place = place_like(header.names) if header.line is not None or header.text is None else {}
     theirs = {ours: name for ours, name in place.items() if ours not in found or header.names[found[ours]] != name}
     if not theirs or any("," in name or "=" in name for name in theirs.values()):
-        return None
+        return None, None
     note = ""
     if set(theirs) == set(_FLOOR) and all(unit_in_name(name) is None for name in theirs.values()):
         note = "   (metres; of the picture: u_px=...,v_px=...; another unit: --unit mm)"
     elif set(theirs) == {"left", "top", "width", "height"}:
         note = f"   (the upper left corner; a centre: center_x={theirs['left']},center_y={theirs['top']})"
-    return f"--map {','.join(f'{ours}={name}' for ours, name in theirs.items())}{note}"
+    mapped = ",".join(f"{ours}={name}" for ours, name in theirs.items())
+    return f"--map {shlex.quote(mapped)}{note}", theirs.get(lacking)
 
 
 def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:
@@ -211,7 +222,14 @@ def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, in
 
 
 def _missing(
-    source: Source, column: str, header: Header, why: str, *, ours: str | None = None, fix: str | None = None
+    source: Source,
+    column: str,
+    header: Header,
+    why: str,
+    *,
+    ours: str | None = None,
+    fix: str | None = None,
+    near: str | None = None,
 ) -> InputError:
     shown = [n for n in header.names if not n.startswith("_")]
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
@@ -225,12 +243,13 @@ def _missing(
         )
     # a column with one of our names is not another one under a wrong name, so it is no suggestion
     free = shown if ours is not None else [n for n in shown if n.lower() not in FILE_COLUMNS]
-    near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if fix is None else None
+    near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if fix is None else near
     at = header.text.find(near) + 1 if header.text and near else 0
     if fix is None and header.line is None and header.text is not None:
         fix = f"name it in --columns: {column}, at its place in the order of the file's columns"
     if fix is None:
-        fix = f"--map {ours or column}={near or 'THEIR_NAME'}      (or in vsd.toml, under [ingest.map])"
+        named = shlex.quote(f"{ours or column}={near or 'THEIR_NAME'}")
+        fix = f"--map {named}      (or in vsd.toml, under [ingest.map])"
     return InputError(
         f"{source.file_name} has no column {column!r}",
         code="E203",

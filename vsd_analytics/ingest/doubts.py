@@ -273,7 +273,7 @@ def _zones(case: Case) -> Iterator[Doubt]:
     if site.opening is not None:
         open_as_read, open_as_local = open_share(here, site), open_share(there, site)
         shares = f"; {open_as_read:.0%} and {open_as_local:.0%} of the records would be in opening hours"
-    camera = next((c.camera_id for c in case.cameras), "cam-1")
+    camera = next((c.camera_id for c in (*case.cameras, *site.cameras)), "cam-1")
     yield Doubt(
         "W223",
         f"times have no offset and are taken as {zone}: in {site.timezone} they are {as_read}",
@@ -330,6 +330,8 @@ def _merging(case: Case) -> Iterator[Doubt]:
         why = "a person has one place at a time; " + (
             "the times are whole minutes, so that frames of one minute cannot be distinguished"
             if is_coarse
+            else "the times are days since 1899, as Excel counts them: export them as text"
+            if 20_000_000 < np.median(ts_ms) < 80_000_000
             else "the times are too coarse, or the ids belong to several people"
         )
         fix = "export times with seconds and parts of seconds; or keep one record of each period: --period "
@@ -406,6 +408,16 @@ def _pixels(case: Case) -> Iterator[Doubt]:
         return
     width, height = size
     beyond = float(((u < -0.02 * width) | (u > 1.02 * width) | (v < -0.02 * height) | (v > 1.1 * height)).mean())
+    is_percent = u.max() <= 100 and v.max() <= 100 and min(size) >= 300
+    if is_percent and max(u.max(), v.max()) > 20:
+        yield Doubt(
+            "W226",
+            f"all positions are between 0 and 100, and the picture has {width} x {height} pixels: percents of it?",
+            "everybody would stand in its upper left corner",
+            "export pixels, or shares of 0 to 1 with --size",
+            is_sure=True,
+        )
+        return
     is_corner = np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height
     if beyond > 0.1 or is_corner:
         extent = sample.extent("u", "v")

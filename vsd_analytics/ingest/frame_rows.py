@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
+from vsd_analytics.ingest.cell_values import NO_ID
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
 from vsd_analytics.ingest.raw import BadRowError, raw_table, rejected, too_many_people
 from vsd_analytics.ingest.reasons import TOO_MANY
@@ -151,7 +152,7 @@ def id_of(value: object) -> str | None:
     Raises:
         BadRowError: It is neither a text nor a number.
     """
-    if value is None or value == "":
+    if value is None or (isinstance(value, str | int) and str(value).strip().lower() in NO_ID):
         return None
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise BadRowError("bad-message", f"an id is {str(value)[:40]!r}")

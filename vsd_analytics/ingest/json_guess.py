@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -13,6 +14,8 @@ from vsd_analytics.ingest.telling_names import letters, named_like, place_like
 
 _TIMES: Final = ("ts", "timestamp", "time", "datetime", "utc", "epoch", "date", "at", "t")
 _DEPTH: Final = 4
+_PLAIN: Final = re.compile(r"[\w.\-]+")
+"""Names that mean themselves to a shell, to which the proposal is copied."""
 
 
 def guessed_mapping(source: Source) -> str | None:
@@ -27,7 +30,8 @@ def guessed_mapping(source: Source) -> str | None:
         return None
     if first is None:
         return None
-    for path, person in [*_lists(first), (None, first)]:
+    lists = [(path, person) for path, person in _lists(first) if _PLAIN.fullmatch(path)]
+    for path, person in [*lists, (None, first)]:
         theirs = _mapping(first, person)
         if theirs is not None:
             joined = ",".join(f"{ours}={name}" for ours, name in theirs.items())
@@ -39,9 +43,10 @@ def _mapping(message: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str,
     of_message, of_person = ([path for path, _ in leaves(thing)] for thing in (message, person))
     time = next((p for name in _TIMES for p in of_message if letters(p.rpartition(".")[2]) == name), None)
     place = place_like(of_person) or _by_last_part(of_person)
-    if time is None or not place or any(sign in path for path in [time, *place.values()] for sign in ",= "):
+    if time is None or not place or not all(_PLAIN.fullmatch(path) for path in (time, *place.values())):
         return None
-    cameras, ids = named_like(of_message, "camera"), named_like(of_person, "id")
+    cameras = [path for path in named_like(of_message, "camera") if _PLAIN.fullmatch(path)]
+    ids = [path for path in named_like(of_person, "id") if _PLAIN.fullmatch(path)]
     more = {**({"camera_id": cameras[0]} if cameras else {}), **({"track_id": ids[0]} if ids else {})}
     return {"ts": time, **more, **place}
 

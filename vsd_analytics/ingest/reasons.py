@@ -12,6 +12,7 @@ UNKNOWN_FIELD: Final = "unknown field"
 """What a frame message has beside the fields of its format; it is left out and counted."""
 
 FIXES: Final[Mapping[str, str]] = {
+    "bad-box": "map the sides as they are: left,top,right,bottom or left,top,width,height; leave out empty boxes",
     "bad-xml": "look at the document: it was cut off, or it is not XML; export it again",
     "bad-json": "look at the line: it was cut off, or it is not JSON; export it again",
     "bad-message": "compare it with the format: vsd schema frame",

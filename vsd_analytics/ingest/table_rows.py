@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 
 from vsd_analytics.config.file_columns import FILE_BOX, FILE_NUMBERS, METRES
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
-from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers, trimmed
+from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers, tracks, trimmed
 from vsd_analytics.ingest.columns import TIME_OF_DAY, ColumnPlan, beside
 from vsd_analytics.ingest.instants import Instants, parse_instants
 from vsd_analytics.ingest.raw import raw_table, rejected
@@ -62,6 +62,7 @@ def raw_batch(
     values.pop("frame", None)
     for ours, unit in plan.units.items():
         values[ours] *= METRES[unit]
+    bad.add(_not_boxes(values), plan.box, reason="bad-box", what="the side of a box with a size")
     _foot_points(values)
     if options.size_px is not None and "u_px" in values:
         values["u_px"], values["v_px"] = (values[c] * n for c, n in zip(("u_px", "v_px"), options.size_px, strict=True))
@@ -71,10 +72,10 @@ def raw_batch(
     shared["zone"] = None if instants.zones is None else instants.zones.filter(is_good)
     if plan.kind == "pairs":
         # a table has one pair a row, so each pair is persons 0 and 1 of a frame message of its own
-        tracks = {t: ids(columns[t], default=None, length=len(lines)).filter(is_good) for t in ("track_a", "track_b")}
-        table = raw_table("pairs", **shared, **tracks, **good, person_a=0, person_b=1, quality="metric")
+        sides = {t: ids(columns[t], default=None, length=len(lines)).filter(is_good) for t in ("track_a", "track_b")}
+        table = raw_table("pairs", **shared, **sides, **good, person_a=0, person_b=1, quality="metric")
     else:
-        track = ids(columns.get("track_id"), default=None, length=len(lines)).filter(is_good)
+        track = tracks(columns.get("track_id"), length=len(lines)).filter(is_good)
         quality = "metric" if "x_m" in good else "relative"
         table = raw_table("observations", **shared, track=track, **good, person=0, quality=quality)
     return RawBatch({plan.kind: table}, bad.rejected, notes=instants.notes, n_dropped=n_left_out)
@@ -150,6 +151,17 @@ def _from_frames(frames: np.ndarray, options: IngestOptions) -> Instants:
     ms = np.rint((options.start or 0) + (frames - (options.first_frame or 0.0)) / (options.fps or 1.0) * 1000)
     is_wrong = ~(np.abs(ms) < _MAX_MS)
     return Instants(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong)
+
+
+def _not_boxes(values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return which rows have a box whose right side is left of its left one, or a box without any size."""
+    if "width" in values:
+        across, down = values["width"], values["height"]
+    elif "right" in values:
+        across, down = values["right"] - values["left"], values["bottom"] - values["top"]
+    else:
+        return np.zeros(len(next(iter(values.values()), ())), dtype=bool)
+    return np.asarray((across < 0) | ((across == 0) & (down == 0)))
 
 
 def _foot_points(values: dict[str, np.ndarray]) -> None:

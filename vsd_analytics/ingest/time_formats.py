@@ -21,6 +21,7 @@ from vsd_analytics.ingest.table_rows import date_and_time
 
 SAMPLE_ROWS: Final = 50_000
 
+_FIRST: Final = {"d": "day", "m": "month", "y": "year"}
 _CLOCK = (
     r"(?:(?P<gap>[ T]|, ?)(?P<hour>\d{1,2}):\d{2}(?P<second>:\d{2}(?P<fraction>\.\d{1,9})?)?"
     r"(?P<half>(?P<half_gap> ?)[AaPp][Mm])?)?"
@@ -70,18 +71,18 @@ def time_format(source: Source, file: TableFile, plan: ColumnPlan, *, stated: st
         f"the dates of {source.file_name} can be read in two ways, such as {first!r}",
         code="E210",
         where=Where(source.name),
-        why=f"no date of the first {SAMPLE_ROWS:,} rows shows whether the day or the month comes first",
-        fix=f'--time-format "{found[0]}" (day first), or "{found[1]}" (month first)',
+        why=f"no date of the first {SAMPLE_ROWS:,} rows shows whether the day, the month or the year comes first",
+        fix="--time-format " + ", or ".join(f'"{form}" ({_FIRST[form[1]]} first)' for form in found),
     )
 
 
 def formats_of(texts: Iterable[str]) -> list[str]:
-    """Return the formats that fit all texts: none, one, or two where day and month could be either.
+    """Return the formats that fit all texts: several where day, month and a year of two digits could be any.
 
     Numbers between dots are day, month, year wherever people write them so.
     """
     shapes: set[tuple[str, ...]] = set()
-    is_day_first = is_month_first = True
+    is_day_first = is_month_first = is_year_first = True
     for text in dict.fromkeys(texts):
         found = _YEAR_FIRST.fullmatch(text)
         if found is not None:
@@ -92,6 +93,7 @@ def formats_of(texts: Iterable[str]) -> list[str]:
             continue  # a cell that is no time goes to quarantine
         sign, year = found["sign"], "%Y" if len(found["year"]) == 4 else "%y"
         shapes.add((f"{{}}{sign}{{}}{sign}{year}", _clock(found)))
+        is_year_first &= len(found["year"]) == 2 and int(found["two"]) <= 12 and 0 < int(found["year"]) <= 31
         is_day_first &= int(found["two"]) <= 12
         is_month_first &= int(found["one"]) <= 12 and sign != "."
     dates = {date for date, _ in shapes}
@@ -102,7 +104,11 @@ def formats_of(texts: Iterable[str]) -> list[str]:
     if "{}" not in date:
         return [date + clock]
     orders = [o for o, fits in ((("%d", "%m"), is_day_first), (("%m", "%d"), is_month_first)) if fits]
-    return [date.format(*order) + clock for order in orders]
+    found_formats = [date.format(*order) + clock for order in orders]
+    if is_year_first and orders:  # 24/11/25 is a day of 2025, or one of 2024
+        sign = date[2]
+        found_formats.append(f"%y{sign}%m{sign}%d{clock}")
+    return found_formats
 
 
 def _clock(found: re.Match[str]) -> str:

@@ -17,11 +17,12 @@ _WORDS: Final = {
        for prefix, unit in (("milli", "mm"), ("centi", "cm"), ("deci", "dm"), ("kilo", "km"))
        for stem in ("meter", "metre") for end in ("", "s")},
     **dict.fromkeys(("foot", "feet"), "ft"),
+    **dict.fromkeys(("yd", "yds", "yard", "yards"), "yd"),
     **dict.fromkeys(("inch", "inches"), "in"),
     **dict.fromkeys(("px", "pix", "pixel", "pixels"), PIXELS),
 }  # fmt: skip
 _PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
-_AXIS = re.compile(r"(?:pos|position|foot)?[xyz](mm|cm|dm|km|ft|px)", re.IGNORECASE)
+_AXIS = re.compile(r"(?:pos|position|foot)?[xyz](mm|cm|dm|km|ft|yd|px)", re.IGNORECASE)
 
 
 def unit_in_name(name: str) -> str | None:

@@ -120,8 +120,13 @@ class Workbook(CellTable):
 
 
 def _first_row(sheet: Any) -> tuple[int, Sequence[Any]] | None:
-    """Return number and cells of the first row with a value; None when there is none near the top."""
+    """Return number and cells of the first row with a value; None when there is none near the top.
+
+    A row with one value above a row with several is a title, and no header.
+    """
     rows = sheet.iter_rows(max_row=LOOKED_AT_ROWS, max_col=COLUMNS_MAX, values_only=True)
-    return next(
-        ((number, row) for number, row in enumerate(rows, start=1) if any(cell not in (None, "") for cell in row)), None
-    )
+    counted = [(number, row, sum(c not in (None, "") for c in row)) for number, row in enumerate(rows, start=1)]
+    filled = [(number, row, n) for number, row, n in counted if n]
+    while len(filled) > 1 and filled[0][2] == 1 and filled[1][2] > 2:
+        filled.pop(0)
+    return filled[0][:2] if filled else None
