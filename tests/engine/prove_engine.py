@@ -1,8 +1,8 @@
 """How good the engine is: the paper's method with the truth's help, and the calibration from people without any.
 
 Run `VSD_REALDATA=... python tests/engine/prove_engine.py`; the tables are in docs/engine.md. `--part simulated`,
-`real`, `error`, `moved` or `speed` runs one of them. Real boxes are the annotated ones of OxTown and WILDTRACK, not
-detections.
+`lens`, `real`, `error`, `moved` or `speed` runs one of them. Real boxes are the annotated ones of OxTown and
+WILDTRACK, not detections.
 """
 
 from __future__ import annotations
@@ -234,6 +234,23 @@ def simulated(n: int, seed: int) -> None:
         show(label, np.nanmedian(values, axis=0).tolist())
 
 
+def lens(n: int, seed: int) -> None:
+    """Print what knowing the lens distortion would bring: joints as they are, and with their pixels made straight."""
+    rows: dict[str, list[list[float]]] = {}
+    for scene in worlds(n, seed):
+        straight = replace(scene.people, joints=scene.camera.straightened(scene.people.joints))
+        for name, people in (("as it is", scene.people), ("distortion known", straight)):
+            given = labelled(people, scene.xy)
+            true = scene.camera.homography()
+            rows.setdefault(f"true camera, lens {name}", []).append(scores(given, floor_m(given, true)))
+            found = calibrate_from_people(people, size_px=SIZE)
+            rows.setdefault(f"people, lens {name}", []).append(scores(given, floor_m(given, found.homography)))
+    head("joints and track ids")
+    for name, values in sorted(rows.items()):
+        worst = float(np.quantile([v[3] for v in values], 0.9))
+        show(f"{name} (90 % of errors below {worst:.1%})", np.median(values, axis=0).tolist())
+
+
 def error(n: int, seed: int) -> None:
     """Print how often the true distance lies within the stated 90 % bound, by distance from the camera."""
     bins = np.array([0, 5, 10, 15, 20, 40])
@@ -344,13 +361,15 @@ def speed() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--part", choices=["simulated", "real", "error", "moved", "speed"])
+    parser.add_argument("--part", choices=["simulated", "lens", "real", "error", "moved", "speed"])
     parser.add_argument("--cameras", type=int, default=40)
     parser.add_argument("--seed", type=int, default=100)
     given = parser.parse_args()
     folder = Path(os.environ.get("VSD_REALDATA", "../shared/data"))
     if given.part in {None, "simulated"}:
         simulated(given.cameras, given.seed)
+    if given.part in {None, "lens"}:
+        lens(given.cameras, given.seed)
     if given.part in {None, "error"}:
         error(given.cameras, given.seed)
     if given.part in {None, "moved"}:

@@ -64,6 +64,16 @@ class SimulatedCamera:
         off = (uv - middle) / f
         return np.asarray(middle + off * (1 + self.k1 * np.sum(off**2, axis=-1, keepdims=True)) * f)
 
+    def straightened(self, uv: Array) -> Array:
+        """Return pixels without the distortion, by Newton's method; shape (..., 2)."""
+        f, middle = self.f_widths * SIZE[0], np.array(SIZE) / 2
+        off = (uv - middle) / f
+        bent = np.linalg.norm(off, axis=-1, keepdims=True)
+        straight = bent.copy()
+        for _ in range(20):
+            straight -= (straight * (1 + self.k1 * straight**2) - bent) / (1 + 3 * self.k1 * straight**2)
+        return np.asarray(middle + off * np.where(bent > 0, straight / np.maximum(bent, 1e-12), 1) * f)
+
     def to_floor(self, uv: Array) -> Array:
         q = np.column_stack([uv, np.ones(len(uv))]) @ self.homography().T
         return np.asarray(q[:, :2] / q[:, 2:])

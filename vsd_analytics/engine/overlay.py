@@ -171,8 +171,9 @@ def _safe_spaces(canvas: Picture, rings: list[Array], *, is_close: bool, scale: 
         alpha = np.where((u + v) % round(12 * scale) < 3 * scale, alpha * 2.2, alpha)
     canvas[part] = np.round(canvas[part] * (1 - alpha[..., None]) + np.array(colour) * alpha[..., None])
     for ring in shapes:
-        for dash in [np.vstack([ring, ring[:1]])] if is_close else _dashes(ring):
-            cv2.polylines(canvas, [_fixed(dash)], False, colour, round((3 if is_close else 2) * scale), cv2.LINE_AA, 4)
+        dashes = [_fixed(dash) for dash in ([np.vstack([ring, ring[:1]])] if is_close else _dashes(ring))]
+        for shade, width in ((_WHITE, 5), (colour, 3 if is_close else 2)):  # white below, for dark ground
+            cv2.polylines(canvas, dashes, False, shade, round(width * scale), cv2.LINE_AA, _SUBPIXEL)
     return canvas
 
 

@@ -7,6 +7,7 @@ from datetime import date
 from typing import Final
 
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.calibration_range import CalibrationRange, calibration_range
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason, State
@@ -57,6 +58,8 @@ class ThresholdSensitivity:
         engine: What the engine's stated error does; None when none is stated or nothing is counted.
         state: "ok" when the point of the legal distance has a value.
         reason: Why not.
+        calibration: The share at the legal distance if the calibrations are off by what they state; None where one
+            states nothing.
     """
 
     floor_id: str | None
@@ -67,6 +70,7 @@ class ThresholdSensitivity:
     engine: EngineEffect | None
     state: State
     reason: Reason | None
+    calibration: CalibrationRange | None = None
 
 
 def threshold_sensitivity(
@@ -137,8 +141,16 @@ def threshold_sensitivity(
             moved = crossings(mm, n, threshold_mm=threshold_mm, distance_sd_m=spread, reach_mm=known_mm)
         effect = engine_effect(site.engine, violation_records=n_records, moved=moved)
     legal = points[1]
+    stated = calibration_range(
+        warehouse,
+        cameras=[t["camera_id"] for t in used],
+        exposure_h=exposure_h,
+        threshold_mm=threshold_mm,
+        known_mm=known_mm,
+        **days,
+    )
     return ThresholdSensitivity(
-        floor_id, settings.distance_m, exposure_h, tuple(points), left_out, effect, legal.state, legal.reason
+        floor_id, settings.distance_m, exposure_h, tuple(points), left_out, effect, legal.state, legal.reason, stated
     )
 
 
