@@ -3,12 +3,13 @@
 # make test   installs the test extra and runs everything, within 15 minutes on two cores
 # make prove  the long proofs, whose tables are in docs/
 # make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
+# make site  builds the documentation as a site into site/, without a network
 # make screenshots  the pictures of the documentation, from the demo (needs a Chromium)
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo check test prove docs lint screenshots clean
+.PHONY: demo check test prove docs lint screenshots site clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
@@ -75,6 +76,14 @@ docs: $(VENV)/.installed-test
 screenshots: $(VENV)/.installed-test
 	$(BIN)/python docs/screenshots.py
 
+site: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+$(VENV)/.installed-docs: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
+
 $(VENV)/.installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --editable .
@@ -86,4 +95,4 @@ $(VENV)/.installed-test: pyproject.toml
 	touch $@ $(VENV)/.installed
 
 clean:
-	rm -rf $(VENV) vsd-demo dist build
+	rm -rf $(VENV) vsd-demo dist build site

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import date
 from html import escape
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 EXCESS_STEPS: Final = (1.0, 1.25, 1.5, 2.0, 3.0)
 """Classes of excess: 1 is what the crowd explains."""
+UNIT_LETTERS: Final = 36
+"""Letters in a line beside the scale of a plot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +101,7 @@ class Heatmap:
             if over == "plan":
                 self._plot_plan(ax)
             ax.set(xlabel="x, m", ylabel="y, m", title=f"{self.floor.name}: {self.kind}")
-        ax.figure.colorbar(drawn, ax=ax, label=self.unit, shrink=0.8)
+        ax.figure.colorbar(drawn, ax=ax, label="\n".join(wrap(self.unit, UNIT_LETTERS)), shrink=0.8)
         return ax
 
     def geojson(self) -> dict[str, Any]:

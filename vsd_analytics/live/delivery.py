@@ -10,6 +10,7 @@ import errno
 import json
 import os
 import threading
+import time
 import urllib.error
 import urllib.request
 from collections import deque
@@ -21,6 +22,8 @@ from typing import Any
 from vsd_analytics.errors import LiveError
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.live.mqtt import make_client
+from vsd_analytics.live.webhook_signature import VARIABLE as SECRET_VARIABLE
+from vsd_analytics.live.webhook_signature import secret_of, signature_headers
 from vsd_analytics.site.model import AlarmDelivery, Broker, Site
 from vsd_analytics.store.durable import fsync_dir
 from vsd_analytics.version import VERSION
@@ -120,6 +123,8 @@ class Webhook:
     Args:
         url: http or https; certificates are verified.
         token: Sent as `Authorization: Bearer`; None = none.
+        key: Signs each event (`webhook_signature`); None = no signature.
+        clock: Seconds since 1970, for the signature.
         timeout_s: Longest wait for an answer.
         waits_s: First and longest wait between two tries.
         queue_max: Events waiting at most; the oldest is dropped for the newest.
@@ -138,6 +143,8 @@ class Webhook:
         url: str,
         *,
         token: str | None = None,
+        key: bytes | None = None,
+        clock: Callable[[], float] = time.time,
         timeout_s: float = TIMEOUT_S,
         waits_s: tuple[float, float] = WAITS_S,
         queue_max: int = QUEUE_MAX,
@@ -146,6 +153,7 @@ class Webhook:
         self._headers = {"Content-Type": "application/json", "User-Agent": f"vsd-analytics/{VERSION}"}
         if token:
             self._headers["Authorization"] = f"Bearer {token.strip()}"
+        self._key, self._clock = key, clock
         self._opener = urllib.request.build_opener(_NoRedirect)
         self._queue: deque[bytes] = deque()
         self._queue_max = queue_max
@@ -200,7 +208,10 @@ class Webhook:
 
     def _try(self, body: bytes) -> bool:
         """Send one event; return whether it is done: delivered, or refused for good."""
-        request = urllib.request.Request(self._url, data=body, headers=self._headers, method="POST")
+        headers = self._headers
+        if self._key is not None:
+            headers = headers | signature_headers(body, key=self._key, at_s=int(self._clock()))
+        request = urllib.request.Request(self._url, data=body, headers=headers, method="POST")
         try:
             with self._opener.open(request, timeout=self._timeout_s):
                 self.n_sent += 1
@@ -283,8 +294,16 @@ class AlarmSender:
 
 
 def webhook_of(delivery: AlarmDelivery, *, environ: Mapping[str, str]) -> Webhook | None:
-    """Return the webhook of `[alarms]`, with the token of the environment; None when there is none."""
-    return None if delivery.webhook is None else Webhook(delivery.webhook, token=environ.get(TOKEN_VARIABLE))
+    """Return the webhook of `[alarms]`, with the token and the secret of the environment; None when there is none.
+
+    Raises:
+        UsageError: E101, the secret cannot sign.
+    """
+    if delivery.webhook is None:
+        return None
+    secret = environ.get(SECRET_VARIABLE)
+    key = None if not secret else secret_of(secret)
+    return Webhook(delivery.webhook, token=environ.get(TOKEN_VARIABLE), key=key)
 
 
 class Publisher:
