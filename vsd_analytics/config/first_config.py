@@ -143,7 +143,7 @@ def render(answers: Answers) -> str:
         '# name = "Checkout queue"',
         "# polygon = [[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]",
         "",
-        "# [[alarm]]   # something to be told of while it lasts: docs/alarms.md",
+        "# [[alarm]]   # a situation that raises an alarm while it lasts: docs/alarms.md",
         '# id = "queue-too-full"',
         '# kind = "gathering"         # or contact, silence',
         "# people = 4                 # at least, closer than distance_m from one to the next",

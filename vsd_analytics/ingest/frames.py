@@ -66,7 +66,7 @@ class FrameMessage(msgspec.Struct, frozen=True, gc=False):
     pairs: tuple[PairMessage, ...] | None = None
     seq: (
         Annotated[
-            int, msgspec.Meta(ge=0, le=2**62, description="Running number of this camera, so that gaps can be told.")
+            int, msgspec.Meta(ge=0, le=2**62, description="Running number of this camera, so that gaps can be found.")
         ]
         | None
     ) = None

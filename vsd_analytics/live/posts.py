@@ -40,6 +40,7 @@ TOPIC: Final = "POST /"
 MESSAGES_MAX: Final = 1000
 LINGER_S: Final = 0.1
 CONNECTIONS_MAX: Final = 64
+REJECTED_SHOWN: Final = 100
 READ_S: Final = 15.0
 ANSWER_S: Final = 30.0
 
@@ -258,10 +259,15 @@ class _Handler(BaseHTTPRequestHandler):
                 self._answer(status, {"error": why})
                 return
             n_bad = len({number for number, _ in posted.bad})
-            told = [{"message": n, "reason": r.reason, "detail": r.detail[:EXCERPT_CHARS]} for n, r in posted.bad[:100]]
+            shown = posted.bad[:REJECTED_SHOWN]
+            rejected = [{"message": n, "reason": r.reason, "detail": r.detail[:EXCERPT_CHARS]} for n, r in shown]
             self._answer(
                 HTTPStatus.UNPROCESSABLE_ENTITY if n_bad else HTTPStatus.ACCEPTED,
-                {"stored": len(posted.messages) - n_bad, "quarantined": n_bad, **({"rejected": told} if told else {})},
+                {
+                    "stored": len(posted.messages) - n_bad,
+                    "quarantined": n_bad,
+                    **({"rejected": rejected} if rejected else {}),
+                },
             )
 
     def do_GET(self) -> None:
