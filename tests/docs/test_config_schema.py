@@ -87,6 +87,8 @@ def examples() -> Iterator[tuple[str, str]]:
     for page in PAGES:
         for i, (indent, block) in enumerate(_BLOCK.findall(page.read_text(encoding="utf-8"))):
             text = re.sub(rf"^{indent}", "", block, flags=re.M)
+            if "[project]" in text:  # the pyproject.toml of a plug-in
+                continue
             yield f"{page.name} {i}", text if "\n[site]" in f"\n{text}" else site_text() + text
 
 

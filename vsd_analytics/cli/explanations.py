@@ -210,7 +210,7 @@ Fix: give the truth of the same recording, with the frame numbers and track ids 
     "E413": """\
 The straight lines of a picture do not show how the camera looks; the message says why. Nothing was changed.
 Common causes: few long edges, a round or winding place, a lens that bends lines, a camera that looks straight down.
-Fix: give an empty picture with floor, shelves and walls, or click points: vsd calibrate CAMERA --draw""",
+Fix: click points (vsd calibrate CAMERA --draw), or give an empty picture with floor, shelves and walls.""",
     "W401": """\
 The calibration comes from few points. Four points always fit exactly, so their error says nothing, and with
 five an error of one is spread over all. Fix: measure six or more, spread over the floor.""",
