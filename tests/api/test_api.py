@@ -143,7 +143,7 @@ def test_days_in_the_wrong_order_are_refused(site: vsd.OpenProject) -> None:
 
 def test_an_open_notebook_makes_no_purge_wait(demo_project: Path, week: vsd.Days) -> None:
     assert len(week.hours)
-    with removal.removing(demo_project / "store", wait_s=5.0):
+    with removal.removing(demo_project / "store", wait_s=120.0):
         pass
 
 

@@ -21,7 +21,8 @@ from vsd_analytics.config.change_log import (
 )
 from vsd_analytics.config.log_records import read_records
 from vsd_analytics.errors import DiskError, InputError, UsageError
-from vsd_analytics.site.model import Area, AskedQuestion, Site
+from vsd_analytics.site.model import Area, Site
+from vsd_analytics.site.questions import AskedQuestion
 
 ROME = ZoneInfo("Europe/Rome")
 ASKED = AskedQuestion(

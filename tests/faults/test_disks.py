@@ -102,11 +102,10 @@ def engine_output(path: Path, *, first_s: int = 0, n: int = 300, seed: int = 1) 
 def fill(root: Path, *, leave_bytes: int = 0) -> Path:
     """Fill the disk but for some bytes; return the file to delete."""
     filler = root / "filler"
-    with filler.open("wb") as f:
+    with filler.open("wb", buffering=0) as f:  # a buffer would be flushed again when the file is closed
         try:
             while True:
                 f.write(b"\0" * 65536)
-                f.flush()
         except OSError as error:
             if error.errno != errno.ENOSPC:
                 raise

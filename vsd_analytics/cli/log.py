@@ -12,7 +12,8 @@ from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
-    from vsd_analytics.site.model import AnswerKind, LogEntry
+    from vsd_analytics.site.model import LogEntry
+    from vsd_analytics.site.questions import AnswerKind
 
 
 @click.group()

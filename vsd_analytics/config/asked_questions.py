@@ -16,7 +16,8 @@ from typing import Any, Final
 
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.errors import InputError, UsageError, Where
-from vsd_analytics.site.model import AskedQuestion, Site
+from vsd_analytics.site.model import Site
+from vsd_analytics.site.questions import AskedQuestion
 
 FILE: Final = "questions.jsonl"
 LOCK: Final = Path("status") / "questions.lock"

@@ -25,7 +25,8 @@ from vsd_analytics.config.log_records import (
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, UsageError
-from vsd_analytics.site.model import AnswerKind, LogEntry, QuestionAnswer, Site
+from vsd_analytics.site.model import LogEntry, Site
+from vsd_analytics.site.questions import AnswerKind, QuestionAnswer
 
 __all__ = ["FILE", "add_answer", "add_entry", "edit_entry", "entry_dict", "read_answers", "read_log", "remove_entry",
            "torn_lines"]  # fmt: skip

@@ -15,7 +15,8 @@ from typing import Any, Final, get_args
 
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, InputError, VsdError, Where
-from vsd_analytics.site.model import AnswerKind, LogEntry, QuestionAnswer, Site
+from vsd_analytics.site.model import LogEntry, Site
+from vsd_analytics.site.questions import AnswerKind, QuestionAnswer
 
 FILE: Final = "log.jsonl"
 LOCK: Final = Path("status") / "log.lock"

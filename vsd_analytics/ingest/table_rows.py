@@ -62,7 +62,7 @@ def raw_batch(
     values.pop("frame", None)
     for ours, unit in plan.units.items():
         values[ours] *= METRES[unit]
-    bad.add(_not_boxes(values), plan.box, reason="bad-box", what="the side of a box with a size")
+    bad.add(_not_boxes(values, length=len(lines)), plan.box, reason="bad-box", what="the side of a box with a size")
     _foot_points(values)
     if options.size_px is not None and "u_px" in values:
         values["u_px"], values["v_px"] = (values[c] * n for c, n in zip(("u_px", "v_px"), options.size_px, strict=True))
@@ -153,14 +153,14 @@ def _from_frames(frames: np.ndarray, options: IngestOptions) -> Instants:
     return Instants(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong)
 
 
-def _not_boxes(values: Mapping[str, np.ndarray]) -> np.ndarray:
+def _not_boxes(values: Mapping[str, np.ndarray], *, length: int) -> np.ndarray:
     """Return which rows have a box whose right side is left of its left one, or a box without any size."""
     if "width" in values:
         across, down = values["width"], values["height"]
     elif "right" in values:
         across, down = values["right"] - values["left"], values["bottom"] - values["top"]
     else:
-        return np.zeros(len(next(iter(values.values()), ())), dtype=bool)
+        return np.zeros(length, dtype=bool)
     return np.asarray((across < 0) | ((across == 0) & (down == 0)))
 
 

@@ -17,7 +17,7 @@ from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import questions
 from vsd_analytics.report.words.headline import story_of
 from vsd_analytics.report.words.questions import Candidate, choose, wording
-from vsd_analytics.site.model import AskedQuestion
+from vsd_analytics.site.questions import AskedQuestion
 
 MONDAY = date(2026, 11, 9)
 WAIT = Candidate(place="queue", remedy="wait", text="Could they wait?", again="Is there room?")

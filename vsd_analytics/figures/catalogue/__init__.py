@@ -20,12 +20,20 @@ from vsd_analytics.figures.week.results import Figure
 
 OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
 """Figures of hours and places of several weeks, and of weeks beside each other."""
+OF_VISITS: Final = frozenset({"M35", "M36"})
+"""Figures of areas with `visits = true`."""
 
 for _file in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_file.name}")
 
 
 def figures(asked: Asked) -> Mapping[str, Figure]:
-    """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks."""
-    every = sorted(MAKERS, key=lambda metric: int(metric[1:]))
-    return {metric: MAKERS[metric](asked) for metric in every if asked.data.is_week or metric not in OF_WEEKS}
+    """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks.
+
+    Figures of visits are absent where no area of the floor asks for them.
+    """
+    left_out = set[str]() if asked.data.is_week else set(OF_WEEKS)
+    if not any(area.has_visits for area in asked.data.areas):
+        left_out |= OF_VISITS
+    every = sorted(MAKERS.keys() - left_out, key=lambda metric: int(metric[1:]))
+    return {metric: MAKERS[metric](asked) for metric in every}

@@ -11,15 +11,12 @@ from vsd_analytics.result import Reason
 
 PER_HOUR: Final = "visits per open hour"
 SECONDS: Final = "seconds; share of visits"
-NOT_ASKED: Final = Reason("visits.not_asked")
 
 
 @figure("M35")
 def visits_per_open_hour(asked: Asked) -> Figure:
     """Return the visits of each area per open hour, by entries that were seen; areas with few visits have no value."""
     found = visits(asked.data.this)
-    if not found:
-        return missing(PER_HOUR, "not_measurable", NOT_ASKED)
     rows: list[Row] = []
     for of in found:
         shown = not asked.small(of.dwell.n_visits) and of.often.rate is not None
@@ -43,8 +40,6 @@ def visits_per_open_hour(asked: Asked) -> Figure:
 def dwell_times(asked: Asked) -> Figure:
     """Return how long visits of each area last: median, 90 % quantile, share of long ones, and the mean by two ways."""
     found = visits(asked.data.this)
-    if not found:
-        return missing(SECONDS, "not_measurable", NOT_ASKED)
     rows: list[Row] = []
     for of in found:
         place = {"area": of.area.area_id, "place": of.area.name}

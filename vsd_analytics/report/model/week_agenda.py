@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 
 from vsd_analytics.figures.week.model_estimate import described as _f
-from vsd_analytics.site.model import AnswerKind
+from vsd_analytics.site.questions import AnswerKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,8 +17,6 @@ from vsd_analytics.report.words.catalogue import has, say
 from vsd_analytics.report.words.reasons import reason_text
 
 SHARE: Final = "share"
-NOT_ASKED: Final = "visits.not_asked"
-"""Code of the reason of figures that vsd.toml does not ask for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +31,8 @@ class FigureRow:
 
 
 def more_figures(report: WeekReport) -> tuple[FigureRow, ...]:
-    """Return figures that are nowhere else on the page, in the catalogue's order, but those that nobody asked for."""
-    asked = [k for k, of in report.figures.items() if of.reason is None or of.reason.code != NOT_ASKED]
-    named = [key for key in asked if has(f"more.{key}_all")]
+    """Return figures of the catalogue that are nowhere else on the page, in its order; absent ones are left out."""
+    named = [key for key in report.figures if has(f"more.{key}_all")]
     return tuple(row for key in sorted(named, key=lambda key: int(key[1:])) for row in _lines(report, key))
 
 

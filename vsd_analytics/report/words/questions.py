@@ -27,7 +27,8 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.languages import days
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.things_to_know import weakest_camera
-from vsd_analytics.site.model import Area, AskedQuestion, Fixture
+from vsd_analytics.site.model import Area, Fixture
+from vsd_analytics.site.questions import AskedQuestion
 
 REST: Final = "rest"
 """Place of a question about the rest of the floor."""
