@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from site_text import site_text
 
 from vsd_analytics.config import load_site
+from vsd_analytics.config.access_token import UnsafeTokenError, access_token
 from vsd_analytics.config.broker_and_alarms import is_topic_filter
 from vsd_analytics.errors import ConfigError, LiveError, VsdError
 from vsd_analytics.live.mqtt import password_of
@@ -133,3 +134,24 @@ def test_a_password_file_without_a_password_is_reported(tmp_path: Path, content:
     with pytest.raises(LiveError) as caught:
         password_of(Broker("h", password_file=file), environ={})
     assert caught.value.code == "E704"
+
+
+def test_a_token_is_private_from_its_first_moment_and_the_same_at_the_next_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing may change the mode afterwards: in between, others could read it."""
+    monkeypatch.setattr(Path, "chmod", lambda *_: pytest.fail("the file was readable before"))
+    path = tmp_path / "secrets" / "token"
+    token = access_token(path, variable="VSD_TOKEN", environ={})
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert access_token(path, variable="VSD_TOKEN", environ={}) == token
+    assert access_token(path, variable="VSD_TOKEN", environ={"VSD_TOKEN": "x" * 16}) == "x" * 16
+
+
+@pytest.mark.parametrize("text", ["short", "has a blank in the middle", "", "ünsafe-token-of-letters"])
+def test_a_token_that_keeps_nobody_out_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(UnsafeTokenError, match="16 or more"):
+        access_token(tmp_path / "token", variable="VSD_TOKEN", environ={"VSD_TOKEN": text})
+    (tmp_path / "token").write_bytes(b"\xff\xfe")
+    with pytest.raises(UnsafeTokenError):
+        access_token(tmp_path / "token", variable="VSD_TOKEN", environ={})

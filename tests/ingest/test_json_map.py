@@ -269,3 +269,12 @@ def test_a_file_is_understood_mapped_saved_and_ingested(tmp_path: Path, capsys: 
     assert run(cli, [*vsd, "check", str(path), *right]) == 0
     assert run(cli, [*vsd, "ingest", str(path)]) == 0
     assert "by profile acme  90 person records, 30 frames" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("box", [[50, 60, 40, 90], [50, 60, 50, 60]])
+def test_a_box_that_is_none_is_a_bad_row_as_in_tables(box: list[int]) -> None:
+    """Sizes mapped as right and bottom, or a box of one point."""
+    sides = {"ts": "t", "left": "box.0", "top": "box.1", "right": "box.2", "bottom": "box.3"}
+    with pytest.raises(BadRowError, match="is no box with a size") as caught:
+        read({"t": 1_762_675_200, "p": [{"box": box}]}, sides)
+    assert caught.value.args[0] == "bad-box"

@@ -26,13 +26,14 @@ from starlette.testclient import TestClient
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
+from vsd_analytics.config.access_token import is_loopback
 from vsd_analytics.errors import UsageError
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import planner_pages
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_csv
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.service.access import RateLimit, is_loopback, token_of
+from vsd_analytics.service.access import RateLimit, token_of
 from vsd_analytics.service.answers import ReportAnswers
 from vsd_analytics.service.app import make_app
 from vsd_analytics.service.openapi import ADDRESSES

@@ -34,7 +34,8 @@ def serve(project: Project, host: str, port: int, per_minute: float) -> None:
       vsd serve
       curl -H "Authorization: Bearer $(cat secrets/serve.token)" http://127.0.0.1:8377/v1/site
     """
-    from vsd_analytics.service.access import RateLimit, is_loopback, token_of
+    from vsd_analytics.config.access_token import is_loopback
+    from vsd_analytics.service.access import RateLimit, token_of
 
     try:
         import uvicorn

@@ -40,11 +40,12 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
       vsd visits --week last
       vsd visits --range 2026-11-02..2026-11-15 --json
     """
-    from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+    from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import visits as figures
     from vsd_analytics.figures.compare import known_floor
-    from vsd_analytics.figures.panels import FloorHours, Period
+    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
+    from vsd_analytics.stats.rates import HISTORY_WEEKS
 
     floor = known_floor(project.site, floor_id, [])
     if not any(a.has_visits for a in project.site.areas if a.floor_id == floor.floor_id):
@@ -53,8 +54,9 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
             why="visits are computed only for areas that ask for them",
             fix="add visits = true to an [[area]] of vsd.toml; door = true where people come and go",
         )
-    with warehouse_of(project, week=week, days=days) as warehouse:
-        first, last = warehouse.first, warehouse.last
+    first, last = resolve(project, week=week, days=days)
+    # the weeks before tell which cameras see an area, so that one that was silent all the time is named
+    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
         found = figures.visits(Period(FloorHours(warehouse, floor=floor), first, last))
         notes = purged_hours_notes(warehouse)
     if as_json:

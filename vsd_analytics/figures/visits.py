@@ -7,18 +7,23 @@ place, in opening hours of which enough was recorded. How dwell times are found:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, FloorHours, Ints, Period, Place, positions
+from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Period, Place, positions
 from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import how_often
 
+NO_TRACK_IDS: Final = Reason("engine.no_track_ids")
+NOBODY: Final = Reason("nobody.on_camera")
+_OWN_WORDS: Final = frozenset({"level.none_often", "level.events", "level.camera"})
+"""Reasons of a rate that name what is counted: visits have them under their own code."""
 _VISITS: Final = """
 select
     area_id,
@@ -30,6 +35,26 @@ select
 from visits
 where floor_id = $floor and is_counted and is_open and local_date between $first and $last
 order by started_ms, camera_id, track_id, area_id
+"""
+_TRACKED: Final = """
+with tracked as (
+    select camera_id, sum(n_records)::double as n
+    from track_days
+    where site_day between $first and $last
+    group by camera_id
+),
+
+people as (
+    select camera_id, sum(person_records)::double as n
+    from camera_hours
+    where local_date between $first and $last
+    group by camera_id
+)
+
+select people.camera_id
+from people
+left join tracked on people.camera_id = tracked.camera_id
+where people.n > 0 and coalesce(tracked.n, 0) * 2 < people.n
 """
 
 
@@ -43,8 +68,9 @@ class AreaVisits:
         dwell: How long they last; its person-time is that of the same camera-hours.
         long_visit_s: Dwell time from which a visit counts as long.
         n_began_inside: Tracks that begin inside, whose visit began unseen; they are in no figure but person-time.
-        recorded_share: Recorded share of the opening hours of the cameras that count the area.
-        silent_cameras: Cameras that count the area and recorded nothing of the period.
+        recorded_share: Recorded share of the opening hours of the cameras that count people of the area, on any loaded
+            day.
+        silent_cameras: Those of them that recorded nothing of the period.
     """
 
     area: Area
@@ -71,7 +97,10 @@ def visits(period: Period) -> tuple[AreaVisits, ...]:
         *(v[is_used] for v in (area, camera, hour)),
         *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
     )
-    return tuple(_of_area(period, a, seen.of(k)) for k, a in enumerate(asked))
+    days = {"first": period.first, "last": period.last}
+    without_ids = {row["camera_id"] for row in data.warehouse.rows(_TRACKED, days)}
+    able = np.array([c not in without_ids for c in data.ids], dtype=np.bool_)
+    return tuple(_of_area(period, a, seen.of(k), able) for k, a in enumerate(asked))
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +119,14 @@ class _Stays:
         return _Stays(*(getattr(self, name)[at] for name in self.__slots__))
 
 
-def _of_area(period: Period, area: Area, seen: _Stays) -> AreaVisits:
+def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisits:
     data, settings = period.data, period.data.site.settings
     place = period.area(area.area_id)
     entered = seen.has_entry.astype(np.bool_)
     n = np.zeros_like(data.everyone.n)
     np.add.at(n, (seen.camera[entered], seen.hour[entered]), 1.0)
-    counted = Place(n, place.exposure_h, np.asarray((n + place.exposure_h).any(axis=1)), place.is_there)
+    seen_by = np.asarray((n + place.exposure_h).any(axis=1))
+    counted = Place(n, place.exposure_h, seen_by & able, place.is_there)
     panel = data.panel(counted, period.days)
     used = data.hours.is_counted & period.is_inside & counted.cameras[:, None]
     days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
@@ -120,7 +150,7 @@ def _of_area(period: Period, area: Area, seen: _Stays) -> AreaVisits:
     recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
     return AreaVisits(
         area,
-        _often(period, counted, panel.n, panel.x_h),
+        _often(period, counted, panel.n, panel.x_h, why_none=NO_TRACK_IDS if seen_by.any() else NOBODY),
         found,
         long_s,
         int((~entered).sum()),
@@ -129,13 +159,18 @@ def _of_area(period: Period, area: Area, seen: _Stays) -> AreaVisits:
     )
 
 
-def _often(period: Period, place: Place, n: Array, x_h: Array) -> RateEstimate:
+def _often(period: Period, place: Place, n: Array, x_h: Array, *, why_none: Reason) -> RateEstimate:
     if period.why_no_exposure is not None:
         return not_measured(period.why_no_exposure)
+    if not place.cameras.any():
+        return not_measured(why_none)
     if not period.knows(place):
         return NOT_RECORDED
     settings = period.data.site.settings
-    return how_often(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
+    found = how_often(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
+    if found.reason is None or found.reason.code not in _OWN_WORDS:
+        return found
+    return replace(found, reason=Reason(found.reason.code.replace("level", "visits"), **found.reason.values))
 
 
 def _silent(data: FloorHours, place: Place, recorded_h: Sequence[float] | Array) -> tuple[str, ...]:

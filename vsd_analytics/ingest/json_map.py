@@ -203,6 +203,9 @@ def _foot_px(
     else:
         right = box["right"] if "right" in box else box["left"] + box["width"]
         bottom = box["bottom"] if "bottom" in box else box["top"] + box["height"]
+        across, down = right - box["left"], bottom - box["top"]
+        if across < 0 or (across == 0 and down == 0):  # as in tables: sizes mapped as sides, or no box at all
+            raise BadRowError("bad-box", f"the box {tuple(box.values())} is no box with a size"[:120])
         u, v = (box["left"] + right) / 2, max(box["top"], bottom)
     if options.size_px is not None:
         width, height = size_of(options, camera)

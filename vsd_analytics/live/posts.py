@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import contextlib
 import hmac
-import ipaddress
 import json
 import os
-import secrets
 import threading
 import time
 from collections import Counter
@@ -24,15 +22,14 @@ from typing import Any, ClassVar, Final
 
 import msgspec
 
+from vsd_analytics.config.access_token import UnsafeTokenError, access_token, is_loopback
 from vsd_analytics.errors import LiveError, Where
 from vsd_analytics.ingest.adapter import EXCERPT_CHARS, Rejected
 from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
-from vsd_analytics.store.durable import make_dirs, publish
 
 DEFAULT_ADDRESS: Final = "127.0.0.1:8765"
 TOKEN_VARIABLE: Final = "VSD_HTTP_TOKEN"
 TOKEN_FILE: Final = Path("secrets") / "http-token"
-TOKEN_MIN_CHARS: Final = 16
 FRAMES: Final = "frames"
 """Path of VSD frame messages; any other path is the id of a `[[source]]`."""
 TOPIC: Final = "POST /"
@@ -103,11 +100,7 @@ class PostInbox:
     @property
     def is_loopback(self) -> bool:
         """Return whether only this machine can reach it."""
-        host = self.address.rpartition(":")[0]
-        try:
-            return ipaddress.ip_address(host).is_loopback
-        except ValueError:
-            return host == "localhost"
+        return is_loopback(self.address.rpartition(":")[0])
 
     def as_dict(self) -> dict[str, Any]:
         """Return its state for the heartbeat: address, and refused requests by status."""
@@ -370,19 +363,9 @@ def token_of(root: Path, *, environ: Mapping[str, str]) -> str:
     """
     path = root / TOKEN_FILE
     try:
-        if TOKEN_VARIABLE in environ:
-            token = environ[TOKEN_VARIABLE]
-        else:
-            if not path.exists():
-                make_dirs(path.parent)
-                publish(path, f"{secrets.token_urlsafe(32)}\n".encode())
-                path.chmod(0o600)
-            token = path.read_text(encoding="utf-8").partition("\n")[0].strip()
-    except (OSError, UnicodeDecodeError) as error:
+        return access_token(path, variable=TOKEN_VARIABLE, environ=environ)
+    except UnsafeTokenError as error:
         raise _no_token(path, str(error)) from None
-    if len(token) < TOKEN_MIN_CHARS or not (token.isascii() and token.isprintable()) or " " in token:
-        raise _no_token(path, f"it must have {TOKEN_MIN_CHARS} or more printable ASCII characters, without blanks")
-    return token
 
 
 def _no_token(path: Path, why: str) -> LiveError:

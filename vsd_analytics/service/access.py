@@ -5,19 +5,16 @@ from __future__ import annotations
 import base64
 import binascii
 import hmac
-import ipaddress
-import secrets
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
+from vsd_analytics.config.access_token import UnsafeTokenError, access_token
 from vsd_analytics.errors import UsageError
-from vsd_analytics.store import durable
 
 VARIABLE: Final = "VSD_SERVE_TOKEN"
-LETTERS_MIN: Final = 16
 CLIENTS_MAX: Final = 4096
 
 
@@ -31,20 +28,16 @@ def token_of(root: Path, *, environ: Mapping[str, str]) -> tuple[str, str]:
     Raises:
         UsageError: E101, the token is too short to keep anybody out.
     """
-    token, where = environ.get(VARIABLE), VARIABLE
-    if token is None:
-        path = root / "secrets" / "serve.token"
-        where = str(path)
-        if not path.exists():
-            durable.publish(path, secrets.token_urlsafe(32).encode() + b"\n", is_private=True)
-        token = path.read_text(encoding="utf-8").strip()
-    if len(token) < LETTERS_MIN or not token.isascii() or not token.isprintable():
+    path = root / "secrets" / "serve.token"
+    where = VARIABLE if VARIABLE in environ else str(path)
+    try:
+        return access_token(path, variable=VARIABLE, environ=environ), where
+    except UnsafeTokenError as error:
         raise UsageError(
             f"the token of {where} is not safe",
-            why=f"it needs {LETTERS_MIN} plain characters or more",
+            why=str(error),
             fix=f"{VARIABLE}=$(openssl rand -hex 32) vsd serve",
-        )
-    return token, where
+        ) from None
 
 
 def is_allowed(header: str | None, *, token: str) -> bool:
@@ -62,14 +55,6 @@ def is_allowed(header: str | None, *, token: str) -> bool:
     elif scheme.lower() != "bearer":
         return False
     return hmac.compare_digest(given.encode(), token.encode())
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether a host name or address is this machine only."""
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 class RateLimit:

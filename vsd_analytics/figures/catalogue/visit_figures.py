@@ -15,51 +15,85 @@ SECONDS: Final = "seconds; share of visits"
 
 @figure("M35")
 def visits_per_open_hour(asked: Asked) -> Figure:
-    """Return the visits of each area per open hour, by entries that were seen; areas with few visits have no value."""
+    """Return the visits of each area per open hour, by entries that were seen; a small count has no value."""
     found = visits(asked.data.this)
     rows: list[Row] = []
     for of in found:
-        shown = not asked.small(of.dwell.n_visits) and of.often.rate is not None
+        why = _why_hidden(asked, of) or of.often.reason
+        shown = of.often if _why_hidden(asked, of) is None else None
         rows.append(
             {
-                "area": of.area.area_id,
-                "place": of.area.name,
-                "value": of.often.rate if shown else None,
-                "lo": of.often.lo if shown else None,
-                "hi": of.often.hi if shown else None,
+                **_place(of),
+                "value": None if shown is None else shown.rate,
+                "lo": None if shown is None else shown.lo,
+                "hi": None if shown is None else shown.hi,
                 "recorded_share": of.recorded_share,
-                "reason": of.often.reason,
+                "silent_cameras": ", ".join(of.silent_cameras),
+                "reason": why,
             }
         )
     if all(row["value"] is None for row in rows):
-        return missing(PER_HOUR, "not_enough_data", _few(found))
+        return missing(PER_HOUR, "not_enough_data", _first_reason(rows))
     return Figure(unit=PER_HOUR, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.visits"))
 
 
 @figure("M36")
 def dwell_times(asked: Asked) -> Figure:
-    """Return how long visits of each area last: median, 90 % quantile, share of long ones, and the mean by two ways."""
+    """Return how long visits of each area last: median, 90 % quantile, share of long ones, and the mean by two ways.
+
+    A share hides its complement: it has no value where it means fewer than `mask_below` visits on either side.
+    """
     found = visits(asked.data.this)
     rows: list[Row] = []
     for of in found:
-        place = {"area": of.area.area_id, "place": of.area.name}
-        if asked.small(of.dwell.n_visits) or of.dwell.median.value_s is None:
-            rows.append({**place, "what": "median", "value": None, "reason": of.dwell.reason})
+        is_unknown = of.often.rate is None or of.dwell.median.value_s is None
+        if (why := _why_hidden(asked, of)) is not None or is_unknown:
+            why = why or (of.often.reason if of.often.rate is None else of.dwell.reason)
+            rows.append({**_place(of), "what": "median", "value": None, "reason": why})
             continue
         for what, q in (("median", of.dwell.median), ("90 % leave within", of.dwell.p90)):
-            rows.append({**place, "what": what, "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
-        long, little = of.dwell.long_share, of.dwell.little
-        share = {"longer_than_s": of.long_visit_s, "value": long.value, "lo": long.lo, "hi": long.hi}
-        rows.append({**place, "what": "share of long visits", "unit": "share", **share, "reason": long.reason})
-        for what, mean in (("mean by tracks", little.by_tracks), ("mean by Little's law", little.by_little)):
-            rows.append({**place, "what": what, "value": mean.value_s, "lo": mean.lo_s, "hi": mean.hi_s,
-                         "agrees": little.agrees, "reason": mean.reason})  # fmt: skip
+            rows.append({**_place(of), "what": what, "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
+        rows += [_long_share(asked, of), *_means(of)]
     if all(row["value"] is None for row in rows):
-        return missing(SECONDS, "not_enough_data", _few(found))
+        return missing(SECONDS, "not_enough_data", _first_reason(rows))
     n_visits = sum(of.dwell.n_visits for of in found if not asked.small(of.dwell.n_visits))
     return Figure(unit=SECONDS, rows=tuple(rows), denominator=n_visits, note=Reason("note.visits"))
 
 
-def _few(found: tuple[AreaVisits, ...]) -> Reason | None:
-    """Return why no area has visits to print: the reason of the first."""
-    return next((of.dwell.reason or of.often.reason for of in found), None)
+def _place(of: AreaVisits) -> Row:
+    return {"area": of.area.area_id, "place": of.area.name}
+
+
+def _long_share(asked: Asked, of: AreaVisits) -> Row:
+    long, n = of.dwell.long_share, of.dwell.n_visits
+    part = None if long.value is None else round(long.value * n)
+    is_hidden = part is not None and asked.small(part, n - part)
+    value = (
+        {"value": None, "lo": None, "hi": None} if is_hidden else {"value": long.value, "lo": long.lo, "hi": long.hi}
+    )
+    why = _hidden(asked) if is_hidden else long.reason
+    limit: Row = {"longer_than_s": of.long_visit_s, "unit": "share"}
+    return {**_place(of), "what": "share of long visits", **limit, **value, "reason": why}
+
+
+def _means(of: AreaVisits) -> list[Row]:
+    little = of.dwell.little
+    doubt = " (the two means disagree)" if little.agrees is False else ""
+    rows: list[Row] = []
+    for what, mean in (("mean by tracks", little.by_tracks), ("mean by Little's law", little.by_little)):
+        value = {"value": mean.value_s, "lo": mean.lo_s, "hi": mean.hi_s}
+        rows.append({**_place(of), "what": what + doubt, **value, "agrees": little.agrees, "reason": mean.reason})
+    return rows
+
+
+def _why_hidden(asked: Asked, of: AreaVisits) -> Reason | None:
+    return _hidden(asked) if asked.small(of.dwell.n_visits) else None
+
+
+def _hidden(asked: Asked) -> Reason:
+    return Reason("hidden.visits", least=asked.below)
+
+
+def _first_reason(rows: list[Row]) -> Reason | None:
+    """Return why no area has a value: the reason of the first."""
+    return next((why for row in rows if isinstance(why := row["reason"], Reason)), None)
