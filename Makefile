@@ -63,6 +63,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000
 	$(BIN)/python tests/fuzz/prove_fuzz.py --inputs 100000 --seed 0
 	$(BIN)/python tests/fuzz/prove_limits.py --inputs 25000 --seed 0
+	$(BIN)/python tests/hostile/hostile_tries.py --check
 	$(BIN)/python tests/realdata/prove_cameras.py
 	$(BIN)/python tests/realdata/prove_thinning.py
 	$(BIN)/python tests/realdata/prove_atc.py
