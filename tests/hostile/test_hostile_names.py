@@ -23,6 +23,7 @@ from vsd_analytics.store import Store
 from vsd_analytics.store.part_files import ENGINES_MAX, engines_of
 from vsd_analytics.store.spreadsheet import safe_cell
 
+
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     made = new_lab(tmp_path_factory.mktemp("hostile"))
