@@ -125,10 +125,9 @@ def test_new_calibration_that_moves_who_owns_the_floor_leaves_nothing_to_compare
         (((1.0, OLD), (1.1, NEW)), w.person),
         (((1.0, OLD), (1.0, NEW)), pixels),
         (((1.1, OLD),), pixels),
-        (((1.0, OLD), (1.1, "2026-11-02T00:00:00+01:00")), pixels),
-        (((1.0, OLD), (1.1, "2026-11-15T20:00:00+01:00")), pixels),
+        (((1.0, OLD), (1.1, "2026-11-02T00:00:00+01:00"), (1.2, "2026-11-15T20:00:00+01:00")), pixels),
     ],
-    ids=["metres go through none", "the same numbers", "one for all time", "before both weeks", "after both weeks"],
+    ids=["metres go through none", "the same numbers", "one for all time", "before and after both weeks"],
 )
 def test_weeks_measured_alike_are_compared(tmp_path: Path, calibrations: Any, say: w.Say) -> None:
     calibrate(tmp_path, "cam-1", *calibrations)

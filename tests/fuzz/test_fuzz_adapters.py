@@ -24,7 +24,7 @@ from vsd_analytics.ingest import frames
 
 BY_NAME = {w.name: w for w in WORLDS}
 CAMERA = {"camera": "cam-1"}
-QUICK = settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_every_input_is_clean_before_it_is_damaged(judge: Judge, name: str) -> N
 
 
 @pytest.mark.filterwarnings("error::SyntaxWarning", "error::RuntimeWarning")
-@pytest.mark.parametrize("first", range(0, 600, 100))
+@pytest.mark.parametrize("first", range(0, 300, 100))
 def test_damaged_inputs_are_reported_and_the_rows_around_the_damage_are_stored(judge: Judge, first: int) -> None:
     words = {run_case(judge, number, seed=1).outcome.word for number in range(first, first + 100)}
     assert words == {"clean", "quarantined", "refused"}
