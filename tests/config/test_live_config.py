@@ -61,6 +61,8 @@ ca_file = "ca.pem"
 cert_file = "cert.pem"
 key_file = "key.pem"
 status_topic = "vsd/shop/status"
+figures_topic = "vsd/shop/today"
+home_assistant = true
 """
     assert broker(tmp_path, text) == Broker(
         host="10.0.0.7",
@@ -74,6 +76,8 @@ status_topic = "vsd/shop/status"
         cert_file=tmp_path / "cert.pem",
         key_file=tmp_path / "key.pem",
         status_topic="vsd/shop/status",
+        figures_topic="vsd/shop/today",
+        is_home_assistant=True,
     )
 
 
@@ -86,6 +90,8 @@ status_topic = "vsd/shop/status"
         ('host = "h"\ntopics = ["vsd/cam+/frames"]', "E124", "no topic filter"),
         ('host = "h"\ntopics = "vsd/+/frames"', "E124", "a list of texts"),
         ('host = "h"\nstatus_topic = "vsd/#"', "E124", "no topic"),
+        ('host = "h"\nfigures_topic = "vsd/+"', "E124", "no topic"),
+        ('host = "h"\nhome_assistant = true', "E123", "no figures_topic"),
         ('host = "h"\npassword_file = "nowhere"', "E126", "no file"),
         ('host = "h"\npassword = "secret"', "E122", "no key"),
         ('host = "h"\ncert_file = "vsd.toml"', "E123", "no key_file"),

@@ -18,13 +18,21 @@ NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.i
 SECONDS = 300
 TWO_WEEKS = ["find-a-hotspot"]
 """Notebooks that need 14 recorded days."""
+CANTEEN = ["did-the-redesign-work", "plan-an-experiment"]
+"""Notebooks on ten weeks of the canteen."""
 
 
 def test_each_question_has_its_notebook() -> None:
-    assert [path.stem for path in NOTEBOOKS] == ["bring-your-own-engine", "find-a-hotspot", "first-look"]
+    assert [path.stem for path in NOTEBOOKS] == [
+        "bring-your-own-engine",
+        "did-the-redesign-work",
+        "find-a-hotspot",
+        "first-look",
+        "plan-an-experiment",
+    ]
 
 
-@pytest.mark.parametrize("path", [p for p in NOTEBOOKS if p.stem not in TWO_WEEKS], ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", [p for p in NOTEBOOKS if p.stem not in TWO_WEEKS + CANTEEN], ids=lambda p: p.stem)
 def test_notebook_runs_on_the_demo(
     path: Path, demo_project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -39,6 +47,14 @@ def test_notebook_runs_on_two_weeks(name: str, tmp_path: Path, monkeypatch: pyte
     ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
     [path] = [p for p in NOTEBOOKS if p.stem == name]
     runs(path, root, tmp_path, monkeypatch)
+
+
+@pytest.mark.simulation
+def test_notebooks_of_the_canteen_run_and_the_first_makes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both use one canteen: the second finds the facts that the first computed."""
+    for path in (p for p in NOTEBOOKS if p.stem in CANTEEN):
+        monkeypatch.setenv("VSD_CANTEEN", str(tmp_path / "canteen"))
+        runs(path, tmp_path, tmp_path, monkeypatch)
 
 
 def runs(path: Path, demo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

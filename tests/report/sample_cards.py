@@ -49,7 +49,15 @@ def level(day: date, violations: float | None, **changed: Any) -> DayLevel:
 
 def hour(day: date, hour: int, violations: float | None = None, **changed: Any) -> TodayHour:
     is_over = day < SATURDAY or (day == SATURDAY and hour < 14)
-    made = {"usual": 20.0, "lo": 10.0, "hi": 32.0, "people": 6.0 + hour / 10, "people_lo": 4.0, "people_hi": 9.0}
+    made = {
+        "usual": 20.0,
+        "lo": 10.0,
+        "hi": 32.0,
+        "seen": 6.0,
+        "people": 6.0 + hour / 10,
+        "people_lo": 4.0,
+        "people_hi": 9.0,
+    }
     return TodayHour(
         day=day, hour=hour, is_over=is_over, violations=violations if is_over else None, **{**made, **changed}
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import date, timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
@@ -19,6 +19,10 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.before_after import BeforeAfterFigure
+    from vsd_analytics.figures.experiments import ExperimentPlan
 
 DaysAsked = str | date | tuple[date, date]
 
@@ -136,6 +140,59 @@ class OpenProject:
         ]
         title = f"{found.floor_name}, {_named(a)} and {_named(b)}"
         return Table(pa.Table.from_pylist(rows), title=title, note=reason_text(found.reason))
+
+    def change(self, number: int, *, area_id: str | None = None, weeks: int = 4) -> BeforeAfterFigure:
+        """Return what a change of the log did to its area, beside areas that were left alone (M27).
+
+        Args:
+            number: The entry's place in the log, from 1: row `number - 1` of `changes`.
+            area_id: The area to look at; None = the entry's.
+            weeks: Whole weeks to look at on either side, at most.
+
+        Returns:
+            `state` and `reason` say whether there is an answer. `burden` is the effect on person-time in violation per
+            open hour: `theta` (0.8 = 20 % less) with its 95 % interval `lo`, `hi`; `running` is the verdict that may be
+            read every week, `floor` what became of the whole floor.
+
+        Raises:
+            UsageError: E101, there is no such entry or area, or the entry names none.
+
+        Example:
+            >>> site.change(1).state  # one week is too little
+            'not_enough_data'
+        """
+        from vsd_analytics.figures import before_after
+        from vsd_analytics.figures.change_weeks import days_needed
+
+        with open_warehouse(self.site, *days_needed(self.site, number, weeks=weeks)) as warehouse:
+            return before_after.before_after(warehouse, number, area_id=area_id, weeks=weeks)
+
+    def plan(self, area_id: str, *, effect: float, power: float = 0.8, weeks_max: int = 26) -> ExperimentPlan:
+        """Return how many weeks a change of an area must be watched until an effect is clear (J11); stores nothing.
+
+        Args:
+            area_id: The area to be changed.
+            effect: Effect looked for, relative: -0.15 = 15 % less time too close per open hour. Not 0.
+            power: Chance of a clear verdict.
+            weeks_max: Weeks after the change one is ready to wait.
+
+        Returns:
+            `state` and `reason` say whether there is a plan; `choices[0].weeks_after` are the weeks after the change if
+            it is made now, None where `weeks_max` is too few; `comparison` are the areas that serve for comparison.
+
+        Raises:
+            UsageError: E101, there is no such area, or no effect.
+
+        Example:
+            >>> site.plan("checkout-queue", effect=-0.2).state  # needs four weeks before the change
+            'not_enough_data'
+        """
+        from vsd_analytics.figures.experiments import plan_days, plan_experiment
+
+        if effect <= -1 or effect == 0:
+            raise UsageError(f"an effect of {effect:g} cannot be planned for", fix="effect=-0.15 is 15 % less")
+        with open_warehouse(self.site, *plan_days(self.site)) as warehouse:
+            return plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
 
     @property
     def changes(self) -> Table:

@@ -19,6 +19,13 @@ HISTORY_WEEKS: Final = 12
 @click.command()
 @click.argument("folder", default="vsd-demo", metavar="[DIR]")
 @click.option(
+    "--place",
+    type=click.Choice(["shop", "canteen"]),
+    default="shop",
+    show_default=True,
+    help="What is made up: a shop with four cameras, or a canteen with one that is open two hours a day.",
+)
+@click.option(
     "--weeks",
     type=click.IntRange(1, 104),
     default=2,
@@ -42,26 +49,32 @@ HISTORY_WEEKS: Final = 12
 @click.option("--seed", type=int, default=4, show_default=True, help="Another seed makes other people.")
 @click.option("--open", "is_opened", is_flag=True, help="Open the report in a browser.")
 @pass_project
-def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str, seed: int, is_opened: bool) -> None:
+def demo(
+    project: Project, folder: str, place: str, weeks: int, reports: str, last_week: str, seed: int, is_opened: bool
+) -> None:
     """Make a demo shop with four cameras and two weeks of made-up people, and its weekly report.
 
     The folder is a whole project: vsd.toml, plan, calibrations, engine output, change log. Everything the report
-    shows was ingested like real data. truth.json lists what was planted.
+    shows was ingested like real data. truth.json of the shop lists what was planted.
 
-    With eight weeks or more there is a history: a slow rise, a redesign, a change that does nothing, a week mostly lost
-    and a holiday.
+    The canteen takes seconds: a counter, a till with a waiting line, a tray return. Waiting places were marked on the
+    floor before the last week, or four weeks earlier if there are eight or more.
+
+    With eight weeks or more the shop has a history: a slow rise, a redesign, a change that does nothing, a week mostly
+    lost and a holiday.
 
     \b
     Example:
       vsd demo
       vsd demo my-demo --weeks 12 --reports all
+      vsd demo canteen --place canteen --weeks 10
     """
     import time
     from pathlib import Path
 
     from vsd_analytics.cli.site import write_week
     from vsd_analytics.errors import UsageError
-    from vsd_analytics.simulate import write_demo_project
+    from vsd_analytics.simulate import write_canteen_project, write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
 
     root = Path(folder)
@@ -73,14 +86,17 @@ def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str
             fix="vsd demo another-folder",
         )
     started = time.perf_counter()
-    with progress(None, total=7 * weeks, label="people walk", unit="day", quiet=project.quiet) as bar:
-        truth = write_demo_project(
-            root, seed=seed, weeks=weeks, last_week=last_week, progress=lambda done, total: bar.update(1)
-        )
+    is_shop = place == "shop"
+    write = write_demo_project if is_shop else write_canteen_project
+    with progress(
+        None, total=(7 if is_shop else 5) * weeks, label="people walk", unit="day", quiet=project.quiet
+    ) as bar:
+        truth = write(root, seed=seed, weeks=weeks, last_week=last_week, progress=lambda done, total: bar.update(1))
     made = time.perf_counter()
     counts = f"{truth.n_messages:,} frames, {truth.n_person_records:,} person records"
     made_of = f"{weeks} week{'' if weeks == 1 else 's'} of made-up people"
-    click.echo(f"  Made a shop with 4 cameras and {made_of}: {counts} in {made - started:.1f} s")
+    what = "a shop with 4 cameras" if is_shop else "a canteen with one camera"
+    click.echo(f"  Made {what} and {made_of}: {counts} in {made - started:.1f} s")
     inner = Project(folder=folder, now_text=project.now_text, quiet=project.quiet, verbose=project.verbose)
     files = sorted((root / "engine").iterdir())
     n_bytes = sum(f.stat().st_size for f in files)
@@ -98,7 +114,7 @@ def demo(project: Project, folder: str, weeks: int, reports: str, last_week: str
     for path in pages:
         click.echo(f"  {path}   {path.stat().st_size / 1000:.0f} KB   open it in any browser")
     click.echo(f"  Next: cd {folder} && vsd coverage --week {last_week}")
-    if weeks < HISTORY_WEEKS:
+    if is_shop and weeks < HISTORY_WEEKS:
         longer = f"vsd demo {folder}-history --weeks {HISTORY_WEEKS}"
         click.echo(f"  Before and after of a change, and forecasts, need more weeks: {longer}")
     if is_opened:

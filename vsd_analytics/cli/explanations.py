@@ -334,7 +334,8 @@ vsd listen --http cannot listen at the address named.
 Common causes: another program (or another listener) has the port; a port below 1024; an address of another machine.
 Fix: name another port, vsd listen --http 127.0.0.1:8766. ss -ltnp shows which program has one.""",
     "E710": """\
-An alarm could not be delivered. It is in alarms.jsonl all the same, unless it was the sample of vsd alarms --test.
+An alarm, or a figure of vsd today --publish, could not be delivered. An alarm is in alarms.jsonl all the same, unless
+it was the sample of vsd alarms --test.
 Common causes: a wrong address or port; the receiver is down, slow or wants another token (VSD_WEBHOOK_TOKEN); its
 certificate is not trusted; it redirects to another address, which is not followed, since the token would go there too.
 Fix: the message carries the receiver's own answer. Then: vsd alarms --test""",

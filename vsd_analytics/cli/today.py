@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,7 +13,7 @@ from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, Where
 
 if TYPE_CHECKING:
     from vsd_analytics.cli.report_mail import MailOptions
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 @click.option("--to", "to", metavar="ADDRESS", multiple=True, help="Who it goes to (default: [mail] to); repeatable.")
 @click.option("--from", "sender", metavar="ADDRESS", help="Who it comes from (default: [mail] from).")
 @click.option("--again", "is_again", is_flag=True, help="Send it even to those who have today's card.")
+@click.option("--publish", "is_published", is_flag=True, help="Publish the figures at [mqtt] figures_topic.")
 @language_option
 @json_option
 @pass_project
@@ -42,6 +43,7 @@ def today(
     to: tuple[str, ...],
     sender: str | None,
     is_again: bool,
+    is_published: bool,
     as_json: bool,
 ) -> int:
     """Write the card of the day: yesterday and today so far, silent cameras, what to expect until tomorrow.
@@ -50,16 +52,22 @@ def today(
     over. The exit code is 1 when a camera sends no data. With --now before the command, the card is that of an earlier
     instant.
 
+    --publish puts the figures of each floor on its topic below figures_topic, as a retained message. With
+    home_assistant = true in [mqtt], Home Assistant finds them as sensors. Run it every hour, five minutes past.
+
     \b
     Example:
       vsd today --open
       vsd today --send
+      vsd today --publish
       vsd --now 2026-11-14T14:20+01:00 today
     """
     from vsd_analytics.cli import report_mail
 
     project.speak()
     is_mailed = is_mailed or is_sent
+    if is_published:
+        _check_topic(project)
     if as_json and (is_mailed or out is not None or is_opened):
         raise UsageError("--json prints the figures and nothing else", fix="vsd today --json")
     if not is_mailed and (to or sender or is_again):
@@ -69,6 +77,8 @@ def today(
     )
     sender, to = report_mail.checked(project, options) if is_mailed else (None, ())
     found = _today(project, floor_id)
+    if is_published:
+        _publish(project, found)
     if as_json:
         emit_json(rounded({"today": [asdict(card) for card in found]}))
     else:
@@ -78,6 +88,42 @@ def today(
         if is_opened:
             click.launch(str(paths[0]))
     return 1 if any(card.silent for card in found) else 0
+
+
+def _check_topic(project: Project) -> None:
+    broker = project.site.broker
+    if broker is None or broker.figures_topic is None:
+        raise UsageError(
+            "there is no topic to publish to",
+            where=Where(str(project.root / "vsd.toml")),
+            fix='add figures_topic = "vsd/shop/today" to [mqtt]',
+        )
+
+
+def _publish(project: Project, found: list[Today]) -> None:
+    """Publish the figures of each floor, and announce them to Home Assistant if it is asked for."""
+    import json
+    import os
+
+    from vsd_analytics.errors import LiveError
+    from vsd_analytics.live.day_topics import day_figures, day_topic
+    from vsd_analytics.live.delivery import Publisher
+    from vsd_analytics.live.home_assistant import discovery_messages
+    from vsd_analytics.live.mqtt import password_of
+
+    site, broker = project.site, project.site.broker
+    assert broker is not None
+    floors = {f.floor_id: f for f in site.floors}
+    messages: dict[str, dict[str, Any]] = {}
+    for card in found:
+        floor = floors[card.floor_id or site.floors[0].floor_id]
+        messages |= discovery_messages(site, broker, floor) if broker.is_home_assistant else {}
+        messages[day_topic(broker, floor)] = day_figures(card, site, floor)
+    with Publisher(broker, password=password_of(broker, environ=os.environ), what="figures") as publish:
+        lost = [t for t, message in messages.items() if not publish(t, json.dumps(message).encode(), retain=True)]
+    if lost:
+        raise LiveError(f"the broker did not acknowledge {lost[0]}", code="E710", fix="may this user publish there?")
+    project.say(f"{len(messages)} messages published below {broker.figures_topic}")
 
 
 def _today(project: Project, floor_id: str | None) -> list[Today]:

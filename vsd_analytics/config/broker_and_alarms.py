@@ -27,10 +27,11 @@ def read_broker(root: TableReader) -> Broker | None:
     host = table.text("host", example='"localhost"', required=True)
     port = table.number("port", minimum=1, maximum=65535, unit="", example="1883", whole=True)
     topics = read_topics(table, example='["vsd/+/frames"]') or _TOPICS
-    status_topic = table.text("status_topic", example='"vsd/shop/status"')
-    if status_topic is not None and any(c in status_topic for c in "+#"):
-        fix = 'status_topic = "vsd/shop/status"'
-        table.fault("status_topic", f"{status_topic!r} is no topic: + and # are for filters", fix=fix)
+    status_topic = _topic(table, "status_topic", example='"vsd/shop/status"')
+    figures_topic = _topic(table, "figures_topic", example='"vsd/shop/today"')
+    is_home_assistant = table.flag("home_assistant") or False
+    if is_home_assistant and "figures_topic" not in table.values:
+        table.missing("figures_topic", '"vsd/shop/today"', why="home_assistant announces the figures published there")
     if (cert_file is None) != (key_file is None):
         one, other = ("cert_file", "key_file") if key_file is None else ("key_file", "cert_file")
         table.missing(other, f'"tls/{other.removesuffix("_file")}.pem"', why=f"{one} is of no use alone")
@@ -46,9 +47,19 @@ def read_broker(root: TableReader) -> Broker | None:
         cert_file=cert_file,
         key_file=key_file,
         status_topic=status_topic,
+        figures_topic=figures_topic,
+        is_home_assistant=is_home_assistant,
     )
     table.close()
     return broker
+
+
+def _topic(table: TableReader, key: str, *, example: str) -> str | None:
+    """Return a topic to publish to, or None."""
+    topic = table.text(key, example=example)
+    if topic is not None and any(c in topic for c in "+#"):
+        table.fault(key, f"{topic!r} is no topic: + and # are for filters", fix=f"{key} = {example}")
+    return topic
 
 
 def read_topics(table: TableReader, *, example: str) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from vsd_analytics.config.opening import OpeningError, parse_opening
 from vsd_analytics.config.project import site_of
 from vsd_analytics.config.reader import suggest_id
 from vsd_analytics.config.toml_lines import TomlText
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, VsdError
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.site.model import Site
 
@@ -57,7 +57,14 @@ def write_first_config(folder: Path, *, answers: Answers) -> Site:
     if path.exists():
         raise UsageError(f"{path} is already there", code="E104", fix="edit it, or pick a folder: vsd -C DIR init")
     text = render(answers)
-    site = site_of(TomlText(FILE, text), folder=folder.absolute())
+    is_new = not folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)  # first: from a folder that is not there, `../plan.svg` leads nowhere
+    try:
+        site = site_of(TomlText(FILE, text), folder=folder.absolute())
+    except VsdError:
+        if is_new:
+            folder.rmdir()
+        raise
     from vsd_analytics.store.durable import publish
 
     publish(path, text.encode())

@@ -40,6 +40,7 @@ class TodayHour:
         violations: Violations per open hour; None where it was not recorded, or is not over.
         usual: The same of such an hour by the twelve weeks before yesterday (M25); None where too few recorded it.
         lo, hi: Range that holds four of five such hours.
+        seen: People in view of the hour, mean; None as `violations`.
         people: Mean number of people in view of such an hour; None where too few weeks recorded it.
         people_lo, people_hi: Range of that.
     """
@@ -51,6 +52,7 @@ class TodayHour:
     usual: float | None
     lo: float | None
     hi: float | None
+    seen: float | None
     people: float | None
     people_lo: float | None
     people_hi: float | None
@@ -201,7 +203,7 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
         floor_id=floor_id,
         yesterday=_level(slots, violations, 0, n_over=n_over, why=why, confidence=confidence),
         so_far=_level(slots, violations, 1, n_over=n_over, why=why, confidence=confidence),
-        hours=_hours(slots, violations, n_over=n_over, counted=counted, seen=seen),
+        hours=_hours(slots, violations, people, n_over=n_over, counted=counted, seen=seen),
         unusual=(
             UnusualSlots((), 0, 0, 0, "not_measurable", why)
             if why is not None
@@ -297,7 +299,7 @@ def _level(
 
 
 def _hours(
-    slots: Slots, violations: Weeks, *, n_over: int, counted: WeekForecast, seen: WeekForecast
+    slots: Slots, violations: Weeks, people: Weeks, *, n_over: int, counted: WeekForecast, seen: WeekForecast
 ) -> tuple[TodayHour, ...]:
     number: Callable[[float], float | None] = lambda v: None if np.isnan(v) else float(v)  # noqa: E731
     is_known = slots.why_no_violations is None
@@ -310,6 +312,7 @@ def _hours(
             usual=number(counted.mean[s]) if is_known else None,
             lo=number(counted.lo[s]) if is_known else None,
             hi=number(counted.hi[s]) if is_known else None,
+            seen=number(people.rate[-1, s]) if slots.why_no_people is None and s < n_over else None,
             people=number(seen.mean[s]),
             people_lo=number(seen.lo[s]),
             people_hi=number(seen.hi[s]),

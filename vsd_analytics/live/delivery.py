@@ -318,9 +318,11 @@ class Publisher:
         LiveError: E710, no connection (on entering).
     """
 
-    def __init__(self, broker: Broker, *, password: str | None, timeout_s: float = TIMEOUT_S) -> None:
-        self._broker, self._timeout_s = broker, timeout_s
-        self._client = make_client(broker, client_id=f"{broker.client_id}-alarms", password=password)
+    def __init__(
+        self, broker: Broker, *, password: str | None, what: str = "alarms", timeout_s: float = TIMEOUT_S
+    ) -> None:
+        self._broker, self._what, self._timeout_s = broker, what, timeout_s
+        self._client = make_client(broker, client_id=f"{broker.client_id}-{what}", password=password)
         self._refusal: str | None = None
 
     def __enter__(self) -> Publisher:
@@ -345,16 +347,16 @@ class Publisher:
         self._client.disconnect()
         self._client.loop_stop()
 
-    def __call__(self, topic: str, payload: bytes) -> bool:
+    def __call__(self, topic: str, payload: bytes, *, retain: bool = False) -> bool:
         """Publish with QoS 1 and wait for the acknowledgement; return whether it came."""
-        sent = self._client.publish(topic, payload, qos=1)
+        sent = self._client.publish(topic, payload, qos=1, retain=retain)
         with contextlib.suppress(RuntimeError, ValueError):
             sent.wait_for_publish(self._timeout_s)
         return bool(sent.is_published())
 
     def _unreachable(self, why: str) -> LiveError:
         return LiveError(
-            f"alarms cannot be published at {self._broker.host}:{self._broker.port}",
+            f"{self._what} cannot be published at {self._broker.host}:{self._broker.port}",
             code="E710",
             why=why,
             fix="is it running and reachable, are user and password right: vsd doctor",

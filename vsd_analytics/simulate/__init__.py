@@ -3,6 +3,7 @@
 Importing this package loads numpy and pyarrow; the command line imports it inside the commands that need it.
 """
 
+from vsd_analytics.simulate.canteen_project import write_canteen_project
 from vsd_analytics.simulate.demo_project import simulate_week, write_demo_project
 from vsd_analytics.simulate.frame_messages import frame_message, write_messages
 from vsd_analytics.simulate.people import SimulatedDay, simulate_day
@@ -31,6 +32,7 @@ __all__ = [
     "simulate_frames",
     "simulate_week",
     "violations",
+    "write_canteen_project",
     "write_demo_project",
     "write_messages",
 ]

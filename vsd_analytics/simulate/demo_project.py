@@ -97,7 +97,7 @@ def write_demo_project(
     Raises:
         UsageError: An argument is out of range (E101), or the folder already holds a project (E104).
     """
-    mondays = _mondays(last_week, weeks)
+    mondays = mondays_until(last_week, weeks)
     if detailed_weeks < 1:
         raise UsageError(
             f"at least one week must be detailed, not {detailed_weeks}", fix="use detailed_weeks=1 or more"
@@ -145,7 +145,7 @@ def write_demo_project(
             open_h += (day.closes - day.opens).total_seconds() / 3600
             if progress is not None:
                 progress(7 * i + k + 1, 7 * weeks)
-        week = _week_name(monday)
+        week = week_name(monday)
         counts = {area: sum(int(v.inside(rect).sum()) for v in by_day) for area, rect in AREA_RECTS.items()}
         counts["floor"] = sum(len(v.frame) for v in by_day)
         areas += [AreaTruth(week, area, n, open_h) for area, n in counts.items()]
@@ -154,7 +154,7 @@ def write_demo_project(
 
     truth = DemoTruth(
         seed=seed,
-        weeks=tuple(_week_name(m) for m in mondays),
+        weeks=tuple(week_name(m) for m in mondays),
         frame_interval_s=tuple(intervals),
         hotspot=_hotspot(areas[-len(AREA_RECTS) - 1 :], spots),
         outage=planted.outage,
@@ -212,7 +212,12 @@ def opening(day: date) -> tuple[datetime, datetime]:
     return datetime.combine(day, time(start), zone), datetime.combine(day, time(end), zone)
 
 
-def _mondays(last_week: str, weeks: int) -> list[date]:
+def mondays_until(last_week: str, weeks: int) -> list[date]:
+    """Return the first days of so many ISO weeks, in order.
+
+    Raises:
+        UsageError: E101, there is no such week, or too many are asked for.
+    """
     if not 1 <= weeks <= 520:
         raise UsageError(f"the number of weeks must be 1 to 520, not {weeks}", fix="use weeks=2")
     match = re.fullmatch(r"(\d{4})-W(\d{2})", last_week)
@@ -226,7 +231,8 @@ def _mondays(last_week: str, weeks: int) -> list[date]:
     return [first + timedelta(weeks=i) for i in range(weeks)]
 
 
-def _week_name(monday: date) -> str:
+def week_name(monday: date) -> str:
+    """Return the name of an ISO week, such as "2026-W46"."""
     year, week, _ = monday.isocalendar()
     return f"{year}-W{week:02d}"
 
@@ -271,7 +277,7 @@ def free_area_m2(rect: tuple[float, float, float, float]) -> float:
 def _effect(areas: list[AreaTruth], area_id: str, at: datetime) -> float | None:
     """Return the rate of an area in the week of an instant over that of the week before."""
     rates = {a.week: a.violations / a.open_h for a in areas if a.area_id == area_id}
-    now, before = (rates.get(_week_name((at - timedelta(weeks=back)).date()), 0.0) for back in (0, 1))
+    now, before = (rates.get(week_name((at - timedelta(weeks=back)).date()), 0.0) for back in (0, 1))
     return round(now / before, 3) if before > 0 else None
 
 

@@ -69,19 +69,53 @@ def day_text(
     order = order[~lost[frame[order]]]
     arrived = np.flatnonzero(~lost)
     counts = np.bincount(frame[order], minlength=day.n_frames)[arrived]
-    persons = _persons(track[order], x[order], y[order], counts)
-    at = np.datetime_as_string(day.frame_ms[arrived].astype("datetime64[ms]"), unit="ms")
+    return messages_text(
+        camera.camera_id,
+        day.frame_ms[arrived],
+        seq=first_seq + arrived,
+        counts=counts,
+        track=track[order],
+        x_m=x[order],
+        y_m=y[order],
+    )
+
+
+def messages_text(
+    camera_id: str,
+    frame_ms: IntArray,
+    *,
+    seq: IntArray,
+    counts: IntArray,
+    track: IntArray,
+    x_m: FloatArray,
+    y_m: FloatArray,
+) -> DayText:
+    r"""Return frame messages, one JSON object a line.
+
+    Args:
+        camera_id: The camera.
+        frame_ms: UTC milliseconds of each frame.
+        seq: Number of each frame.
+        counts: Persons in each frame.
+        track: Track id of each person, in the order of the frames.
+        x_m: Their floor x, metres; written in whole centimetres.
+        y_m: Their floor y.
+
+    Returns:
+        UTF-8 lines ending in "\n", with their counts.
+    """
+    at = np.datetime_as_string(frame_ms.astype("datetime64[ms]"), unit="ms")
     lines = pc.binary_join_element_wise(
-        f'{{"v":1,"camera":"{camera.camera_id}","ts":"',
+        f'{{"v":1,"camera":"{camera_id}","ts":"',
         pa.array(at, pa.string()),
         'Z","seq":',
-        pc.cast(pa.array(first_seq + arrived), pa.string()),
+        pc.cast(pa.array(seq), pa.string()),
         f',"engine":"{ENGINE}","quality":"metric","persons":[',
-        persons,
+        _persons(track, x_m, y_m, counts),
         "]}\n",
         "",
     )
-    return DayText(_content(lines), n_messages=len(arrived), n_persons=len(order))
+    return DayText(_content(lines), n_messages=len(frame_ms), n_persons=len(track))
 
 
 def track_ids(person: IntArray, frame: IntArray) -> IntArray:

@@ -237,6 +237,8 @@ class Broker:
         ca_file: Certificates to trust; None = the system's.
         cert_file, key_file: Certificate and key that name this client to the broker.
         status_topic: Topic of the heartbeat; None = none.
+        figures_topic: Topic below which `vsd today --publish` puts the figures of the day; None = none.
+        is_home_assistant: It announces them to Home Assistant, too.
     """
 
     host: str
@@ -250,6 +252,8 @@ class Broker:
     cert_file: Path | None = None
     key_file: Path | None = None
     status_topic: str | None = None
+    figures_topic: str | None = None
+    is_home_assistant: bool = False
 
 
 MailTls = Literal["starttls", "tls", "none"]

@@ -47,7 +47,8 @@ class Warehouse:
         first: First local day.
         last: Last local day, inclusive.
         heat_cell_m: Side of the cells of the mart `heatmap`.
-        on_plan, on_hours: Progress of the build; see `build`.
+        on_plan: Progress of the build; see `build`.
+        on_hours: The same, hour by hour.
         uses_days: Read marts from day files, and write the missing ones (`day_files`); False = compute them from hourly
             facts.
         spare_days: Where more than a year has no records, the calendar has this many days of it after the last record
