@@ -134,9 +134,7 @@ def _close_by_crowding(
     people_h: npt.NDArray[np.float64],
     close_h: npt.NDArray[np.float64],
 ) -> CloseByCrowding:
-    person = np.array(
-        [np.bincount(c, weights=x, minlength=N_CLASSES) for c, x in zip(of_class, people_h, strict=True)]
-    )
+    person = np.array([np.bincount(c, weights=x, minlength=N_CLASSES) for c, x in zip(of_class, people_h, strict=True)])
     by_class = np.bincount(of_class.ravel(), weights=close_h.ravel(), minlength=N_CLASSES)
     days = [monday + timedelta(days=d) for d in range(len(person))]
     return CloseByCrowding(

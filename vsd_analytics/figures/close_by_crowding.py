@@ -93,19 +93,15 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCr
 
 
 def counted_floor_m2(period: Period) -> Array:
-    """Return the floor that counts for each camera at the end of a period, square metres; NaN where its view is unknown.
+    """Return the floor that counts for each camera at the end of a period, square metres; NaN for an unknown view.
 
-    Its view within the plan, without fixtures and without the cells that another camera counts.
+    It is the view within the plan, without fixtures and without the cells that another camera counts.
     """
     data, (_, end_ms) = period.data, period.span_ms
     bounds = plan_bounds(data.floor)
     at = data.local(end_ms - 1)
     fixtures = shapely.union_all(
-        [
-            shapely.Polygon(f.polygon)
-            for f in data.site.fixtures
-            if f.floor_id == data.floor.floor_id and f.is_there(at)
-        ]
+        [shapely.Polygon(f.polygon) for f in data.site.fixtures if f.floor_id == data.floor.floor_id and f.is_there(at)]
     )
     spans = (s for s in owner_spans(data.site) if s.floor_id == data.floor.floor_id)
     cells = next(s.cells for s in spans if s.from_ms <= end_ms - 1 < s.to_ms)

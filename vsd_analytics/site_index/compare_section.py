@@ -10,7 +10,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.report.draw.funnel_chart import NARROW, WIDE, FunnelPoint, funnel_chart
+from vsd_analytics.report.draw.funnel_chart import NARROW, WIDE, FunnelPoint, PointKind, funnel_chart
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.reasons import reason_text
@@ -29,7 +29,7 @@ class CompareRow:
 
     Attributes:
         name: The floor.
-        pulled: Difference from a usual floor, pulled towards the mean; empty where it is not compared.
+        difference: From a usual floor, pulled towards the mean unless it differs; a dash where it is not compared.
         likely: Its likely range.
         person_hours: Person-hours behind it.
         weeks: Weeks used.
@@ -39,7 +39,7 @@ class CompareRow:
     """
 
     name: str
-    pulled: str
+    difference: str
     likely: str
     person_hours: str
     weeks: str
@@ -112,8 +112,8 @@ def _named(floor: ComparedFloor) -> str:
 
 
 def _change(floor: ComparedFloor) -> Estimate:
-    """Return the pulled ratio as a change from the usual one."""
-    p = floor.pulled
+    """Return what is said of a floor as a change from the usual one."""
+    p = floor.said
     if p is None:
         return Estimate(value=None)
     return Estimate(value=p.rate, change=p.rate - 1, change_lo=p.lo - 1, change_hi=p.hi - 1)
@@ -151,9 +151,8 @@ def _unrecorded(floor: ComparedFloor) -> str:
 def _point(floor: ComparedFloor) -> FunnelPoint | None:
     if floor.ratio is None or floor.hi is None:
         return None
-    kind, text = ("gaps", _unrecorded(floor)) if floor.status == "gaps" else ("usual", "")
-    if floor.differs:
-        kind, text = "differs", floor.name
+    kind: PointKind = "gaps" if floor.status == "gaps" else "differs" if floor.differs else "usual"
+    text = {"gaps": _unrecorded(floor), "differs": floor.name, "usual": ""}[kind]
     return FunnelPoint(name=floor.name, text=text, ratio=floor.ratio, reach=floor.hi / floor.ratio, kind=kind)
 
 
@@ -166,7 +165,7 @@ def _row(floor: ComparedFloor) -> CompareRow:
         note = reason_text(floor.reason)
     return CompareRow(
         name=floor.name,
-        pulled=fmt.signed(change.change),
+        difference=fmt.signed(change.change),
         likely=fmt.range_signed(change) or fmt.MISSING,
         person_hours=fmt.count(floor.person_h) if floor.n_weeks else fmt.MISSING,
         weeks=fmt.count(floor.n_weeks),

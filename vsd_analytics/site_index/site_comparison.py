@@ -1,7 +1,7 @@
 """The fair comparison of floors: which of them really differ in the share of time that people spend too close.
 
-Made from `close_by_crowding` of the JSON files of the ten weeks on the page: observed over expected at the same crowding
-(`stats.standard_ratio`), against how floors usually differ (`stats.funnel`), pulled towards their mean
+Made from `close_by_crowding` of the JSON files of the ten weeks on the page: observed over expected at the same
+crowding (`stats.standard_ratio`), against how floors usually differ (`stats.funnel`), pulled towards their mean
 (`stats.shrinkage`). Missing is not zero: a week in which some camera recorded too little is left out, and a floor that
 lost more than half of its weeks so is shown, but never said to differ.
 """
@@ -53,7 +53,8 @@ class ComparedFloor:
         person_h: Person-hours of the weeks used.
         ratio: Time too close over that of a usual floor at the same crowding; None where it cannot be said.
         lo, hi: Its likely range, from its own days and weeks.
-        pulled: The ratio pulled towards the mean of all; None where it is not compared.
+        said: What is said of it: the ratio pulled towards the mean of the usual floors; of a floor that differs its
+            own, with a wider range. None where it is not compared.
         differs: It really differs.
     """
 
@@ -68,7 +69,7 @@ class ComparedFloor:
     ratio: float | None = None
     lo: float | None = None
     hi: float | None = None
-    pulled: Pulled | None = None
+    said: Pulled | None = None
     differs: bool = False
 
 
@@ -203,7 +204,7 @@ def _without_lonely(found: Sequence[_Weeks]) -> list[_Weeks]:
     while True:
         compared = [k for k, f in enumerate(left) if f.shown.status == "compared" and f.time is not None]
         times = [t for k in compared if (t := left[k].time) is not None]
-        shares = known_shares(times) if times else []
+        shares = known_shares(times).tolist() if times else []
         worst = min(zip(shares, compared, strict=True), default=(1.0, -1))
         if worst[0] >= LEAST_KNOWN:
             return left
@@ -224,7 +225,7 @@ def _compared(found: Sequence[_Weeks]) -> tuple[list[ComparedFloor], float | Non
     shown = [_with_ratio(f.shown, r, middle) for f, r in zip([*solid, *hollow], ratios, strict=True)]
     if seen is None:
         return [*plain, *shown], None
-    return [*plain, *_judged(shown[: len(solid)], seen), *shown[len(solid) :]], seen.tau
+    return [*plain, *_judged(shown[: len(solid)], own, seen), *shown[len(solid) :]], seen.tau
 
 
 def _is_known(time: SiteTime, solid: Sequence[_Weeks]) -> bool:
@@ -236,22 +237,35 @@ def _times(floors: Sequence[_Weeks]) -> list[SiteTime]:
 
 
 def _with_ratio(shown: ComparedFloor, found: StandardRatio, middle: float) -> ComparedFloor:
-    ratio = found.ratio / math.exp(middle)
-    reach = math.exp(t_quantile(found.df, confidence=CONFIDENCE) * math.sqrt(found.variance))
+    ratio, reach = found.ratio / math.exp(middle), _reach(found, CONFIDENCE)
     return replace(shown, ratio=ratio, lo=ratio / reach, hi=ratio * reach)
 
 
-def _judged(shown: Sequence[ComparedFloor], seen: Funnel) -> list[ComparedFloor]:
-    """Return the floors pulled towards their mean, and which of them differ."""
-    values = [(f.ratio or 1.0, f.lo or 1.0, f.hi or 1.0) for f in shown]
-    pulled = pull(*zip(*values, strict=True), confidence=CONFIDENCE) or (None,) * len(values)
-    return [
-        replace(f, pulled=p, differs=bool(d)) for f, p, d in zip(shown, pulled, seen.differs.tolist(), strict=True)
-    ]
+def _reach(found: StandardRatio, confidence: float) -> float:
+    return math.exp(t_quantile(found.df, confidence=confidence) * math.sqrt(found.variance))
+
+
+def _judged(shown: Sequence[ComparedFloor], own: Sequence[StandardRatio], seen: Funnel) -> list[ComparedFloor]:
+    """Return the floors with what is said of them: usual ones pulled towards their mean, those that differ as found.
+
+    Those that differ are not of the others' kind, so nothing pulls them. As they were chosen for their ratio, their
+    ranges have a confidence of 1 - .05 R / k, R the number named (Benjamini & Yekutieli, Journal of the American
+    Statistical Association 100, 2005).
+    """
+    usual = [f for f, d in zip(shown, seen.differs.tolist(), strict=True) if not d]
+    values = [(f.ratio or 1.0, f.lo or 1.0, f.hi or 1.0) for f in usual]
+    pulled = iter(pull(*zip(*values, strict=True), confidence=CONFIDENCE) or [Pulled(*v, 1.0) for v in values])
+    chosen = 1 - (1 - CONFIDENCE) * (len(shown) - len(usual)) / len(shown)
+    judged = []
+    for floor, found, differs in zip(shown, own, seen.differs.tolist(), strict=True):
+        ratio, reach = floor.ratio or 1.0, _reach(found, chosen)
+        said = Pulled(ratio, ratio / reach, ratio * reach, 1.0) if differs else next(pulled)
+        judged.append(replace(floor, said=said, differs=differs))
+    return judged
 
 
 def _plain(floor: ComparedFloor) -> dict[str, Any]:
-    pulled = floor.pulled
+    said = floor.said
     return {
         "project": floor.key.project,
         "site": floor.key.site_id,
@@ -266,9 +280,9 @@ def _plain(floor: ComparedFloor) -> dict[str, Any]:
         "ratio": _rounded(floor.ratio),
         "ratio_lo": _rounded(floor.lo),
         "ratio_hi": _rounded(floor.hi),
-        "pulled": None if pulled is None else _rounded(pulled.rate),
-        "pulled_lo": None if pulled is None else _rounded(pulled.lo),
-        "pulled_hi": None if pulled is None else _rounded(pulled.hi),
+        "said": None if said is None else _rounded(said.rate),
+        "said_lo": None if said is None else _rounded(said.lo),
+        "said_hi": None if said is None else _rounded(said.hi),
         "differs": floor.differs if floor.status == "compared" else None,
     }
 

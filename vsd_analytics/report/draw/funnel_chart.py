@@ -170,15 +170,15 @@ def _labels(plane: _Plane, points: Iterable[FunnelPoint]) -> list[Markup]:
     for point in sorted((p for p in points if p.text), key=lambda p: -p.ratio):
         x, y = plane.x(math.log(point.reach)), plane.y(math.log(point.ratio)) + 5
         is_right = x > plane.width / 2
-        room = (x - LEFT if is_right else plane.width - RIGHT - x) - 14
-        text = point.text if len(point.text) * LETTER <= room else point.text[: max(3, int(room / LETTER) - 1)] + "\u2026"
-        wide = len(text) * LETTER
-        start, end = (x - 12 - wide, x - 12) if is_right else (x + 12, x + 12 + wide)
+        n_letters = max(4, int(((x - LEFT if is_right else plane.width - RIGHT - x) - 14) / LETTER))
+        text = point.text if len(point.text) <= n_letters else f"{point.text[: n_letters - 1]}\u2026"
+        beside, wide = x + (-12 if is_right else 12), len(text) * LETTER
+        start, end = (beside - wide, beside) if is_right else (beside, beside + wide)
         while any(abs(y - other) < LINE and start < b and a < end for a, b, other in taken):
             y += LINE
         taken.append((start, end, y))
         class_ = "tv" if point.kind == "differs" else "axt"
-        parts.append(_text(text, x + (-12 if is_right else 12), y, anchor="end" if is_right else "start", class_=class_))
+        parts.append(_text(text, beside, y, anchor="end" if is_right else "start", class_=class_))
     return parts
 
 
