@@ -137,8 +137,10 @@ def runs(positions: Ints, counts: Array, *, below: int) -> list[Ints]:
         if not is_small(total, below=below):
             ends.append(k)
             total = 0.0
-    if total:
-        ends[-1:] = [len(positions)] if len(ends) > 1 else [0, len(positions)]
+    if ends[-1] < len(positions):
+        while len(ends) > 1 and is_small(float(counts[positions[ends[-1] :]].sum()), below=below):
+            ends.pop()
+        ends.append(len(positions))
     return [positions[a:b] for a, b in pairwise(ends)]
 
 

@@ -97,7 +97,7 @@ class SiteComparison:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Weeks:
+class _FloorTime:
     """A floor and its usable weeks as arrays; `time` is None where there is no ratio."""
 
     shown: ComparedFloor
@@ -120,7 +120,7 @@ def compare_sites(floors: Sequence[FloorWeeks], latest: date) -> SiteComparison 
     rules = Counter(r.rules.distance_m for of in reports.values() for r in of)
     distance_m = max(rules, key=lambda d: (rules[d], d), default=DEFAULTS.distance_m)
     names = _names(floors)
-    found = [_weeks(f.key, names[f.key], reports[f.key], distance_m) for f in floors]
+    found = [_floor_time(f.key, names[f.key], reports[f.key], distance_m) for f in floors]
     shown, usual_sd = _compared(_without_lonely(found))
     return SiteComparison(
         floors=tuple(sorted(shown, key=lambda f: (f.name.casefold(), f.key))),
@@ -134,14 +134,16 @@ def _names(floors: Sequence[FloorWeeks]) -> dict[FloorKey, str]:
     return {f.key: f.site_name if n_floors[f.key[:2]] == 1 else f.full_name for f in floors}
 
 
-def _weeks(key: FloorKey, name: str, reports: Sequence[IndexedReport], distance_m: float) -> _Weeks:
+def _floor_time(key: FloorKey, name: str, reports: Sequence[IndexedReport], distance_m: float) -> _FloorTime:
     """Return what the weeks of a floor say, before it is seen beside others."""
     shown = ComparedFloor(key=key, name=name, status="compared", unrecorded=_unrecorded(reports))
     if not reports:
-        return _Weeks(replace(shown, status="absent"), None)
+        return _FloorTime(replace(shown, status="absent"), None)
     alike = [r for r in reports if r.rules.distance_m == distance_m]
     if not alike:
-        return _Weeks(replace(shown, status="distance"), None)
+        return _FloorTime(replace(shown, status="distance"), None)
+    if not any(_is_of_today(r.close_by_crowding) for r in alike) and any(r.state != "no_data" for r in alike):
+        return _FloorTime(replace(shown, status="older"), None)
     known = [r for r in alike if r.state == "no_data" or _is_of_today(r.close_by_crowding)]
     whole = [r for r in known if is_whole(r)]
     n_gaps = len(known) - len(whole)
@@ -152,16 +154,16 @@ def _weeks(key: FloorKey, name: str, reports: Sequence[IndexedReport], distance_
         shown = replace(shown, status="gaps", n_left_out=n_gaps)
     elif not used:
         why = next((c.reason for r in reversed(whole) if (c := r.close_by_crowding) is not None), None)
-        return _Weeks(replace(shown, status="reason" if whole else "older", reason=why), None)
+        return _FloorTime(replace(shown, status="reason", reason=why), None)
     time = _time([(r.week.monday, c) for r in used if (c := r.close_by_crowding) is not None])
     if time is None:
-        return _Weeks(shown, None)
+        return _FloorTime(shown, None)
     shown = replace(shown, person_h=float(time.person_h.sum()))
     if len(time.close_h) < DEFAULTS.min_days or shown.person_h < DEFAULTS.min_exposure_h:
-        return _Weeks(shown if is_gappy else replace(shown, status="few"), None)
+        return _FloorTime(shown if is_gappy else replace(shown, status="few"), None)
     if not time.close_h.any():
-        return _Weeks(shown if is_gappy else replace(shown, status="nobody"), None)
-    return _Weeks(shown, time)
+        return _FloorTime(shown if is_gappy else replace(shown, status="nobody"), None)
+    return _FloorTime(shown, time)
 
 
 def _is_of_today(found: CloseByCrowding | None) -> bool:
@@ -198,7 +200,7 @@ def _time(weeks: Sequence[tuple[date, CloseByCrowding]]) -> SiteTime | None:
     )
 
 
-def _without_lonely(found: Sequence[_Weeks]) -> list[_Weeks]:
+def _without_lonely(found: Sequence[_FloorTime]) -> list[_FloorTime]:
     """Return the floors, those as crowded as no others marked "alone": nobody knows what to expect there."""
     left = list(found)
     while True:
@@ -208,10 +210,10 @@ def _without_lonely(found: Sequence[_Weeks]) -> list[_Weeks]:
         worst = min(zip(shares, compared, strict=True), default=(1.0, -1))
         if worst[0] >= LEAST_KNOWN:
             return left
-        left[worst[1]] = _Weeks(replace(left[worst[1]].shown, status="alone"), None)
+        left[worst[1]] = _FloorTime(replace(left[worst[1]].shown, status="alone"), None)
 
 
-def _compared(found: Sequence[_Weeks]) -> tuple[list[ComparedFloor], float | None]:
+def _compared(found: Sequence[_FloorTime]) -> tuple[list[ComparedFloor], float | None]:
     """Return the floors with their ratios, and how floors usually differ."""
     solid = [f for f in found if f.time is not None and f.shown.status == "compared"]
     hollow = [f for f in found if f.time is not None and f.shown.status == "gaps" and _is_known(f.time, solid)]
@@ -228,11 +230,11 @@ def _compared(found: Sequence[_Weeks]) -> tuple[list[ComparedFloor], float | Non
     return [*plain, *_judged(shown[: len(solid)], own, seen), *shown[len(solid) :]], seen.tau
 
 
-def _is_known(time: SiteTime, solid: Sequence[_Weeks]) -> bool:
+def _is_known(time: SiteTime, solid: Sequence[_FloorTime]) -> bool:
     return float(known_shares([*_times(solid), time])[-1]) >= LEAST_KNOWN
 
 
-def _times(floors: Sequence[_Weeks]) -> list[SiteTime]:
+def _times(floors: Sequence[_FloorTime]) -> list[SiteTime]:
     return [f.time for f in floors if f.time is not None]
 
 
