@@ -35,7 +35,7 @@ Floats = npt.NDArray[np.float64]
 PRIOR_DF: Final = 3.0
 """Degrees of freedom of the prior of a site's variance: fewer cost power; with 6 more pages than promised err."""
 COMMON_DF: Final = 6.0
-"""Degrees of freedom with which the prior stands for all sites together before their weeks count."""
+"""Degrees of freedom of the prior of all sites together, before their weeks count."""
 ROUNDS: Final = 200
 CLOSE_ENOUGH: Final = 1e-9
 MIN_OTHERS: Final = 2

@@ -43,7 +43,7 @@ class FunnelPoint:
 
     Attributes:
         name: What it is called where it is hovered over.
-        text: What stands beside it; empty for most.
+        text: Words beside its point; empty for most.
         ratio: Time too close over that of a usual floor.
         reach: Factor to each end of its own 95 % range, above 1.
         kind: How it is drawn.
