@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from report import sample_weeks as weeks
 from site_index import many_reports as many
+from site_index.compared_sites import write_sites
 from site_index.test_index_page import hostile
 
 from vsd_analytics.site_index.collect_reports import gather, sources_of, write_index
@@ -18,7 +19,7 @@ from vsd_analytics.site_index.page import render_index
 pytestmark = pytest.mark.browser
 
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-NAMES = ("company", "hostile", "one floor")
+NAMES = ("company", "hostile", "one floor", "compared")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,8 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for back in range(50, 60):
         many.write(single, many.report(back=back))
     made = {}
-    for name, sources in (("company", folders), ("one floor", [single])):
+    compared = write_sites(root / "sites", n_weeks=4)
+    for name, sources in (("company", folders), ("one floor", [single]), ("compared", compared)):
         out = root / name
         made[name] = write_index(out, render_index(catalogue(gather(sources_of(sources), out).entries)))
     made["hostile"] = root / "hostile.html"

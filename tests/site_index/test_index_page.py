@@ -86,7 +86,7 @@ def test_the_policy_allows_this_style_and_nothing_else(page: str) -> None:
 def test_structure_is_sound(page: str) -> None:
     tree = Tree(page)
     assert page.startswith("<!doctype html>\n<html lang=")
-    assert tree.headings == [1, 2, 3]
+    assert tree.headings == [1, 2, 2, 3]
     ids = [a["id"] for _, a in tree.elements if "id" in a]
     assert len(ids) == len(set(ids))
     for tag, attributes in tree.elements:

@@ -45,7 +45,10 @@ def build(
     is_opened: bool,
     as_json: bool,
 ) -> int:
-    """Write index.html over all reports: which floors changed, violation rate, how certain, and every earlier week.
+    """Write index.html over all reports: which floors changed, which really differ, how certain, every earlier week.
+
+    Floors are compared at the same crowding, over ten weeks, and never ranked: the page names those that differ beyond
+    chance (docs/statistics.md, section "Sites"). With --json the comparison is printed.
 
     It is made from the JSON files of the reports and links to them with relative addresses, so it works from a folder
     and from any web server. Reports that are not below the index are copied beside it, into a folder for each
@@ -63,6 +66,7 @@ def build(
     from vsd_analytics.site_index.collect_reports import gather, projects_below, sources_of, write_index
     from vsd_analytics.site_index.floor_weeks import catalogue
     from vsd_analytics.site_index.page import render_index
+    from vsd_analytics.site_index.site_comparison import compare_sites
 
     named = [*folders, *(projects_below(root) if root is not None else [])]
     sources = sources_of(named or [project.root])
@@ -93,7 +97,17 @@ def build(
     n_weeks = len(found.earlier) + (found.latest is not None)
     if as_json:
         printed = [{k: v for k, v in p.as_dict().items() if k != "ok"} for p in problems]
-        emit_json({"ok": True, "path": str(path), "floors": len(found.floors), "weeks": n_weeks, "problems": printed})
+        compared = compare_sites(found.floors, found.latest) if found.latest is not None else None
+        emit_json(
+            {
+                "ok": True,
+                "path": str(path),
+                "floors": len(found.floors),
+                "weeks": n_weeks,
+                "comparison": None if compared is None else compared.as_dict(),
+                "problems": printed,
+            }
+        )
     else:
         counted = f"{_n(len(found.floors), 'floor')}, {_n(n_weeks, 'week')}, {_n(len(collected.entries), 'report')}"
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB   {counted}")

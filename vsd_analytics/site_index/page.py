@@ -20,8 +20,10 @@ from vsd_analytics.report.words.languages import months
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Verdict
 from vsd_analytics.site_index import week_bars
+from vsd_analytics.site_index.compare_section import CompareSection, compare_section
 from vsd_analytics.site_index.floor_weeks import Catalogue, FloorWeeks, standing, verdict_of
 from vsd_analytics.site_index.read_reports import Entry, IndexedReport
+from vsd_analytics.site_index.site_comparison import compare_sites
 from vsd_analytics.site_index.summary import headline, lead, week_line
 
 LONGEST_NOTE = 110
@@ -133,6 +135,7 @@ class Index:
         headline: The sentence over all floors.
         lead: The sentences below it.
         rows: One for each floor.
+        compare: Which floors really differ; None with one floor.
         window: Names of the ten weeks: of the table, and in one phrase.
         phrase: Weeks 37 to 46.
         kinds: Kinds of bars that occur, to be explained.
@@ -156,6 +159,7 @@ class Index:
     headline: str
     lead: tuple[Span, ...]
     rows: tuple[Row, ...]
+    compare: CompareSection | None
     window: tuple[str, ...]
     phrase: str
     kinds: frozenset[str]
@@ -201,6 +205,7 @@ def make_index(found: Catalogue) -> Index:
         headline=said,
         lead=lead(found.floors, latest) if latest is not None else (),
         rows=tuple(_row(f, latest) for f in found.floors) if latest is not None else (),
+        compare=compare_section(compare_sites(found.floors, latest)) if latest is not None else None,
         window=tuple(_short_week(m) for m in window),
         phrase=_phrase(window),
         kinds=frozenset(week_bars.bar_kind(t) for t in shown),

@@ -6,6 +6,7 @@ floor of its name. Links are made from the names of existing files, never from t
 
 from __future__ import annotations
 
+import math
 import re
 import stat
 from dataclasses import dataclass, fields
@@ -21,6 +22,7 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import (
     BusiestHour,
     BusiestSpot,
+    CloseByCrowding,
     LogLine,
     Provenance,
     Rules,
@@ -45,11 +47,21 @@ _YEARS: Final = range(1900, 2200)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedCamera:
+    """The part of a camera in `coverage` that the index needs; same names."""
+
+    share: float | None = None
+    scheduled_h: float = 0.0
+    recorded_h: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
     """The part of `coverage` in the JSON file that the index shows; same names."""
 
     share: float
     seen_h: float | None = None
+    cameras: tuple[RecordedCamera, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +101,7 @@ class IndexedReport:
     busiest_hour: BusiestHour | None = None
     log: tuple[LogLine, ...] = ()
     settings_change: SettingsChange | None = None
+    close_by_crowding: CloseByCrowding | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,6 +235,8 @@ def read_report_json(path: Path) -> IndexedReport:
         raise _damaged(path, why="its instants have no offset")
     if not is_week:
         raise _damaged(path, why="its week, its Monday and its Sunday do not fit together")
+    if report.close_by_crowding is not None and not _fits_together(report.close_by_crowding):
+        raise _damaged(path, why="its time too close by crowding does not fit together")
     name = STEM.fullmatch(path.name.removesuffix(".json"))
     if name is None or name["iso"] != report.week.iso or name["floor"] not in (None, report.site.floor_id):
         raise _foreign(path, why="its name and the week and floor in it differ, so that it may be of another page")
@@ -253,6 +268,17 @@ def _is_week(week: WeekRef) -> bool:
         and (week.year, week.number) == (iso.year, iso.week)
         and week.iso == f"{iso.year}-W{iso.week:02d}"
         and week.sunday == date.fromordinal(week.monday.toordinal() + 6)
+    )
+
+
+def _fits_together(found: CloseByCrowding) -> bool:
+    """Tell whether each day has person-time in every class, classes are classes, and no time is below zero."""
+    n_classes = len(found.edges) + 1
+    times = [t for d in found.days for t in (d.close_h, *d.person_h)] + [c.close_h for c in found.classes]
+    return (
+        all(len(d.person_h) == n_classes for d in found.days)
+        and all(0 <= c.first <= c.last < n_classes for c in found.classes)
+        and all(math.isfinite(t) and t >= 0 for t in times)
     )
 
 

@@ -28,7 +28,7 @@ TEMPLATES = shipped("reports") / "templates"
 OF_THE_WEEK = (
     *("week", "hero", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
     *("change_maps", "small_maps", "log"),
-    *("planner", "calibrate", "index/index", "index/macros"),
+    *("planner", "calibrate", "index/index", "index/compare", "index/macros"),
 )
 # Modules whose every sentence is in the catalogue.
 SPEAKING = (
@@ -40,7 +40,8 @@ SPEAKING = (
     *(f"figures/week/{n}" for n in ("changes", "spots", "outlook", "trend_weeks")),
     *(f"report/model/{n}" for n in ("site_changes", "spot_words")),
     *("planner/planner_data", "planner/map_kinds", "planner/page"),
-    *("site_index/week_bars", "site_index/summary", "site_index/page"),
+    *("site_index/week_bars", "site_index/summary", "site_index/page", "site_index/compare_section"),
+    "report/draw/funnel_chart",
 )
 # What code may say without the catalogue: punctuation, CSS, SVG and the words a page never uses.
 NO_SENTENCE = re.compile(r"^[\W\d_]*$|@page|font:|content:|^0 0 |^M\{|select |--|^default-src|\bmdash\b")

@@ -35,6 +35,39 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CloseInDays:
+    """Person-time of a day, or of days put together as one has too few violations to print."""
+
+    first: date = _f("First local day.")
+    last: date = _f("Last local day; mostly the first.")
+    close_h: float = _f("Person-hours closer than the legal distance to somebody.", "h", "M6")
+    person_h: tuple[float, ...] = _f("Person-hours in each class of crowding.", "h", "M3")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CloseInClasses:
+    """Time too close in a class of crowding, or in classes put together as one has too few violations to print."""
+
+    first: int = _f("First class, 0 for the emptiest.")
+    last: int = _f("Last class; mostly the first.")
+    close_h: float = _f("Person-hours closer than the legal distance to somebody, all days.", "h", "M6")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CloseByCrowding:
+    """Time too close by how crowded it was, for a fair comparison of sites (`vsd site build`)."""
+
+    edges: tuple[float, ...] = _f(
+        "Where the second and later classes of crowding begin: others in view of a person, mean of a camera's hour.",
+        "people per 100 m2", default=(),
+    )  # fmt: skip
+    days: tuple[CloseInDays, ...] = _f("Days with recorded hours, in order.", default=())
+    classes: tuple[CloseInClasses, ...] = _f("Classes with person-time, in order.", default=())
+    state: State = _f("Whether it can be given.", default="ok")
+    reason: Reason | None = _f("In words, why not.", default=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SiteRef:
     """The site and its floors."""
 

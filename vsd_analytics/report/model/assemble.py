@@ -10,6 +10,7 @@ from typing import Any
 
 from vsd_analytics.figures.catalogue import figures
 from vsd_analytics.figures.catalogue.form import Asked
+from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
 from vsd_analytics.figures.week import areas as report_areas
@@ -210,6 +211,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
+        close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
         figures=_with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
 

@@ -40,6 +40,7 @@ from vsd_analytics.figures.week.results import (
     AreaRow,
     BusiestHour,
     BusiestSpot,
+    CloseByCrowding,
     Figure,
     Level,
     LogLine,
@@ -132,6 +133,9 @@ class WeekReport:
     outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
     unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
     selfcheck: SelfCheck | None = _f("How often the verdicts on the floor are false alarms.", default=None)
+    close_by_crowding: CloseByCrowding | None = _f(
+        "Time too close by crowding and day; None in files of older versions.", metric="M6", default=None
+    )
     figures: Mapping[str, Figure] = _f(
         "Keyed M0 to M36; absent: not in this version, nobody asks for it, or it needs weeks."
     )
