@@ -40,8 +40,8 @@ class NextAreas:
     """Where people of one place go next.
 
     Attributes:
-        shares: Share of each kind of end, of those who reach one; the interval also holds the case that all who
-            outlast the curve go there, and that none does. `n` is how many were followed there.
+        shares: Share of each kind of end; the interval also holds the case that all who outlast the curve go there,
+            and that none does. `n` is how many were followed there.
         not_followed: Share of people whose track is lost on the way.
         unseen: Share that is on the way for longer than anybody was followed; None where nothing is known.
         reached: Share of all that reach each kind while they are followed, shape (n_kinds,).
@@ -111,9 +111,10 @@ def next_areas(
     """Return the share of those who leave whose next area is each one.
 
     F_k = sum over times u of S(u-) d_ku / y_u: d_ku people enter area k after u, y_u were still followed, S is the
-    Kaplan-Meier curve of all areas together. It ends where fewer than ten are followed, at S = U. The share is
-    F_k / (1 - U). Its limits are the lower one of F_k and the upper one of F_k + U, on the logit scale, with the
-    variance of deleting one day at a time and the t quantile of D - 1 degrees of freedom.
+    Kaplan-Meier curve of all areas together. It ends where fewer than ten are followed, at S = U. These are assumed to
+    go where those went who took longer than the median. The limits do not need that: they are the lower one of F_k and
+    the upper one of F_k + U, on the logit scale, with the variance of deleting one day at a time and the t quantile of
+    D - 1 degrees of freedom.
 
     Args:
         leaving: The people.
@@ -241,13 +242,22 @@ class _Arrivals:
 
     def reached(self, weight: Array) -> Array:
         """Return F_k of people with weights (1 or 0), shape (n_kinds,)."""
+        return self._sums(weight)[0]
+
+    def reached_late(self) -> Array:
+        """Return the part of F_k of those who take longer than the median, shape (n_kinds,)."""
+        return self._sums(np.ones(len(self.order)))[1]
+
+    def _sums(self, weight: Array) -> tuple[Array, Array]:
         w = weight[self.order]
         followed = w[::-1].cumsum()[::-1]
         used = self.is_known & (followed > 0) & (self.kind >= 0)
         hazard = np.divide(w, followed, out=np.zeros_like(w), where=used)
         before = np.concatenate(([1.0], np.cumprod(1 - hazard)[:-1]))
         step = before * hazard
-        return np.bincount(self.kind[used], weights=step[used], minlength=self.n_kinds).astype(np.float64)
+        late = used & (before <= 0.5)  # noqa: PLR2004, the median
+        of_all, of_late = (np.bincount(self.kind[u], weights=step[u], minlength=self.n_kinds) for u in (used, late))
+        return of_all.astype(np.float64), of_late.astype(np.float64)
 
 
 def _shares(
@@ -261,7 +271,8 @@ def _shares(
     confidence: float,
 ) -> tuple[ShareEstimate, ...]:
     n, n_days, n_followed = len(leaving.seconds), len(days), int(n_of.sum())
-    value = reached / reached.sum()
+    late = curve.reached_late()
+    value = reached + unseen * late / late.sum() if unseen else reached
     if short is not None:
         return tuple(
             ShareEstimate(float(v), None, None, int(k), n, n_days, "not_enough_data", short)
