@@ -7,12 +7,14 @@ from typing import Final
 
 from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
 from vsd_analytics.figures.flow import AreaFlow, flow
+from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.groups import ShareEstimate
 
 FLOW: Final = "share of those who leave"
 ROUTES: Final = "share of routes"
+DEGREES: Final = "degrees, counter-clockwise from the x axis"
 OTHER: Final = "other"
 
 
@@ -50,6 +52,27 @@ def routes(asked: Asked) -> Figure:
     return Figure(unit=ROUTES, rows=tuple(rows), denominator=of.following.n, note=Reason("note.flow"))
 
 
+@figure("M42")
+def directions(asked: Asked) -> Figure:
+    """Return which way people walk through each cell of the floor that five or more walk through."""
+    field = walking_directions(asked.data.this)
+    if not field.cells:
+        return missing(DEGREES, "not_enough_data", Reason("flow.no_walkers"))
+    rows: list[Row] = [
+        {
+            "x_m": c.x_m,
+            "y_m": c.y_m,
+            "cell_m": field.cell_m,
+            "ways": c.ways,
+            "value": c.direction_deg,
+            "agreement": c.agreement,
+            "n_people": c.n_people,
+        }
+        for c in field.cells
+    ]
+    return Figure(unit=DEGREES, rows=tuple(rows), denominator=sum(c.n_people for c in field.cells))
+
+
 def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
     place: Row = {"area": of.area.area_id, "place": of.area.name}
     why = _hidden(asked, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
@@ -67,6 +90,7 @@ def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
             "to": to.areas[0].name if len(to.areas) == 1 else OTHER,
             "to_areas": " ".join(a.area_id for a in to.areas),
             **_limits(to.share),
+            "per_open_h": None if of.often.rate is None or to.share.value is None else of.often.rate * to.share.value,
             "followed_per_open_h": None if asked.small(to.share.n) else to.often.rate,
             **more,
         }
