@@ -323,6 +323,11 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
         confidence=settings.confidence,
         min_days=int(settings.min_days),
     )
+    following = replace(
+        following,
+        reason=_of_routes(following.reason),
+        shares=tuple(replace(s, reason=_of_routes(s.reason)) for s in following.shares),
+    )
     routes = []
     for j, share in enumerate(following.shares):
         members = [names[k] for k in np.flatnonzero(pooled == j)]
@@ -332,6 +337,6 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
     return DoorRoutes(tuple(routes), following, has_doors)
 
 
-def why_unknown(of: AreaFlow) -> Reason | None:
-    """Return why an area has no shares; None where it has."""
-    return of.often.reason if of.often.rate is None else of.following.reason
+def _of_routes(reason: Reason | None) -> Reason | None:
+    """Return a reason of those who leave an area in the words of those who come in by a door."""
+    return None if reason is None else Reason(reason.code.replace("flow.", "routes."), **reason.values)

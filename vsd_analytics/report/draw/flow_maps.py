@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_map import FloorMap, MapArea, Point
 from vsd_analytics.report.draw import floor_frame as draw
-from vsd_analytics.report.draw.floor_frame import Frame
+from vsd_analytics.report.draw.floor_frame import Frame, text_width
 from vsd_analytics.report.draw.small_maps import mini, mini_frame
 from vsd_analytics.report.draw.svg import ACCENT, INK, el, straight_path
 
@@ -24,6 +24,8 @@ NAME_FONT: Final = 17
 WIDEST: Final = 15.0
 """Of a desire line; a line of half the people is half as wide."""
 NARROWEST: Final = 1.2
+SMALLEST_SHARE: Final = 0.1
+"""Of a cell: where less of it is seen and free, it has no arrow."""
 BEND: Final = 0.16
 """How far a line leaves the straight way, to the right of those who walk, as a share of its length."""
 
@@ -71,30 +73,33 @@ def mini_directions(
     """Draw an arrow in each cell, as wide as many people walk there, two-headed for both ways, a dot for any.
 
     Args:
-        floor: The map whose plan, fixtures and unseen floor are shown; cells whose middle no camera sees are left out.
+        floor: The map whose plan, fixtures and unseen floor are shown. An arrow is in the middle of what is free of its
+            cell; a cell that no camera sees, or that fixtures fill, has none.
         arrows: The cells.
         cell_m: Their side.
         name: What the ids of the drawing start with.
         label: Text alternative.
         is_alone: Carry the plan.
     """
-    frame, unseen = mini_frame(floor), _unseen(floor)
+    frame, taken = mini_frame(floor), _taken(floor)
     steps, paths = width_steps(arrows), [""] * len(WIDTHS)
     half = 0.42 * cell_m * frame.scale
-    x0, y0, x1, y1 = floor.extent
+    inside = shapely.box(*floor.extent)
     for arrow in arrows:
         x, y = arrow.at
-        if not (x0 <= x <= x1 and y0 <= y <= y1) or unseen.contains(shapely.Point(x, y)):
+        cell = shapely.box(x - cell_m / 2, y - cell_m / 2, x + cell_m / 2, y + cell_m / 2)
+        free = cell.intersection(inside).difference(taken)
+        if free.area < SMALLEST_SHARE * cell_m**2:
             continue
         k = max(0, int(np.searchsorted(steps, arrow.n_people, side="right")) - 1)
-        paths[k] += _arrow(frame.at(arrow.at), arrow, half)
+        paths[k] += _arrow(frame.at((free.centroid.x, free.centroid.y)), arrow, half)
     drawn = [
         el("path", class_="fs", fill="none", stroke=INK, stroke_width=width, stroke_linecap="round",
            stroke_linejoin="round", d=path)
         for width, path in zip(WIDTHS, paths, strict=True)
         if path
     ]  # fmt: skip
-    return mini(floor, frame, drawn, name, label, is_alone, is_over=True)
+    return mini(floor, frame, drawn, name, label, is_alone)
 
 
 def mini_desire_lines(
@@ -126,14 +131,14 @@ def mini_desire_lines(
         if rings:
             path = straight_path(rings)
             drawn.append(el("path", class_="vs", fill=ACCENT, fill_opacity=0.55, stroke="none", d=path))
-    drawn += [_name(a, middles[a.area_id]) for a in named]
+    drawn += [_name(a, frame) for a in named]
     return mini(floor, frame, drawn, name, label, is_alone, is_over=True)
 
 
 def _arrow(at: Point, arrow: Arrow, half: float) -> str:
     x, y = at
     if arrow.direction_deg is None:
-        return f"M{x:.1f} {y:.1f}h.1"
+        return f"M{x - 1.2:.1f} {y:.1f}a1.2 1.2 0 1 0 2.4 0a1.2 1.2 0 1 0-2.4 0"
     angle = math.radians(arrow.direction_deg)
     dx, dy = half * math.cos(angle), -half * math.sin(angle)  # y grows downwards in SVG
     path = f"M{x - dx:.1f} {y - dy:.1f}L{x + dx:.1f} {y + dy:.1f}" + _head((x + dx, y + dy), angle, half)
@@ -168,8 +173,10 @@ def _curve(start: Point, end: Point, wide: float) -> shapely.Polygon:
     return shapely.union_all([body.buffer(wide / 2, cap_style="flat"), triangle])
 
 
-def _unseen(floor: FloorMap) -> shapely.Geometry:
-    return shapely.union_all([shapely.Polygon(p[0], p[1:]).buffer(0) for p in floor.unseen])
+def _taken(floor: FloorMap) -> shapely.Geometry:
+    """Return the floor that no camera sees, and what fixtures stand on."""
+    unseen = [shapely.Polygon(p[0], p[1:]).buffer(0) for p in floor.unseen]
+    return shapely.union_all([*unseen, *(shapely.Polygon(f.ring).buffer(0) for f in floor.fixtures)])
 
 
 def _middle(area: MapArea, frame: Frame) -> Point:
@@ -178,8 +185,14 @@ def _middle(area: MapArea, frame: Frame) -> Point:
     return point.x, point.y
 
 
-def _name(area: MapArea, at: Point) -> Markup:
+def _name(area: MapArea, frame: Frame) -> Markup:
+    """Write the name of an area above it, or below where there is no room, whole within the frame."""
+    ring = frame.ring(area.ring)
+    top, bottom = min(y for _, y in ring), max(y for _, y in ring)
+    half = text_width(area.name, NAME_FONT) / 2 + 4
+    x = (max(0.0, min(x for x, _ in ring)) + min(float(frame.width), max(x for x, _ in ring))) / 2
+    y = top - 7 if top > NAME_FONT + 7 else min(bottom + NAME_FONT, frame.height - 4)
     return el(
         "text", area.name, class_="cn halo", fill=INK, font_size=NAME_FONT, font_weight=700, text_anchor="middle",
-        dominant_baseline="central", x=round(at[0]), y=round(at[1]),
+        x=round(min(max(x, half), max(frame.width - half, half))), y=round(y),
     )  # fmt: skip

@@ -4,62 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from markupsafe import Markup
-
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.report.draw import flow_maps, small_maps
+from vsd_analytics.report.draw import small_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import contributions
+from vsd_analytics.report.pages.flow_figure import flow_figure
+from vsd_analytics.report.pages.map_panels import Key, MapFigure, MapPanel
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.figure_titles import changed_places
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapPanel:
-    """One small drawing and the lines above it."""
-
-    title: str
-    drawing: Markup
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Key:
-    """One entry of a legend: the class of its swatch, a sign before its text, the text."""
-
-    style: str
-    text: str
-    sign: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapFigure:
-    """Small drawings side by side.
-
-    Attributes:
-        title: The finding.
-        unit: What is drawn.
-        panels: The drawings.
-        keys: The legend.
-        summary: What opens the table.
-        region: Name of the table for those who hear the page.
-        caption: Caption of the table.
-        head: Heads of its columns.
-        rows: Its rows, texts.
-        moved: What was moved between the weeks drawn, for the end of a line.
-    """
-
-    title: str
-    unit: str
-    panels: tuple[MapPanel, ...]
-    keys: tuple[Key, ...]
-    summary: str
-    region: str
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    moved: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +47,7 @@ def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
         change=_change(report, floor, is_alone=is_alone),
         footsteps=_footsteps(report, floor, is_alone=is_alone),
         views=_views(report, floor, is_alone=is_alone),
-        flow=_flow(report, floor, is_alone=is_alone),
+        flow=flow_figure(report, floor, is_alone=is_alone),
     )
 
 
@@ -225,53 +179,5 @@ def _views(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure 
         rows=tuple(
             (f"{v.label} {v.name}", f"{fmt.number(v.area_m2)} m²", f"{fmt.number(v.alone_m2)} m²")
             for v in shown.cameras
-        ),
-    )
-
-
-def _flow(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
-    """Return the drawings of flow, of floors with areas that ask for visits."""
-    between, field = (report.figures.get(key) for key in ("M37", "M42"))
-    rows = [r for r in (between.rows or () if between is not None else ()) if r["value"] is not None]
-    cells = field.rows or () if field is not None else ()
-    number, panels = report.week.number, []
-    if cells:
-        arrows = [flow_maps.Arrow((c["x_m"], c["y_m"]), c["value"], c["ways"] == "both", c["n_people"]) for c in cells]
-        label = say("maps.flow_label_directions", floor=floor.title, number=number)
-        drawing = flow_maps.mini_directions(
-            floor, arrows, cell_m=cells[0]["cell_m"], name="wd", label=label, is_alone=is_alone
-        )
-        panels.append(MapPanel(title=say("maps.flow_directions"), drawing=drawing))
-    lines = [
-        flow_maps.DesireLine(r["area"], r["to_areas"], r["per_open_h"])
-        for r in rows
-        if r["per_open_h"] is not None and " " not in r["to_areas"]
-    ]
-    if lines:
-        label = say("maps.flow_label_lines", floor=floor.title, number=number)
-        drawing = flow_maps.mini_desire_lines(floor, lines, name="dl", label=label, is_alone=is_alone)
-        panels.append(MapPanel(title=say("maps.flow_lines"), drawing=drawing))
-    if not panels:
-        return None
-    cell = fmt.distance(cells[0]["cell_m"], report.rules.distance_unit) if cells else ""
-    return MapFigure(
-        title=say("maps.flow_title"),
-        unit=say("maps.flow_sub", cell=cell, people=report.rules.mask_below) if cells else say("maps.flow_sub_lines"),
-        panels=tuple(panels),
-        keys=(),
-        summary=say("maps.change_table"),
-        region=say("maps.flow_region"),
-        caption=say("maps.flow_caption", number=number),
-        head=(say("maps.flow_from"), say("maps.flow_to"), say("maps.flow_share"), say("maps.flow_likely")),
-        rows=tuple(
-            (
-                r["place"],
-                say("maps.flow_other") if " " in r["to_areas"] else r["to"],
-                fmt.percent(r["value"]),
-                fmt.MISSING
-                if r["lo"] is None
-                else say("format.and", first=fmt.percent(r["lo"]), last=fmt.percent(r["hi"])),
-            )
-            for r in rows
         ),
     )
