@@ -179,7 +179,7 @@ def _csv(found: Flow) -> str:
 def _text(found: Flow, *, first: str, last: str) -> str:
     rows = [("from", "to", "share of those who leave", "followed per open hour")]
     for of in found.areas:
-        rows.append((of.area.name, "", "", f"{_rate(of.often)} leave"))
+        rows.append((of.area.name, "", "", _rate(of.often) + (" leave" if of.often.rate is not None else "")))
         rows += [("", _names(to), _share(to.share), _rate(to.often)) for to in of.to]
     lines = [f"Flow, {first} to {last}, {found.recorded_share:.0%} of the opening hours recorded", "", *table(rows), ""]
     for of in found.areas:
