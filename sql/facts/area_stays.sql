@@ -17,6 +17,7 @@
 --   after_ms        the track's next record outside, at most gap_ms after it went out; null where it ends inside, or in a later hour
 --   owned_ms        person-milliseconds inside that this camera counts
 --   is_entry_owned  this camera counts the place of the first record
+--   is_exit_owned   this camera counts the place of the last record
 -- steps:
 --   placed       records with a place, and the area it lies in, if any
 --   neighboured  the records before and after of a track, wherever they lie, show whether somebody was seen to come and to go
@@ -127,7 +128,8 @@ select
     min(before_ms) as before_ms,
     max(after_ms) as after_ms,
     cast(sum(case when is_owned then weight_ms else 0 end) as bigint) as owned_ms,
-    min_by(is_owned, ts_ms) as is_entry_owned
+    min_by(is_owned, ts_ms) as is_entry_owned,
+    max_by(is_owned, ts_ms) as is_exit_owned
 from stays
 group by hour, camera_id, track_id, area_id, started_ms
 order by hour, camera_id, track_id, area_id, started_ms

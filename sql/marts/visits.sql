@@ -16,6 +16,7 @@
 --   has_exit        the exit was seen: the track was outside afterwards, or the area is a door
 --   dwell_s         from the entry to the exit, or to the last record inside; see `stitched`
 --   is_counted      this camera counts the place of the first record; else another camera counts the visit
+--   is_exit_counted this camera counts the place of the last record
 -- figure: M35 Visits
 --   definition   visits of each area with visits = true whose entry was seen, in opening hours
 --   unit         visits per open hour
@@ -47,6 +48,7 @@ with marked as (
         after_ms,
         interval_ms,
         is_entry_owned,
+        is_exit_owned,
         case when started_ms - max(ended_ms) over earlier <= gap_ms then 0 else 1 end as is_start
     from area_stays
     window
@@ -67,6 +69,7 @@ numbered as (
         after_ms,
         interval_ms,
         is_entry_owned,
+        is_exit_owned,
         is_start,
         sum(is_start) over (
             partition by camera_id, track_id, area_id order by started_ms
@@ -85,7 +88,8 @@ stitched as (
         min(before_ms) as before_ms,
         max(after_ms) as after_ms,
         max(interval_ms) as interval_ms,
-        min_by(is_entry_owned, started_ms) as is_entry_owned
+        min_by(is_entry_owned, started_ms) as is_entry_owned,
+        max_by(is_exit_owned, started_ms) as is_exit_owned
     from numbered
     group by camera_id, track_id, area_id, visit_no
 )
@@ -107,7 +111,8 @@ select
         + coalesce(stitched.after_ms - stitched.ended_ms, case when areas.is_door then stitched.interval_ms else 0 end) / 2
         + coalesce(stitched.started_ms - stitched.before_ms, case when areas.is_door then stitched.interval_ms else 0 end) / 2
     ) / 1000 as dwell_s,
-    stitched.is_entry_owned as is_counted
+    stitched.is_entry_owned as is_counted,
+    stitched.is_exit_owned as is_exit_counted
 from stitched
 inner join areas on stitched.area_id = areas.area_id
 inner join calendar on floor(stitched.started_ms / 900000) = calendar.quarter

@@ -1,4 +1,4 @@
-"""The catalogue M0 to M36 is in the SQL headers once, and docs/figures.md is made from it."""
+"""The catalogue M0 to M38 is in the SQL headers once, and docs/figures.md is made from it."""
 
 from __future__ import annotations
 

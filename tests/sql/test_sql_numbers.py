@@ -30,6 +30,8 @@ CELL = "side of the cells of this mart, a multiple of the stored ones: MART_CELL
 
 REASONS: Final[Mapping[str, Mapping[str, str]]] = {
     "facts/area_stays": {"5": FRAMES},
+    "facts/walk_cells": {"5": FRAMES},
+    "marts/walks": {"4": "quarters of an hour"},
     "facts/camera_days": {
         "0.5": "the median",
         "1200000": "the longest frame interval, 20 minutes: an hour depends on its neighbours alone (compute.py)",

@@ -97,10 +97,15 @@ def visits(period: Period) -> tuple[AreaVisits, ...]:
         *(v[is_used] for v in (area, camera, hour)),
         *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
     )
-    days = {"first": period.first, "last": period.last}
-    without_ids = {row["camera_id"] for row in data.warehouse.rows(_TRACKED, days)}
-    able = np.array([c not in without_ids for c in data.ids], dtype=np.bool_)
+    able = sends_ids(period)
     return tuple(_of_area(period, a, seen.of(k), able) for k, a in enumerate(asked))
+
+
+def sends_ids(period: Period) -> Flags:
+    """Return which cameras number most of the people they record, shape (n_cameras,)."""
+    days = {"first": period.first, "last": period.last}
+    without_ids = {row["camera_id"] for row in period.data.warehouse.rows(_TRACKED, days)}
+    return np.array([c not in without_ids for c in period.data.ids], dtype=np.bool_)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +155,9 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
     recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
     return AreaVisits(
         area,
-        _often(period, counted, panel.n, panel.x_h, why_none=NO_TRACK_IDS if seen_by.any() else NOBODY),
+        per_open_hour(
+            period, counted, panel.n, panel.x_h, what="visits", why_none=NO_TRACK_IDS if seen_by.any() else NOBODY
+        ),
         found,
         long_s,
         int((~entered).sum()),
@@ -159,7 +166,17 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
     )
 
 
-def _often(period: Period, place: Place, n: Array, x_h: Array, *, why_none: Reason) -> RateEstimate:
+def per_open_hour(period: Period, place: Place, n: Array, x_h: Array, *, what: str, why_none: Reason) -> RateEstimate:
+    """Return how many people an open hour a place has, with the interval of M0.
+
+    Args:
+        period: The days.
+        place: What was counted there.
+        n: People, shape (n_cameras, n_days).
+        x_h: Recorded open hours, same shape.
+        what: Family of the reasons that name what is counted.
+        why_none: Reason where no camera can count there.
+    """
     if period.why_no_exposure is not None:
         return not_measured(period.why_no_exposure)
     if not place.cameras.any():
@@ -170,7 +187,7 @@ def _often(period: Period, place: Place, n: Array, x_h: Array, *, why_none: Reas
     found = how_often(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
     if found.reason is None or found.reason.code not in _OWN_WORDS:
         return found
-    return replace(found, reason=Reason(found.reason.code.replace("level", "visits"), **found.reason.values))
+    return replace(found, reason=Reason(found.reason.code.replace("level", what), **found.reason.values))
 
 
 def _silent(data: FloorHours, place: Place, recorded_h: Sequence[float] | Array) -> tuple[str, ...]:

@@ -201,12 +201,12 @@ def _kaplan_meier(seconds: Array, cut: npt.NDArray[np.bool_], day: npt.NDArray[n
     psi = (counts[:, ::-1].cumsum(axis=1)[:, ::-1] * (ended / followed / after) - ends / after).cumsum(axis=1)
     log_se: Array = np.sqrt(n_days / max(n_days - 1, 1) * (psi**2).sum(axis=0))
     n_cut_later = np.bincount(at, weights=cut, minlength=n_times)[::-1].cumsum()[::-1]
-    is_known = _is_known(followed, n_cut_later)
+    is_known = is_followed_enough(followed, n_cut_later)
     is_end = (ended > 0) & is_known
     return _Curve(time_s[is_end], share[is_end], log_se[is_end], float(time_s[is_known][-1]))
 
 
-def _is_known(followed: Array, n_cut_later: Array) -> npt.NDArray[np.bool_]:
+def is_followed_enough(followed: Array, n_cut_later: Array) -> npt.NDArray[np.bool_]:
     """Return where the curve goes on: enough visits are followed, or none of those that are is cut."""
     is_sure = (followed >= min(MIN_FOLLOWED, float(followed[0]))) | (n_cut_later == 0)
     return np.logical_and.accumulate(is_sure)
@@ -281,7 +281,7 @@ def _mean_below_curve(seconds: Array, cut: npt.NDArray[np.bool_], weight: Array)
         weight: 1 for visits that are used, 0 for others, same shape.
     """
     followed = weight[::-1].cumsum()[::-1]
-    used = _is_known(followed, (weight * cut)[::-1].cumsum()[::-1]) & (followed > 0)
+    used = is_followed_enough(followed, (weight * cut)[::-1].cumsum()[::-1]) & (followed > 0)
     ended = weight * ~cut
     hazard = np.divide(ended, followed, out=np.zeros_like(weight), where=used)
     share = np.concatenate(([1.0], np.cumprod(1 - hazard)))

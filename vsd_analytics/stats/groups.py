@@ -203,9 +203,17 @@ def share_by_days(
     var = n_days / (n_days - 1) * float(off @ off) / n_whole**2
     if n_whole < SMALL_COUNT:
         var = max(var, share * (1 - share) / n_whole)
-    half = t_quantile(n_days - 1, confidence=confidence) * math.sqrt(var) / (share * (1 - share))
+    half = t_quantile(n_days - 1, confidence=confidence)
+    return estimate(share, *logit_limits(share, var, half), "ok", None)
+
+
+def logit_limits(share: float, var: float, half: float) -> tuple[float, float]:
+    """Return expit(logit p -+ half sqrt(var) / (p (1 - p))): limits of a share between 0 and 1 with its variance."""
+    if not 0 < share < 1:
+        return share, share
+    off = half * math.sqrt(var) / (share * (1 - share))
     middle = math.log(share / (1 - share))
-    return estimate(share, _expit(middle - half), _expit(middle + half), "ok", None)
+    return _expit(middle - off), _expit(middle + off)
 
 
 def _expit(x: float) -> float:

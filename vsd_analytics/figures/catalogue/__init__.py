@@ -20,7 +20,7 @@ from vsd_analytics.figures.week.results import Figure
 
 OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
 """Figures of hours and places of several weeks, and of weeks beside each other."""
-OF_VISITS: Final = frozenset({"M35", "M36"})
+OF_VISITS: Final = frozenset({"M35", "M36", "M37", "M38", "M42"})
 """Figures of areas with `visits = true`."""
 
 for _file in pkgutil.iter_modules(__path__):

@@ -63,9 +63,9 @@ def mini_heat(
         is_alone: Carry the plan.
         gone: Fixtures that were moved away; outlined.
     """
-    frame = _frame(floor)
+    frame = mini_frame(floor)
     drawn = [*draw.heat(bands, frame, steps=steps, edges=draw.edges_of(floor)), *draw.places_left(gone, frame)]
-    return _mini(floor, frame, drawn, name, label, is_alone)
+    return mini(floor, frame, drawn, name, label, is_alone)
 
 
 def moved_away(floor: FloorMap, shown: ChangeMaps) -> tuple[MapFixture, ...]:
@@ -92,7 +92,7 @@ def mini_change(
         is_alone: Carry the plan.
         numbers: What is written on each area, by its id; the area is outlined.
     """
-    frame, edges = _frame(floor), draw.edges_of(floor)
+    frame, edges = mini_frame(floor), draw.edges_of(floor)
     drawn: list[Markup] = []
     for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
         for band in bands:
@@ -110,7 +110,7 @@ def mini_change(
         taken += places
     drawn += draw.places_left(moved_away(floor, shown), frame)
     above = [draw.area_outline(a.ring, frame) for a in named] + _numbers(named, numbers or {}, taken, frame)
-    return _mini(floor, frame, drawn, name, label, is_alone, above=above)
+    return mini(floor, frame, drawn, name, label, is_alone, above=above)
 
 
 def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, is_alone: bool = False) -> Markup:
@@ -118,7 +118,7 @@ def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, 
 
     One path of dashes with round ends: a cell of 0.25 m is about 5 units wide, and its dot 60 % of that.
     """
-    frame = _frame(floor)
+    frame = mini_frame(floor)
     side = steps.cell_m * frame.scale
     moves = []
     for cy, cx, n in steps.runs:
@@ -135,12 +135,12 @@ def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, 
         stroke_dasharray=f"0 {side:.3f}",
         d="".join(moves),
     )
-    return _mini(floor, frame, [dots], name, label, is_alone)
+    return mini(floor, frame, [dots], name, label, is_alone)
 
 
 def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str, is_alone: bool = False) -> Markup:
     """Draw what each camera sees and, stronger, what several do; arguments as for `mini_heat`."""
-    frame = _frame(floor)
+    frame = mini_frame(floor)
     drawn = []
     if views.shared:
         path = straight_path(frame.rings(views.shared))
@@ -177,7 +177,7 @@ def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str, is_al
                 y=round(y),
             )
         )
-    return _mini(floor, frame, drawn, name, label, is_alone, is_over=True)
+    return mini(floor, frame, drawn, name, label, is_alone, is_over=True)
 
 
 def scene(
@@ -278,11 +278,12 @@ def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
     )
 
 
-def _frame(floor: FloorMap) -> Frame:
+def mini_frame(floor: FloorMap) -> Frame:
+    """Return the frame of a small drawing."""
     return Frame(floor, width=MINI_WIDTH, height=MINI_MAX_HEIGHT)
 
 
-def _mini(
+def mini(
     floor: FloorMap,
     frame: Frame,
     drawn: Iterable[Markup],

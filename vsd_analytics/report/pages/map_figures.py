@@ -4,62 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from markupsafe import Markup
-
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.draw import small_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import contributions
+from vsd_analytics.report.pages.flow_figure import flow_figure
+from vsd_analytics.report.pages.map_panels import Key, MapFigure, MapPanel
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.figure_titles import changed_places
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapPanel:
-    """One small drawing and the lines above it."""
-
-    title: str
-    drawing: Markup
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Key:
-    """One entry of a legend: the class of its swatch, a sign before its text, the text."""
-
-    style: str
-    text: str
-    sign: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapFigure:
-    """Small drawings side by side.
-
-    Attributes:
-        title: The finding.
-        unit: What is drawn.
-        panels: The drawings.
-        keys: The legend.
-        summary: What opens the table.
-        region: Name of the table for those who hear the page.
-        caption: Caption of the table.
-        head: Heads of its columns.
-        rows: Its rows, texts.
-        moved: What was moved between the weeks drawn, for the end of a line.
-    """
-
-    title: str
-    unit: str
-    panels: tuple[MapPanel, ...]
-    keys: tuple[Key, ...]
-    summary: str
-    region: str
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    moved: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,11 +24,13 @@ class MapFigures:
         change: The week before, this week, the difference.
         footsteps: Footsteps beside violations.
         views: What each camera sees.
+        flow: Which way people walk, and where they go from area to area.
     """
 
     change: MapFigure | None = None
     footsteps: MapFigure | None = None
     views: MapFigure | None = None
+    flow: MapFigure | None = None
 
 
 def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
@@ -91,6 +47,7 @@ def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
         change=_change(report, floor, is_alone=is_alone),
         footsteps=_footsteps(report, floor, is_alone=is_alone),
         views=_views(report, floor, is_alone=is_alone),
+        flow=flow_figure(report, floor, is_alone=is_alone),
     )
 
 

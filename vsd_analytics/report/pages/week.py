@@ -279,7 +279,9 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     if report.state == "no_data":
         return frozenset(always | ({"changed"} if report.log and log_section == "changed" else set()))
     maps = {"where"} if report.maps else set()
-    if (report.spots is not None and report.spots.cards) or (figures.footsteps is not None and report.week.is_week):
+    if (report.spots is not None and report.spots.cards) or (
+        (figures.footsteps is not None or figures.flow is not None) and report.week.is_week
+    ):
         maps |= {"spots"}
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
     return frozenset({"changed"} | always | hours | maps)

@@ -1,0 +1,122 @@
+"""Flow in the report, on its page and on the command line, of one week of planted walkers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from figures.walkers_between_areas import AREAS, WALK_M, walk
+from report import ingested_worlds as w
+from warehouse.small_projects import DAY, HOUR, T0, Person, beats, put
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config import load_site
+from vsd_analytics.figures.walks import is_directed
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.week import render_html
+
+ROUND, SHORT, RARE = ("door", "bread", "till", "door"), ("door", "wine", "door"), ("door", "till", "door")
+HOSTILE = "<b>Bread</b>"
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a project with a week of walkers: two routes, a rare one, every tenth person lost."""
+    root = tmp_path_factory.mktemp("flow")
+    areas = {
+        n: (HOSTILE if n == "bread" else n.title(), (k * WALK_M, 0, k * WALK_M + 2, 2)) for k, n in enumerate(AREAS)
+    }
+    text = w.toml(cameras=("cam",), areas=areas, opening='{ mon-sun = "09:00-10:00" }')
+    for n in AREAS:
+        door = "\ndoor = true" if n == "door" else ""
+        text = text.replace(f'id = "{n}"\n', f'id = "{n}"\nvisits = true{door}\n')
+    (root / "vsd.toml").write_text(text, encoding="utf-8")
+    rng = np.random.default_rng(5)
+    rows: list[Person] = []
+    for d in range(7):
+        for k in range(40):
+            way = RARE if (d, k) in ((1, 3), (2, 5)) else ROUND if rng.random() < 0.6 else SHORT
+            lost = int(rng.integers(4, 20)) if rng.random() < 0.1 else None
+            rows += walk(way, T0 + d * DAY + k * 80_000, f"{d}-{k}", lost_after_s=lost)
+        rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
+    put(load_site(root), rows)
+    return root
+
+
+def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", "flow", *arguments])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in out + err
+    return code, out, err
+
+
+def test_the_report_has_the_planted_flow_and_the_page_draws_it(shop: Path) -> None:
+    report = w.report(load_site(shop))
+    figures: dict[str, Any] = json.loads(to_json(report))["figures"]
+    of_door = {r["to_areas"]: r for r in figures["M37"]["rows"] if r["area"] == "door"}
+    assert of_door["bread"]["lo"] < 0.6 < of_door["bread"]["hi"]
+    assert of_door.keys() == {"bread", "wine till"}, "two people are no line of their own"
+    assert sum(r["value"] for r in of_door.values()) == pytest.approx(1.0)
+    assert all(r["fits_arrivals"] for r in of_door.values())
+    routes = {r["areas"]: r["value"] for r in figures["M38"]["rows"]}
+    assert list(routes) == ["door bread till door", ""], (
+        "the other way is joined by the rare one, so that it is not told"
+    )
+    assert routes["door bread till door"] == pytest.approx(0.6, abs=0.1)
+    corridor = [r for r in figures["M42"]["rows"] if r["y_m"] == 3.5]
+    assert {r["ways"] for r in corridor} == {"both"}
+    assert all(abs(r["value"]) < 1 and r["n_people"] >= 5 for r in corridor)
+    page = render_html(report)
+    figure = page[page.index("Which way people walk, and where") :]
+    assert "From area to area" in figure
+    assert len(re.findall(r'class="vs"', figure)) >= 3
+    assert HOSTILE not in page
+    assert "&lt;b&gt;Bread" in page
+
+
+def test_the_command_prints_matrix_and_routes_in_three_formats(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, text, _ = vsd(shop, capsys, "--week", "2026-W46")
+    assert code == 0
+    assert "Door > <b>Bread</b> > Till > Door" in text
+    assert re.search(r"Door: \d+% of those who leave were lost before they came to an area", text)
+    code, out, _ = vsd(shop, capsys, "--week", "2026-W46", "--format", "json")
+    found = json.loads(out)
+    door = found["areas"][0]
+    assert [to["area_ids"] for to in door["to"]] == [["bread"], ["wine", "till"]]
+    assert door["inflow"]["agrees"] is True
+    assert door["leave_per_open_h"]["value"] == pytest.approx(40, rel=0.01)
+    code, out, _ = vsd(shop, capsys, "--week", "2026-W46", "--format", "csv")
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert [r["to"] for r in rows if r["what"] == "flow" and r["from"] == "door"] == ["bread", "wine till"]
+    assert float(rows[0]["share"]) == pytest.approx(door["to"][0]["share"]["value"], abs=1e-4)
+
+
+def test_a_week_without_records_is_unknown_and_names_the_camera(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, text, _ = vsd(shop, capsys, "--week", "2026-W47")
+    assert code == 1
+    assert "Nothing was recorded by cam:" in text
+
+
+def test_without_areas_that_ask_the_command_says_how(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    w.world(tmp_path, w.toml(), w.messages(w.steady({w.QUEUE: 1}), days=(0,)))
+    code, _, err = vsd(tmp_path, capsys)
+    assert code == 2
+    assert "E101" in err
+    assert "visits = true" in err
+
+
+def test_of_cells_whose_people_walk_anywhere_one_in_a_hundred_has_a_direction() -> None:
+    rng = np.random.default_rng(1)
+    for n in (5, 12, 60):
+        angles = rng.uniform(0, 2 * np.pi, (20_000, n))
+        length = np.hypot(np.cos(angles).mean(axis=1), np.sin(angles).mean(axis=1))
+        assert np.mean([is_directed(float(r), n) for r in length]) <= 0.0125
+    assert is_directed(0.97, 5)
+    assert not is_directed(0.29, 10_000)

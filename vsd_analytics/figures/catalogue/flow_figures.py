@@ -1,0 +1,112 @@
+"""Flow between areas that ask for visits (M37), and routes from door to door (M38)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.flow import AreaFlow, flow
+from vsd_analytics.figures.walks import walking_directions
+from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.result import Reason
+from vsd_analytics.stats.groups import ShareEstimate
+
+FLOW: Final = "share of those who leave"
+ROUTES: Final = "share of routes"
+DEGREES: Final = "degrees, counter-clockwise from the x axis"
+OTHER: Final = "other"
+
+
+@figure("M37")
+def flow_between_areas(asked: Asked) -> Figure:
+    """Return the share of those who leave an area whose next area is each one; small counts are one sum, "other"."""
+    found = flow(asked.data.this)
+    if found is None:
+        return missing(FLOW, "not_enough_data", None)
+    rows = [row for of in found.areas for row in _of_area(asked, of)]
+    if all(row["value"] is None for row in rows):
+        return missing(FLOW, "not_enough_data", next((w for r in rows if isinstance(w := r["reason"], Reason)), None))
+    n_left = sum(of.following.n for of in found.areas if not asked.small(of.following.n))
+    return Figure(unit=FLOW, rows=tuple(rows), denominator=n_left, note=_note(found.areas))
+
+
+@figure("M38")
+def routes(asked: Asked) -> Figure:
+    """Return the share of each route of those who come in by a door; rare ones are one sum, "other"."""
+    found = flow(asked.data.this)
+    if found is None or not found.routes.has_doors:
+        return missing(ROUTES, "not_enough_data", Reason("flow.no_doors"))
+    of = found.routes
+    why = _hidden(asked, of.following.n) or of.following.reason
+    if asked.small(of.following.n) or all(r.share.value is None for r in of.routes):
+        return missing(ROUTES, "not_enough_data", why)
+    rows: list[Row] = [
+        {
+            "route": " > ".join(a.name for a in route.areas) or OTHER,
+            "areas": " ".join(a.area_id for a in route.areas),
+            **_limits(route.share),
+        }
+        for route in of.routes
+    ]
+    return Figure(unit=ROUTES, rows=tuple(rows), denominator=of.following.n, note=Reason("note.flow"))
+
+
+@figure("M42")
+def directions(asked: Asked) -> Figure:
+    """Return which way people walk through each cell of the floor that five or more walk through."""
+    field = walking_directions(asked.data.this)
+    if not field.cells:
+        return missing(DEGREES, "not_enough_data", Reason("flow.no_walkers"))
+    rows: list[Row] = [
+        {
+            "x_m": c.x_m,
+            "y_m": c.y_m,
+            "cell_m": field.cell_m,
+            "ways": c.ways,
+            "value": c.direction_deg,
+            "agreement": c.agreement,
+            "n_people": c.n_people,
+        }
+        for c in field.cells
+    ]
+    return Figure(unit=DEGREES, rows=tuple(rows), denominator=sum(c.n_people for c in field.cells))
+
+
+def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
+    place: Row = {"area": of.area.area_id, "place": of.area.name}
+    why = _hidden(asked, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
+    lost = of.following.not_followed
+    is_told = not asked.small(of.following.n, lost.n, lost.of - lost.n)
+    more: Row = {
+        "not_followed_share": lost.value if is_told else None,
+        "fits_arrivals": of.inflow.agrees,
+    }
+    if asked.small(of.following.n) or of.often.rate is None or all(to.share.value is None for to in of.to):
+        return [{**place, "to": None, "to_areas": None, "value": None, **more, "reason": why}]
+    return [
+        {
+            **place,
+            "to": to.areas[0].name if len(to.areas) == 1 else OTHER,
+            "to_areas": " ".join(a.area_id for a in to.areas),
+            **_limits(to.share),
+            "per_open_h": None if of.often.rate is None or to.share.value is None else of.often.rate * to.share.value,
+            "followed_per_open_h": None if asked.small(to.share.n) else to.often.rate,
+            **more,
+        }
+        for to in of.to
+    ]
+
+
+def _limits(share: ShareEstimate) -> Row:
+    return {"value": share.value, "lo": share.lo, "hi": share.hi, "reason": share.reason}
+
+
+def _hidden(asked: Asked, n: int) -> Reason | None:
+    return Reason("hidden.flow", least=asked.below) if asked.small(n) else None
+
+
+def _note(areas: Sequence[AreaFlow]) -> Reason:
+    off = ", ".join(of.area.name for of in areas if of.inflow.agrees is False)
+    note = Reason("note.flow")
+    return Reason("note.flow_disagrees", note=note, places=off) if off else note

@@ -1,0 +1,88 @@
+"""How people move over the floor, ready for the page: directions, desire lines, and a table of where they go next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.report.draw import flow_maps
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.map_panels import MapFigure, MapPanel
+from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
+from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.report.words.reasons import reason_text
+
+_Rows = Sequence[Mapping[str, Any]]
+
+
+def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+    """Return the drawings of flow (M37, M42); None where no area asks for visits, or nothing is known.
+
+    Args:
+        report: The report.
+        floor: The floor's map.
+        is_alone: Every drawing carries the plan itself and can be taken from the page.
+    """
+    between, cells = (_rows(report, key) for key in ("M37", "M42"))
+    number, panels = report.week.number, []
+    if cells:
+        arrows = [flow_maps.Arrow((c["x_m"], c["y_m"]), c["value"], c["ways"] == "both", c["n_people"]) for c in cells]
+        label = say("maps.flow_label_directions", floor=floor.title, number=number)
+        drawing = flow_maps.mini_directions(
+            floor, arrows, cell_m=cells[0]["cell_m"], name="wd", label=label, is_alone=is_alone
+        )
+        panels.append(MapPanel(title=say("maps.flow_directions"), drawing=drawing))
+    lines = [
+        flow_maps.DesireLine(r["area"], r["to_areas"], r["per_open_h"])
+        for r in between
+        if r["value"] is not None and r["per_open_h"] is not None and " " not in r["to_areas"]
+    ]
+    if lines:
+        label = say("maps.flow_label_lines", floor=floor.title, number=number)
+        drawing = flow_maps.mini_desire_lines(floor, lines, name="dl", label=label, is_alone=is_alone)
+        panels.append(MapPanel(title=say("maps.flow_lines"), drawing=drawing))
+    if not panels:
+        return None
+    return MapFigure(
+        title=say("maps.flow_title"),
+        unit=" ".join(_said(report, between, cells)),
+        panels=tuple(panels),
+        keys=(),
+        summary=say("maps.change_table"),
+        region=say("maps.flow_region"),
+        caption=say("maps.flow_caption", number=number),
+        head=tuple(say(f"maps.flow_{key}") for key in ("from", "to", "share", "likely", "per_hour")),
+        rows=tuple(_row(r) for r in between),
+    )
+
+
+def _rows(report: WeekReport, key: str) -> _Rows:
+    figure = report.figures.get(key)
+    return () if figure is None or figure.rows is None else figure.rows
+
+
+def _said(report: WeekReport, between: _Rows, cells: _Rows) -> list[str]:
+    """Return what is drawn, and what is not known."""
+    said = [say("maps.flow_sub_lines")]
+    if cells:
+        cell = fmt.distance(cells[0]["cell_m"], report.rules.distance_unit)
+        said = [say("maps.flow_sub", cell=cell, people=report.rules.mask_below)]
+    if unknown := dict.fromkeys(r["place"] for r in between if r["value"] is None):
+        said.append(say("maps.flow_unknown", places=terms.joined(unknown)))
+    if off := dict.fromkeys(r["place"] for r in between if r["fits_arrivals"] is False):
+        said.append(say("maps.flow_disagrees", places=terms.joined(off)))
+    return said
+
+
+def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
+    if row["value"] is None:
+        why = row["reason"] if isinstance(row["reason"], str) else reason_text(row["reason"])
+        return row["place"], why or fmt.MISSING, fmt.MISSING, fmt.MISSING, fmt.MISSING
+    to = say("maps.flow_other") if " " in row["to_areas"] else row["to"]
+    likely = fmt.MISSING
+    if row["lo"] is not None:
+        likely = say("format.and", first=fmt.percent(row["lo"]), last=fmt.percent(row["hi"]))
+    per_hour = fmt.MISSING if row["per_open_h"] is None else fmt.number(row["per_open_h"])
+    return row["place"], to, fmt.percent(row["value"]), likely, per_hour
