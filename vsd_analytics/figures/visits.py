@@ -97,10 +97,15 @@ def visits(period: Period) -> tuple[AreaVisits, ...]:
         *(v[is_used] for v in (area, camera, hour)),
         *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
     )
-    days = {"first": period.first, "last": period.last}
-    without_ids = {row["camera_id"] for row in data.warehouse.rows(_TRACKED, days)}
+    without_ids = cameras_without_ids(period)
     able = np.array([c not in without_ids for c in data.ids], dtype=np.bool_)
     return tuple(_of_area(period, a, seen.of(k), able) for k, a in enumerate(asked))
+
+
+def cameras_without_ids(period: Period) -> frozenset[str]:
+    """Return the cameras of whose records fewer than half carry a track id."""
+    days = {"first": period.first, "last": period.last}
+    return frozenset(row["camera_id"] for row in period.data.warehouse.rows(_TRACKED, days))
 
 
 @dataclass(frozen=True, slots=True)
