@@ -82,14 +82,14 @@ def _as_dict(of: AreaQueue) -> dict[str, Any]:
     printed: dict[str, Any] = rounded(
         {
             "area_id": of.area.area_id,
-            "people_waiting": _rate_dict(of.people),
+            "people_waiting": rate_dict(of.people),
             "people_waiting_p90": asdict(of.busy),
             "waiting": None if waiting is None else _waits_dict(waiting.waits),
             "n_back": None if waiting is None else waiting.n_back,
             "little": None if waiting is None else asdict(waiting.stays.little),
             "why_no_waits": of.why_no_waits,
             "by_hour": [
-                {"hour": h.hour, "people_waiting": _rate_dict(h.people),
+                {"hour": h.hour, "people_waiting": rate_dict(h.people),
                  "waiting": None if h.waits is None else _waits_dict(h.waits)}
                 for h in of.by_hour
             ],
@@ -100,7 +100,8 @@ def _as_dict(of: AreaQueue) -> dict[str, Any]:
     return printed
 
 
-def _rate_dict(of: RateEstimate) -> dict[str, Any]:
+def rate_dict(of: RateEstimate) -> dict[str, Any]:
+    """Return an estimate as the JSON output has it."""
     return {"value": of.rate, "lo": of.lo, "hi": of.hi, "state": of.state, "reason": of.reason}
 
 

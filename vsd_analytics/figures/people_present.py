@@ -94,25 +94,30 @@ class Presence:
         recorded = self.data.hours.recorded_s[:, self.period.is_inside].sum(axis=1)
         return tuple(c for c, sees, s in zip(self.data.ids, self.cameras, recorded, strict=True) if sees and not s)
 
+    @property
+    def numbers(self) -> Array:
+        """Return the numbers of people of the columns of `seconds`."""
+        return np.arange(self.seconds.shape[1], dtype=np.float64)
+
     def mean(self, *, hour: int | None = None) -> RateEstimate:
         """Return the mean number of people, of all hours or of one hour of the day, with the interval of M5."""
-        return self._level(self.seconds @ np.arange(self.seconds.shape[1]), hour, Reason("nobody.seen"))
+        return self._level(self.seconds @ self.numbers, hour, Reason("nobody.seen"))
 
     def beyond(self, limit: float) -> RateEstimate:
         """Return the mean number of people beyond a limit, 0 where there are fewer."""
-        surplus = np.maximum(np.arange(self.seconds.shape[1]) - limit, 0.0)
-        return self._level(self.seconds @ surplus, None, NEVER)
+        return self._level(self.seconds @ np.maximum(self.numbers - limit, 0.0), None, NEVER)
 
     def time_share(self, least: float, *, hour: int | None = None) -> RateEstimate:
         """Return the share of time with at least so many people."""
-        many = np.arange(self.seconds.shape[1]) >= least
-        found = self._level(self.seconds @ many.astype(np.float64), hour, NEVER)
-        return _at_most_one(found)
+        return self._share(self.numbers >= least, hour)
 
-    def person_time_share(self, least: float, most: float) -> RateEstimate:
-        """Return the share of person-time spent with at least `least` and fewer than `most` people there."""
-        n = np.arange(self.seconds.shape[1])
-        part, every = self.seconds @ (n * (n >= least) * (n < most)), self.seconds @ n
+    def time_share_above(self, limit: float) -> RateEstimate:
+        """Return the share of time with more than so many people."""
+        return self._share(self.numbers > limit, None)
+
+    def person_time_share(self, chosen: Flags) -> RateEstimate:
+        """Return the share of person-time spent while the number of people is one of those chosen, as `numbers`."""
+        part, every = self.seconds @ (self.numbers * chosen), self.seconds @ self.numbers
         return _at_most_one(self._level(part, None, NEVER, per=every))
 
     def quantile(self, q: float, *, hour: int | None = None) -> PeopleQuantile:
@@ -140,6 +145,9 @@ class Presence:
         """Return the hours of the day in which any time of the period is known."""
         known = self.period.is_inside & self.seconds.any(axis=1)
         return tuple(sorted(set(self.data.hours.hour[known].tolist())))
+
+    def _share(self, chosen: Flags, hour: int | None) -> RateEstimate:
+        return _at_most_one(self._level(self.seconds @ chosen.astype(np.float64), hour, NEVER))
 
     def _level(self, amount: Array, hour: int | None, nothing: Reason, *, per: Array | None = None) -> RateEstimate:
         """Return an amount of seconds by hour, per second of recorded time (or of `per`), days as clusters."""
