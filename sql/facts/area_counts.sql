@@ -73,15 +73,15 @@ seen as (
         i.ts_ms,
         least(i.ts_ms + i.weight_ms, (g.hour + 1) * 3600000) as stood_to_ms,
         least(i.ts_ms + i.covered_ms, (g.hour + 1) * 3600000) as covered_to_ms,
-        coalesce(c.n_people, 0) as n_people
+        coalesce(counts.n_people, 0) as n_people
     from counting as g
     inner join instants as i on g.camera_id = i.camera_id and g.hour = i.hour
-    left join counts as c
+    left join counts
         on
-            g.camera_id = c.camera_id
-            and i.ts_ms = c.ts_ms
-            and g.floor_id = c.floor_id
-            and g.area_id is not distinct from c.area_id
+            g.camera_id = counts.camera_id
+            and i.ts_ms = counts.ts_ms
+            and g.floor_id = counts.floor_id
+            and g.area_id is not distinct from counts.area_id
 ),
 
 changes as (
@@ -167,8 +167,12 @@ select
     cast(sum(l.lasts_ms) as bigint) as recorded_ms
 from levels as l
 cross join params as s
-inner join needed as n
-    on l.hour = n.hour and l.floor_id = n.floor_id and l.area_id is not distinct from n.area_id and l.n_cameras = n.n_cameras
+inner join needed
+    on
+        l.hour = needed.hour
+        and l.floor_id = needed.floor_id
+        and l.area_id is not distinct from needed.area_id
+        and l.n_cameras = needed.n_cameras
 where l.lasts_ms > 0
 group by l.hour, l.floor_id, l.area_id, bucket_quarter, l.n_people
 order by l.hour, l.floor_id, l.area_id, bucket_quarter, l.n_people

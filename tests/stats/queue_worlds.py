@@ -148,7 +148,9 @@ def see(world: World, *, n_days: int, seed: int) -> Seen:
         days.append(np.full(entered.sum(), d))
         time_s.append(day.people(alive))
         naive.append(time_s[-1] + _half_seen(day, dead, rng))
-    return Seen(np.concatenate(waits), np.concatenate(outcomes), np.concatenate(days), np.array(time_s), np.array(naive))
+    return Seen(
+        np.concatenate(waits), np.concatenate(outcomes), np.concatenate(days), np.array(time_s), np.array(naive)
+    )
 
 
 def _half_seen(day: Day, dead: NDArray[np.int64], rng: np.random.Generator) -> Floats:
