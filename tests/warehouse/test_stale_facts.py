@@ -94,7 +94,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert result.facts == facts
     assert facts.keys() == {
         *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
-        *("track_lives", "track_pairs", "crowding", "area_stays", "walk_cells"),
+        *("track_lives", "track_pairs", "crowding", "area_stays", "area_counts", "walk_cells"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
 
@@ -267,6 +267,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "crowding",
                 "area_stays",
                 "walk_cells",
+                "area_counts",
                 *OF_PAIRS,
             },
         ),

@@ -15,7 +15,9 @@ from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.visits import AreaVisits
+    from vsd_analytics.result import Reason
     from vsd_analytics.stats.durations import QuantileEstimate
+    from vsd_analytics.stats.dwell import LittleCheck
 
 _MINUTE_S = 60
 _SHOWN_BELOW_S = 90
@@ -96,7 +98,7 @@ def _as_dict(of: AreaVisits) -> dict[str, Any]:
 def _text(found: tuple[AreaVisits, ...], *, first: str, last: str) -> str:
     rows = [("area", "visits per open hour", "median stay", "90 % leave within", "stay longer than", "recorded")]
     rows += [
-        (v.area.name, _often(v), _time(v.dwell.median), _time(v.dwell.p90), _long(v), f"{v.recorded_share:.0%}")
+        (v.area.name, _often(v), time_text(v.dwell.median), time_text(v.dwell.p90), _long(v), f"{v.recorded_share:.0%}")
         for v in found
     ]
     lines = [f"Visits, {first} to {last}", "", *table(rows)]
@@ -113,29 +115,31 @@ def _often(of: AreaVisits) -> str:
     return f"{rate.rate:.3g}{limits}"
 
 
-def _time(of: QuantileEstimate) -> str:
+def time_text(of: QuantileEstimate) -> str:
+    """Return a quantile of times with its limits, or a dash."""
     if of.value_s is None:
         return "–"
     if of.lo_s is None:
-        return _seconds(of.value_s)
-    limits = f"{_seconds(of.lo_s)} to {_seconds(of.hi_s)}" if of.hi_s is not None else f"at least {_seconds(of.lo_s)}"
-    return f"{_seconds(of.value_s)} ({limits})"
+        return seconds(of.value_s)
+    limits = f"{seconds(of.lo_s)} to {seconds(of.hi_s)}" if of.hi_s is not None else f"at least {seconds(of.lo_s)}"
+    return f"{seconds(of.value_s)} ({limits})"
 
 
-def _seconds(value_s: float) -> str:
+def seconds(value_s: float) -> str:
+    """Return a time in seconds, from a minute and a half on in minutes."""
     return f"{value_s:.0f} s" if value_s < _SHOWN_BELOW_S else f"{value_s / _MINUTE_S:.1f} min"
 
 
 def _long(of: AreaVisits) -> str:
     share = of.dwell.long_share
     if share.value is None:
-        return f"{_seconds(of.long_visit_s)}: –"
+        return f"{seconds(of.long_visit_s)}: –"
     limits = "" if share.lo is None or share.hi is None else f" ({share.lo:.0%} to {share.hi:.0%})"
-    return f"{_seconds(of.long_visit_s)}: {share.value:.0%}{limits}"
+    return f"{seconds(of.long_visit_s)}: {share.value:.0%}{limits}"
 
 
 def _notes(of: AreaVisits) -> list[str]:
-    dwell, little = of.dwell, of.dwell.little
+    dwell = of.dwell
     lines = [
         f"{dwell.n_visits:,} entries seen on {dwell.n_days} days; {dwell.n_cut:,} of these visits end with a lost "
         f"track, {of.n_began_inside:,} tracks begin inside"
@@ -144,11 +148,16 @@ def _notes(of: AreaVisits) -> list[str]:
         lines.append(reason_text(dwell.reason))
     if of.silent_cameras:
         lines.append(f"nothing was recorded by {', '.join(of.silent_cameras)}: visits there are not known")
+    return [*lines, *mean_stay(dwell.little, known=dwell.reason)]
+
+
+def mean_stay(little: LittleCheck, *, known: Reason | None) -> list[str]:
+    """Return a line on the mean stay by tracks beside the one by Little's law; none where `known` says why not."""
     if little.ratio is None or little.by_tracks.value_s is None or little.by_little.value_s is None:
-        if little.by_tracks.reason is not None and little.by_tracks.reason != dwell.reason:
-            lines.append(f"mean stay not known: {reason_text(little.by_tracks.reason)}")
-        return lines
-    tracks, by_little = (_seconds(m.value_s) for m in (little.by_tracks, little.by_little) if m.value_s is not None)
+        if little.by_tracks.reason is not None and little.by_tracks.reason != known:
+            return [f"mean stay not known: {reason_text(little.by_tracks.reason)}"]
+        return []
+    tracks, by_little = (seconds(m.value_s) for m in (little.by_tracks, little.by_little) if m.value_s is not None)
     said = f"mean stay by tracks {tracks}, by Little's law (person-time / entries) {by_little}"
     if little.agrees is False:
         way = (
@@ -157,4 +166,4 @@ def _notes(of: AreaVisits) -> list[str]:
             else "one person enters several times, as when ids change at the border"
         )
         said += f": they disagree, so neither is certain. Likely {way}"
-    return [*lines, said]
+    return [said]

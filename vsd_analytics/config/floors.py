@@ -44,9 +44,10 @@ def read_floors(root: TableReader) -> dict[str, Floor]:
         target = table.number(
             "target_per_open_h", minimum=0.01, maximum=1e6, unit="violations per open hour", example="120"
         )
+        capacity = _capacity(table)
         table.close()
         key = floor_id or table.label  # a floor without a good id still lets cameras be checked
-        floors[key] = Floor(key, name or key, plan, scale, origin or (0.0, 0.0), target)
+        floors[key] = Floor(key, name or key, plan, scale, origin or (0.0, 0.0), target, capacity)
     return floors or {"floor": Floor("floor", "Floor")}
 
 
@@ -98,7 +99,8 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         timezone: Zone of the site, in which days begin.
     """
     areas: dict[str, Area] = {}
-    for table in root.each("area"):
+    tables = root.each("area")
+    for table in tables:
         area_id = _unique(table, table.id("id", example='"checkout-queue"'), areas, kind="area")
         name = table.text("name", example='"Checkout queue"', required=True)
         floor_id = _floor(table, floors)
@@ -107,6 +109,8 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         first_day, end_day = _days(table, timezone=timezone)
         has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
         long_s = table.number("long_visit_s", minimum=1, maximum=86_400, unit="seconds", example="120")
+        is_queue, served_in = table.flag("queue") or False, table.text("served_in", example='"till-1"')
+        capacity = _capacity(table)
         table.close()
         if area_id is not None:
             areas[area_id] = Area(
@@ -120,8 +124,37 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
                 has_visits=has_visits,
                 is_door=is_door,
                 long_visit_s=long_s,
+                is_queue=is_queue,
+                served_in=served_in,
+                capacity=capacity,
             )
+    for table in tables:
+        _check_served_in(table, areas)
     return tuple(areas.values())
+
+
+def _capacity(table: TableReader) -> int | None:
+    found = table.number("capacity", minimum=1, maximum=1_000_000, unit="people", example="40", whole=True)
+    return None if found is None else int(found)
+
+
+def _check_served_in(table: TableReader, areas: Mapping[str, Area]) -> None:
+    """Note a queue that leads to no other area of its floor, and an area that leads somewhere without being a queue."""
+    own, end = areas.get(str(table.values.get("id"))), areas.get(str(table.values.get("served_in")))
+    if own is None or own.served_in is None:
+        return
+    if not own.is_queue:
+        table.fault("served_in", f"{table.label} has served_in but is no queue", fix="add: queue = true")
+    elif end is None or end is own or end.floor_id != own.floor_id:
+        others = [a.area_id for a in areas.values() if a is not own and a.floor_id == own.floor_id]
+        close = nearest(own.served_in, others)
+        table.fault(
+            "served_in",
+            f"{table.label} is served in {own.served_in!r}, which is no other area of its floor",
+            code="E125",
+            note=f"did you mean {close}?" if close else None,
+            fix=f'served_in = "{close}"' if close else "describe the place of service, such as a till, with [[area]]",
+        )
 
 
 def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Fixture, ...]:

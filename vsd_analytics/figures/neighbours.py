@@ -57,7 +57,6 @@ def room_around(period: Period) -> tuple[RoomLevel, ...]:
     Floor behind walls and out of view counts as empty, so near them it is too low.
     """
     area_m2 = math.pi * float(period.data.site.settings.distance_m) ** 2
-    edges = [0.0, *(1 / room for room in ROOM_M2), math.inf]
     hours: list[Array] | None = None
     why = period.why_no_exposure
     if why is None and area_m2 < ROOM_M2[0]:
@@ -74,12 +73,17 @@ def room_around(period: Period) -> tuple[RoomLevel, ...]:
     return tuple(
         RoomLevel(
             level,
-            edges[k],
-            None if math.isinf(edges[k + 1]) else edges[k + 1],
+            *density_edges()[k],
             not_measured(why) if hours is None and why is not None else _share(period, (hours or [])[k]),
         )
         for k, level in enumerate(LEVELS)
     )
+
+
+def density_edges() -> tuple[tuple[float, float | None], ...]:
+    """Return the densities in people per m² above which each of `LEVELS` begins, and up to which it goes."""
+    limits = [1 / room for room in ROOM_M2]
+    return tuple(zip([0.0, *limits], [*limits, None], strict=True))
 
 
 def level_of(density: float) -> int:

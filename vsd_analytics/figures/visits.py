@@ -103,9 +103,14 @@ def visits(period: Period) -> tuple[AreaVisits, ...]:
 
 def sends_ids(period: Period) -> Flags:
     """Return which cameras number most of the people they record, shape (n_cameras,)."""
-    days = {"first": period.first, "last": period.last}
-    without_ids = {row["camera_id"] for row in period.data.warehouse.rows(_TRACKED, days)}
+    without_ids = cameras_without_ids(period)
     return np.array([c not in without_ids for c in period.data.ids], dtype=np.bool_)
+
+
+def cameras_without_ids(period: Period) -> frozenset[str]:
+    """Return the cameras of whose records fewer than half carry a track id."""
+    days = {"first": period.first, "last": period.last}
+    return frozenset(row["camera_id"] for row in period.data.warehouse.rows(_TRACKED, days))
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,6 +80,7 @@ class Floor:
         plan_m_per_px: Metres per plan pixel.
         plan_origin_m: Floor metres of the plan's lower left corner.
         target_per_open_h: Violations per open hour that the site wants to stay below; None = no target.
+        capacity: People it is meant for at once; None = not stated.
     """
 
     floor_id: str
@@ -88,6 +89,7 @@ class Floor:
     plan_m_per_px: float | None = None
     plan_origin_m: Point = (0.0, 0.0)
     target_per_open_h: float | None = None
+    capacity: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,9 @@ class Area:
         has_visits: Visits of it are counted, and how long they last.
         is_door: People come and go here: a track that begins or ends inside was not cut.
         long_visit_s: Dwell time from which a visit is a long one; None = the setting of that name.
+        is_queue: People wait here: how many, and how long.
+        served_in: Area that a queue leads to: who steps from the queue into it is served; None = not stated.
+        capacity: People it is meant for at once; None = not stated.
     """
 
     area_id: str
@@ -117,6 +122,9 @@ class Area:
     has_visits: bool = False
     is_door: bool = False
     long_visit_s: float | None = None
+    is_queue: bool = False
+    served_in: str | None = None
+    capacity: int | None = None
 
     def is_there(self, first: date, last: date) -> bool:
         """Tell whether it is there on any local day from `first` to `last`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from functools import cache, lru_cache
@@ -79,8 +79,10 @@ _AREAS = pa.schema(
         ("name", pa.string()),
         ("floor_id", pa.string()),
         ("is_door", pa.bool_()),
+        ("served_in", pa.string()),
     ]
 )
+_FLOORS = pa.schema([("floor_id", pa.string())])
 
 
 def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
@@ -126,16 +128,17 @@ def _has_whole_hours(timezone: str) -> bool:
 
 
 def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
-    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and `visit_cells`."""
+    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
     _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
     _create(con, "cameras", _camera_table(site))
     _create(con, "calibrations", _calibration_table(site))
     _create(con, "owner_cells", owner_cells(site))
-    _create(
-        con, "areas", _table(_AREAS, [(a.area_id, i, a.name, a.floor_id, a.is_door) for i, a in enumerate(site.areas)])
-    )
+    areas = [(a.area_id, i, a.name, a.floor_id, a.is_door, a.served_in) for i, a in enumerate(site.areas)]
+    _create(con, "areas", _table(_AREAS, areas))
     _create(con, "area_cells", area_cells(site))
-    _create(con, "visit_cells", visit_cells(site))
+    _create(con, "visit_cells", _cells_of(site, areas_with_stays(site)))
+    _create(con, "count_cells", _cells_of(site, areas_with_counts(site)))
+    _create(con, "count_floors", _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]))
 
 
 def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
@@ -248,14 +251,23 @@ def _cells_in(corners: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:
     return list(zip(cx[inside].astype(int).tolist(), cy[inside].astype(int).tolist(), strict=True))
 
 
-def visit_cells(site: Site) -> pa.Table:
-    """Return the rows of `area_cells` of areas whose visits are counted."""
+def areas_with_stays(site: Site) -> frozenset[str]:
+    """Return the areas whose visitors are followed: those that ask for visits, queues, and where queues lead to."""
+    visited = {a.area_id for a in site.areas if a.has_visits}
+    return frozenset(visited.union(*({a.area_id, a.served_in} for a in site.areas if a.served_in is not None)))
+
+
+def areas_with_counts(site: Site) -> frozenset[str]:
+    """Return the areas whose people are counted instant by instant: queues, and those with a capacity."""
+    return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
+
+
+def _cells_of(site: Site, area_ids: Collection[str]) -> pa.Table:
+    """Return the rows of `area_cells` of some areas."""
     import pyarrow.compute as pc
 
     cells = area_cells(site)
-    return cells.filter(
-        pc.is_in(cells["area_id"], pa.array([a.area_id for a in site.areas if a.has_visits], pa.string()))
-    )
+    return cells.filter(pc.is_in(cells["area_id"], pa.array(sorted(area_ids), pa.string())))
 
 
 def calendar(site: Site, first: date, last: date) -> pa.Table:

@@ -17,7 +17,14 @@ from typing import Any, Final
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import HOUR_MS
-from vsd_analytics.warehouse.dimensions import FOREVER_MS, calibration_rows, owner_spans, params
+from vsd_analytics.warehouse.dimensions import (
+    FOREVER_MS,
+    areas_with_counts,
+    areas_with_stays,
+    calibration_rows,
+    owner_spans,
+    params,
+)
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 InputHashes = Mapping[str, str]
@@ -32,6 +39,7 @@ STALE_REASONS: Final = {
     "views": "views changed",
     "frame interval": "frame interval changed",
     "areas": "areas changed",
+    "counted areas": "areas or capacities changed",
 }
 _KIND_OF_RELATION = {
     "cameras": "cameras",
@@ -39,6 +47,8 @@ _KIND_OF_RELATION = {
     "owner_cells": "views",
     "camera_days": "frame interval",
     "visit_cells": "areas",
+    "count_cells": "counted areas",
+    "count_floors": "counted areas",
 }
 
 
@@ -153,7 +163,8 @@ class SiteInputs:
                 "cameras": text_hash(sorted((c.camera_id, c.floor_id) for c in cameras)),
                 "calibration": text_hash(_within(window, calibrations)),
                 "views": text_hash(_within(window, [span for span in self._owners if span[0] in floors])),
-                "areas": text_hash([area for area in self._areas if area[0] in floors]),
+                "areas": text_hash([area for area in self._visited if area[0] in floors]),
+                "counted areas": text_hash([area for area in self._counted if area[0] in floors]),
             }
         return self._computed[key]
 
@@ -166,11 +177,19 @@ class SiteInputs:
         return [(s.floor_id, s.from_ms, s.to_ms, text_hash(sorted(s.cells))) for s in owner_spans(self._site)]
 
     @cached_property
-    def _areas(self) -> Sequence[tuple[Any, ...]]:
-        """Return the areas of floors with an area that asks for visits: cells that two share belong to the first."""
-        asked = {a.floor_id for a in self._site.areas if a.has_visits}
+    def _visited(self) -> Sequence[tuple[Any, ...]]:
+        return self._areas(areas_with_stays(self._site))
+
+    @cached_property
+    def _counted(self) -> Sequence[tuple[Any, ...]]:
+        floors = [(f.floor_id,) for f in self._site.floors if f.capacity is not None]
+        return [*floors, *self._areas(areas_with_counts(self._site))]
+
+    def _areas(self, asking: Collection[str]) -> Sequence[tuple[Any, ...]]:
+        """Return the areas of floors with one that asks: cells that two share belong to the first."""
+        asked = {a.floor_id for a in self._site.areas if a.area_id in asking}
         return [
-            (a.floor_id, a.area_id, a.polygon, a.first_day, a.end_day, a.has_visits)
+            (a.floor_id, a.area_id, a.polygon, a.first_day, a.end_day, a.area_id in asking)
             for a in self._site.areas
             if a.floor_id in asked
         ]

@@ -22,6 +22,10 @@ OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
 """Figures of hours and places of several weeks, and of weeks beside each other."""
 OF_VISITS: Final = frozenset({"M35", "M36", "M37", "M38", "M42"})
 """Figures of areas with `visits = true`."""
+OF_QUEUES: Final = frozenset({"M39", "M40"})
+"""Figures of areas with `queue = true`."""
+OF_CAPACITIES: Final = frozenset({"M41"})
+"""Figures of places with a capacity."""
 
 for _file in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_file.name}")
@@ -30,10 +34,15 @@ for _file in pkgutil.iter_modules(__path__):
 def figures(asked: Asked) -> Mapping[str, Figure]:
     """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks.
 
-    Figures of visits are absent where no area of the floor asks for them.
+    Figures of visits, queues and capacities are absent where no place of the floor asks for them.
     """
     left_out = set[str]() if asked.data.is_week else set(OF_WEEKS)
-    if not any(area.has_visits for area in asked.data.areas):
+    floor, areas = asked.data.floor, asked.data.areas
+    if not any(area.has_visits for area in areas):
         left_out |= OF_VISITS
+    if not any(area.is_queue for area in areas):
+        left_out |= OF_QUEUES
+    if floor.capacity is None and all(area.capacity is None for area in areas):
+        left_out |= OF_CAPACITIES
     every = sorted(MAKERS.keys() - left_out, key=lambda metric: int(metric[1:]))
     return {metric: MAKERS[metric](asked) for metric in every}

@@ -29,6 +29,7 @@ from vsd_analytics.report.pages.key_figures import Tile, tiles
 from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
 from vsd_analytics.report.pages.site_log import LogRow, log_rows
 from vsd_analytics.report.pages.spot_cards import Cards, cards
+from vsd_analytics.report.pages.waiting import WaitingView, waiting
 from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say, say_html
@@ -42,7 +43,7 @@ from vsd_analytics.result import Reason
 
 WIDE = 1.8
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
-_SECTIONS = ("where", "spots", "when", "changed", "trend", "next", "data", "about")
+_SECTIONS = ("where", "spots", "when", "changed", "waiting", "trend", "next", "data", "about")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +126,7 @@ class Page:
         redesigns: What logged changes did.
         trend: The last weeks.
         outlook: The next week.
+        waiting: Queues and capacities.
         log: What happened at the site.
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
@@ -179,6 +181,7 @@ class Page:
     redesigns: sections.BarTable | None
     trend: sections.TrendView | None
     outlook: sections.Listed | None
+    waiting: WaitingView | None
     log: tuple[LogRow, ...]
     log_section: str
     messages: str
@@ -262,6 +265,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         redesigns=sections.redesigns(report),
         trend=weeks,
         outlook=sections.outlook(report),
+        waiting=waiting(report),
         log=log_rows(report, with_weeks=log_section == "trend"),
         log_section=log_section,
         messages=_messages(report),
@@ -284,7 +288,8 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     ):
         maps |= {"spots"}
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
-    return frozenset({"changed"} | always | hours | maps)
+    asked = {"waiting"} if report.figures.keys() & {"M39", "M41"} else set()
+    return frozenset({"changed"} | always | hours | maps | asked)
 
 
 def _half_the_distance(report: WeekReport) -> str:

@@ -1,0 +1,169 @@
+"""Queues through store, facts and marts: against planted people who wait, leave, are lost, or walk back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from datetime import date, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats, make_site, open_days, put
+
+from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.people_present import Presence
+from vsd_analytics.figures.queues import AreaQueue, queues
+from vsd_analytics.site.model import Area, Camera, Site
+
+FIRST = date(2026, 11, 9)
+QUEUE = Area("queue", "Queue", "ground", ((0, 0), (4, 0), (4, 4), (0, 4)), is_queue=True, served_in="till")
+TILL = Area("till", "Till", "ground", ((4, 0), (6, 0), (6, 4), (4, 4)))
+SERVICE_S = 10
+
+
+def with_queue(root: Path, **changes: object) -> Site:
+    return replace(make_site(root), areas=(replace(QUEUE, **changes), TILL))  # type: ignore[arg-type]
+
+
+def customer(
+    start_ms: int, wait_s: int, track: str, *, leaves: bool = False, cut_after_s: int | None = None, back: bool = False
+) -> list[Person]:
+    """Return somebody who comes from the left, waits, and is served or leaves, at 1 Hz; `back`: through the queue."""
+    rows = []
+    for s in range(-3, wait_s + SERVICE_S + 3):
+        x = -1000 if s < 0 else 2000
+        if s >= wait_s:
+            x = -1000 if leaves or s >= wait_s + SERVICE_S else 5000
+        is_lost = cut_after_s is not None and s >= cut_after_s
+        rows.append(Person(start_ms + s * 1000, f"{track}-2" if is_lost else track, x, 2000))
+    if back:
+        at = start_ms + (wait_s + SERVICE_S) * 1000
+        rows = [r for r in rows if r.ts < at]
+        rows += [Person(at + s * 1000, track, 2000 if s < 3 else -1000, 2000) for s in range(6)]
+    return rows
+
+
+def queue_of(site: Site, n_days: int = 1) -> AreaQueue:
+    last = FIRST + timedelta(days=n_days - 1)
+    with open_days(site, FIRST.isoformat(), last.isoformat()) as warehouse:
+        (found,) = queues(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
+    return found
+
+
+def test_people_waiting_and_waiting_times_equal_the_planted_ones(tmp_path: Path) -> None:
+    site = with_queue(tmp_path)
+    waits = list(range(11, 51))
+    rows = [r for k, w in enumerate(waits) for r in customer(T0 + k * 80_000, w, f"t{k}", leaves=k % 4 == 0)]
+    put(site, [*rows, *beats(T0, T0 + HOUR)])
+    found = queue_of(site)
+    assert found.people.rate == pytest.approx(sum(waits) / 3600)
+    assert found.busy.value is not None
+    assert found.waiting is not None
+    seen = found.waiting.waits
+    assert (seen.n_entered, seen.n_served, seen.n_left, seen.n_cut) == (40, 30, 10, 0)
+    assert seen.left_share.value == pytest.approx(0.25)
+    served = [w for k, w in enumerate(waits) if k % 4]
+    assert seen.median.value_s == np.sort(served)[14]
+    assert found.waiting.stays.little.ratio == pytest.approx(1.0, abs=0.01)
+    assert [h.hour for h in found.by_hour] == [8]
+
+
+def test_who_walks_back_through_the_queue_does_not_wait(tmp_path: Path) -> None:
+    site = with_queue(tmp_path)
+    rows = [r for k in range(40) for r in customer(T0 + k * 80_000, 30, f"t{k}", back=True)]
+    put(site, [*rows, *beats(T0, T0 + HOUR)])
+    found = queue_of(site).waiting
+    assert found is not None
+    assert (found.n_back, found.waits.n_entered, found.waits.n_left) == (40, 40, 0)
+
+
+def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(tmp_path: Path) -> None:
+    site = with_queue(tmp_path)
+    rng = np.random.default_rng(1)
+    rows, waits, left, whole = [], [], [], []
+    for d in range(7):
+        for k in range(45):
+            until, patience = rng.gamma(3, 14), rng.exponential(90)
+            wait, cut = max(1, round(min(until, patience))), max(1, round(rng.exponential(50)))
+            rows += customer(
+                T0 + d * DAY + k * 79_000, wait, f"{d}-{k}", leaves=patience < until,
+                cut_after_s=cut if cut < wait else None,
+            )  # fmt: skip
+            waits.append(wait)
+            left.append(patience < until)
+            whole.append(cut >= wait and not left[-1])
+        rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
+    put(site, rows)
+    found = queue_of(site, n_days=7).waiting
+    assert found is not None
+    median, share = found.waits.median, found.waits.left_share
+    assert found.waits.n_cut > 0.35 * len(waits)
+    served = np.array(waits)[~np.array(left)]
+    assert median.lo_s is not None
+    assert median.hi_s is not None
+    assert median.lo_s <= np.median(served) <= median.hi_s
+    assert np.median(np.array(waits)[whole]) < 0.9 * np.median(served)
+    assert share.lo is not None
+    assert share.hi is not None
+    assert share.lo <= np.mean(left) <= share.hi
+    assert found.stays.little.agrees is True
+
+
+def two_cameras(root: Path) -> Site:
+    """Return a site whose cameras see one half of the queue each."""
+    views = (
+        ((-5.0, -5.0), (2.0, -5.0), (2.0, 10.0), (-5.0, 10.0)),
+        ((2.0, -5.0), (9.0, -5.0), (9.0, 10.0), (2.0, 10.0)),
+    )
+    cameras = [Camera(c, c, "ground", hz=1.0, view=v) for c, v in zip(("cam", "cam-2"), views, strict=True)]
+    return replace(make_site(root, cameras=cameras), areas=(QUEUE, TILL))
+
+
+def standing(camera: str, x: int, since_ms: int, until_ms: int, *, offset_ms: int = 0) -> Iterable[Person]:
+    return [Person(t + offset_ms, camera, x, 1000, camera) for t in range(since_ms, until_ms, 1000)]
+
+
+def test_people_of_two_cameras_add_up_at_each_instant(tmp_path: Path) -> None:
+    """One stands for 30 minutes, the other for 15 of them, seen by a camera whose frames come half a second later."""
+    site = two_cameras(tmp_path)
+    records = [
+        *standing("cam", 1000, T0, T0 + HOUR // 2),
+        *standing("cam-2", 3000, T0, T0 + HOUR // 4, offset_ms=500),
+        *beats(T0, T0 + HOUR),
+        *(Frame(t + 500, "cam-2") for t in range(T0, T0 + HOUR, 1000)),
+    ]
+    put(site, records)
+    with open_days(site) as warehouse:
+        present = Presence(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, FIRST), QUEUE)
+        rows = warehouse.rows("select n_people, recorded_ms from area_counts order by n_people")
+    assert {r["n_people"]: r["recorded_ms"] for r in rows} == {0: 1_800_000, 1: 899_500, 2: 900_000}
+    assert present.mean().rate == pytest.approx(0.75, rel=1e-3)
+    assert present.quantile(0.9).value == 2
+
+
+def test_time_without_one_of_the_cameras_counts_as_not_recorded(tmp_path: Path) -> None:
+    """The second camera stops after half an hour, and is dead on the next day: the other one's people are too few."""
+    site = two_cameras(tmp_path)
+    records = [
+        *standing("cam", 1000, T0, T0 + HOUR),
+        *standing("cam-2", 3000, T0, T0 + HOUR // 2),
+        *standing("cam", 1000, T0 + DAY, T0 + DAY + HOUR),
+    ]
+    put(site, records)
+    with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
+        data = FloorHours(warehouse, floor=site.floors[0])
+        first, second = (Presence(Period(data, day, day), QUEUE) for day in (FIRST, FIRST + timedelta(days=1)))
+    assert first.mean().rate == pytest.approx(2.0)
+    assert first.seconds.sum() == pytest.approx(1800, abs=1)
+    assert second.mean().rate is None
+    assert second.silent_cameras == ("cam-2",)
+
+
+def test_a_queue_without_an_end_has_people_and_no_waiting_times(tmp_path: Path) -> None:
+    site = with_queue(tmp_path, served_in=None)
+    put(site, [*customer(T0, 30, "a"), *beats(T0, T0 + HOUR)])
+    found = queue_of(site)
+    assert found.people.rate == pytest.approx(30 / 3600)
+    assert found.waiting is None
+    assert found.why_no_waits is not None

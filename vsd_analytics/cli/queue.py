@@ -1,0 +1,176 @@
+"""`vsd queue`: how many people wait, how long, and how many leave before they are served."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.compare_text import table
+from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.visits import mean_stay, time_text
+from vsd_analytics.report.words.reasons import reason_text
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.people_present import PeopleQuantile
+    from vsd_analytics.figures.queues import AreaQueue
+    from vsd_analytics.stats.estimates import RateEstimate
+    from vsd_analytics.stats.groups import ShareEstimate
+    from vsd_analytics.stats.waiting import Waiting
+
+_WAITS = ("median wait", "90 % served within", "leave before")
+
+
+@click.command()
+@range_options
+@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@json_option
+@pass_project
+def queue(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
+    """Print how many people wait in an area, how long, and how many leave before the end, of areas with queue = true.
+
+    The number of people needs no track ids; time counts where all cameras that see the area recorded. Waiting times
+    need served_in, the area into which served people step. Who steps elsewhere has left before the end; a track that
+    is lost inside tells that the person waited at least that long (Aalen-Johansen). Little's law checks the mean stay
+    without track ids: where the two disagree, the command says so.
+
+    Exit code 1: no number of people is known, or no waiting time of a queue that has an end.
+
+    \b
+    Example:
+      vsd queue --week last
+      vsd queue --range 2026-11-02..2026-11-15 --json
+    """
+    from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.figures.compare import known_floor
+    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
+    from vsd_analytics.figures.queues import queues
+    from vsd_analytics.stats.rates import HISTORY_WEEKS
+
+    floor = known_floor(project.site, floor_id, [])
+    if not any(a.is_queue for a in project.site.areas if a.floor_id == floor.floor_id):
+        raise UsageError(
+            f"no area of floor {floor.floor_id!r} is a queue",
+            why="queues are computed only for areas that are said to be one",
+            fix='add queue = true to an [[area]] of vsd.toml, and served_in = "till-1" for its waiting times',
+        )
+    first, last = resolve(project, week=week, days=days)
+    # the weeks before tell which cameras see an area, so that one that was silent all the time is named
+    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
+        found = queues(Period(FloorHours(warehouse, floor=floor), first, last))
+        notes = purged_hours_notes(warehouse)
+    if as_json:
+        emit_json({"first": first.isoformat(), "last": last.isoformat(), "areas": [_as_dict(q) for q in found],
+                   **({"notes": notes} if notes else {})})  # fmt: skip
+    else:
+        warn(notes)
+        click.echo(plain(_text(found, first=first.isoformat(), last=last.isoformat())))
+    return 0 if all(_is_known(q) for q in found) else 1
+
+
+def _is_known(of: AreaQueue) -> bool:
+    has_end = of.area.served_in is not None
+    return of.people.rate is not None and not (has_end and (of.waiting is None or of.waiting.waits.reason is not None))
+
+
+def _as_dict(of: AreaQueue) -> dict[str, Any]:
+    waiting = of.waiting
+    printed: dict[str, Any] = rounded(
+        {
+            "area_id": of.area.area_id,
+            "people_waiting": rate_dict(of.people),
+            "people_waiting_p90": asdict(of.busy),
+            "waiting": None if waiting is None else _waits_dict(waiting.waits),
+            "n_back": None if waiting is None else waiting.n_back,
+            "little": None if waiting is None else asdict(waiting.stays.little),
+            "why_no_waits": of.why_no_waits,
+            "by_hour": [
+                {"hour": h.hour, "people_waiting": rate_dict(h.people),
+                 "waiting": None if h.waits is None else _waits_dict(h.waits)}
+                for h in of.by_hour
+            ],
+            "recorded_share": of.recorded_share,
+            "silent_cameras": of.silent_cameras,
+        }
+    )  # fmt: skip
+    return printed
+
+
+def rate_dict(of: RateEstimate) -> dict[str, Any]:
+    """Return an estimate as the JSON output has it."""
+    return {"value": of.rate, "lo": of.lo, "hi": of.hi, "state": of.state, "reason": of.reason}
+
+
+def _waits_dict(of: Waiting) -> dict[str, Any]:
+    share = of.left_share
+    return {
+        "median_s": asdict(of.median),
+        "p90_s": asdict(of.p90),
+        "left_share": {"value": share.value, "lo": share.lo, "hi": share.hi, "reason": share.reason},
+        **{name: getattr(of, name) for name in ("n_entered", "n_served", "n_left", "n_cut", "n_days")},
+        "state": of.state,
+        "reason": of.reason,
+    }
+
+
+def _text(found: tuple[AreaQueue, ...], *, first: str, last: str) -> str:
+    rows = [("queue", "people waiting", "90 % of the time", *_WAITS, "recorded")]
+    for q in found:
+        waits = None if q.waiting is None else q.waiting.waits
+        rows.append((q.area.name, people_text(q.people), _at_most(q.busy), *_waits(waits), f"{q.recorded_share:.0%}"))
+    lines = [f"Queues, {first} to {last}", "", *table(rows)]
+    for q in found:
+        lines += ["", *(f"{q.area.name}: {line}" for line in _notes(q)), "", *_hours(q)]
+    return "\n".join(lines)
+
+
+def people_text(of: RateEstimate) -> str:
+    """Return a number of people with its limits, or why there is none."""
+    if of.rate is None:
+        return reason_text(of.reason)
+    limits = "" if of.lo is None or of.hi is None else f" ({of.lo:.2g} to {of.hi:.2g})"
+    return f"{of.rate:.2g}{limits}"
+
+
+def _at_most(of: PeopleQuantile) -> str:
+    if of.value is None:
+        return "–"
+    limits = f" ({of.lo} to {of.hi})" if of.lo is not None and of.hi is not None else ""
+    return f"at most {of.value}{limits}"
+
+
+def _waits(of: Waiting | None) -> tuple[str, str, str]:
+    return ("–", "–", "–") if of is None else (time_text(of.median), time_text(of.p90), _left(of.left_share))
+
+
+def _left(share: ShareEstimate) -> str:
+    if share.value is None:
+        return "–"
+    limits = "" if share.lo is None or share.hi is None else f" ({share.lo:.0%} to {share.hi:.0%})"
+    return f"{share.value:.0%}{limits}"
+
+
+def _hours(of: AreaQueue) -> list[str]:
+    rows = [("hour", "people waiting", *_WAITS)]
+    rows += [(f"{h.hour:02d}:00", people_text(h.people), *_waits(h.waits)) for h in of.by_hour]
+    return table(rows)
+
+
+def _notes(of: AreaQueue) -> list[str]:
+    lines = []
+    if of.silent_cameras:
+        lines.append(f"nothing was recorded by {', '.join(of.silent_cameras)}: without them people are not known")
+    if of.waiting is None:
+        return lines if of.why_no_waits is None else [*lines, f"no waiting times: {reason_text(of.why_no_waits)}"]
+    waits, little = of.waiting.waits, of.waiting.stays.little
+    lines.append(
+        f"{waits.n_entered:,} entries seen on {waits.n_days} days: {waits.n_served:,} served, {waits.n_left:,} left "
+        f"before the end, {waits.n_cut:,} tracks lost; {of.waiting.n_back:,} more came back from the end"
+    )
+    if waits.reason is not None:
+        lines.append(reason_text(waits.reason))
+    return [*lines, *mean_stay(little, known=waits.reason)]

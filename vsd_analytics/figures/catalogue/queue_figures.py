@@ -1,0 +1,168 @@
+"""Queues and capacities of places that ask for them: people waiting (M39), waiting time (M40), capacity used (M41)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from vsd_analytics.figures.capacities import CapacityUse
+from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.people_present import PeopleQuantile
+from vsd_analytics.figures.queues import AreaQueue
+from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area
+from vsd_analytics.stats.durations import QuantileEstimate
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.waiting import Waiting
+
+PEOPLE: Final = "people"
+SECONDS: Final = "seconds; share of people who enter"
+USE: Final = "share of time; people; share of person-time"
+
+
+@figure("M39")
+def people_waiting(asked: Asked) -> Figure:
+    """Return the number of people in each queue over recorded open time: mean and 90 % quantile, and mean by hour."""
+    found = asked.found.queues
+    rows: list[Row] = []
+    for of in found:
+        more: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
+        hidden = _hidden(asked, None if of.waiting is None else of.waiting.waits)
+        rows.append({**_of_rate(of, "mean", None, of.people, hidden), **more})
+        rows.append(_of_people(of, of.busy, hidden))
+        rows += [
+            _of_rate(of, "mean", h.hour, h.people, hidden or _hidden(asked, h.waits)) for h in of.by_hour if not hidden
+        ]
+    if all(row["value"] is None for row in rows):
+        return missing(PEOPLE, "not_enough_data", _first_reason(rows))
+    return Figure(unit=PEOPLE, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.queues"))
+
+
+@figure("M40")
+def waiting_time(asked: Asked) -> Figure:
+    """Return how long people of each queue wait, and the share who leave before the end; for the days and by hour.
+
+    A share hides its complement, and one hidden hour of several could be worked out from the days: none is given then.
+    """
+    found = asked.found.queues
+    rows: list[Row] = []
+    n_entered = 0
+    for of in found:
+        if of.waiting is None:
+            rows.append(_row(of.area, "median", None, None, None, None, of.why_no_waits))
+            continue
+        whole = of.waiting.waits
+        hidden = _hidden(asked, whole)
+        n_entered += 0 if hidden else whole.n_entered
+        rows += [*_times(of, None, whole, hidden), _left(asked, of, None, whole, hidden)]
+        rows += _means(of, hidden)
+        if hidden or whole.median.value_s is None:
+            continue
+        hours = [(h.hour, h.waits, _hidden(asked, h.waits)) for h in of.by_hour if h.waits is not None]
+        for hour, waits, why in hours:
+            rows += _times(of, hour, waits, why)
+        shares = [_left(asked, of, hour, waits, why) for hour, waits, why in hours]
+        held_back = [row["reason"] for row in shares if row["value"] is None]
+        rows += (
+            [{**row, "value": None, "lo": None, "hi": None, "reason": GIVES_AWAY} for row in shares]
+            if len(held_back) == 1
+            else shares
+        )
+    if all(row["value"] is None for row in rows):
+        return missing(SECONDS, "not_enough_data", _first_reason(rows))
+    return Figure(unit=SECONDS, rows=tuple(rows), denominator=n_entered, note=Reason("note.waits"))
+
+
+@figure("M41")
+def capacity_used(asked: Asked) -> Figure:
+    """Return for how much of the open time each place with a capacity was full, and by how many people too full."""
+    rows = [row for of in asked.found.capacities for row in _use(of)]
+    if all(row["value"] is None for row in rows):
+        return missing(USE, "not_enough_data", _first_reason(rows))
+    return Figure(unit=USE, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.queues"))
+
+
+def _use(of: CapacityUse) -> Iterator[Row]:
+    area = of.place.area_id if isinstance(of.place, Area) else None
+    place: Row = {"area": area, "place": of.place.name, "capacity": of.capacity}
+    shares = (("at least 60 % full", of.busy), ("full or over", of.full), ("over", of.over))
+    for what, rate, unit in (
+        ("mean people", of.people, "people"),
+        *((what, rate, "share") for what, rate in shares),
+        ("mean people beyond it", of.surplus, "people"),
+        *((f"room {r.level}", r.share, "share") for r in of.room),
+    ):
+        limits = {"value": rate.rate, "lo": rate.lo, "hi": rate.hi, "reason": rate.reason}
+        first: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
+        yield {**place, "what": what, "unit": unit, **limits, **(first if what == "mean people" else {})}
+
+
+def _row(
+    area: Area,
+    what: str,
+    hour: int | None,
+    value: float | None,
+    lo: float | None,
+    hi: float | None,
+    reason: Reason | None,
+    **more: str | bool | None,
+) -> Row:
+    value, lo, hi = (value, lo, hi) if value is not None else (None, None, None)
+    where: Row = {"area": area.area_id, "place": area.name, "what": what, "hour": hour}
+    return {**where, "value": value, "lo": lo, "hi": hi, "reason": reason, **more}
+
+
+def _of_rate(of: AreaQueue, what: str, hour: int | None, rate: RateEstimate, hidden: Reason | None) -> Row:
+    if hidden is not None:
+        return _row(of.area, what, hour, None, None, None, hidden)
+    return _row(of.area, what, hour, rate.rate, rate.lo, rate.hi, rate.reason)
+
+
+def _of_people(of: AreaQueue, found: PeopleQuantile, hidden: Reason | None) -> Row:
+    if hidden is not None:
+        return _row(of.area, "90 % of the time", None, None, None, None, hidden)
+    return _row(of.area, "90 % of the time", None, found.value, found.lo, found.hi, None)
+
+
+def _times(of: AreaQueue, hour: int | None, waits: Waiting, hidden: Reason | None) -> Iterator[Row]:
+    times: tuple[tuple[str, QuantileEstimate], ...] = (("median", waits.median), ("90 % served within", waits.p90))
+    for what, q in times:
+        if hidden is not None:
+            yield _row(of.area, what, hour, None, None, None, hidden)
+        else:
+            yield _row(of.area, what, hour, q.value_s, q.lo_s, q.hi_s, waits.reason)
+
+
+def _left(asked: Asked, of: AreaQueue, hour: int | None, waits: Waiting, hidden: Reason | None) -> Row:
+    share, n = waits.left_share, waits.n_entered
+    part = None if share.value is None else round(share.value * n)
+    if hidden is None and part is not None and asked.small(part, n - part):
+        hidden = _few(asked)
+    if hidden is not None:
+        return _row(of.area, "leave before the end", hour, None, None, None, hidden, unit="share")
+    return _row(of.area, "leave before the end", hour, share.value, share.lo, share.hi, share.reason, unit="share")
+
+
+def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
+    if of.waiting is None or hidden is not None:
+        return
+    little = of.waiting.stays.little
+    doubt = " (the two means disagree)" if little.agrees is False else ""
+    for what, mean in (("mean stay by tracks", little.by_tracks), ("mean stay by Little's law", little.by_little)):
+        agrees = little.agrees
+        yield _row(of.area, what + doubt, None, mean.value_s, mean.lo_s, mean.hi_s, mean.reason, agrees=agrees)
+
+
+def _hidden(asked: Asked, waits: Waiting | None) -> Reason | None:
+    return _few(asked) if waits is not None and asked.small(waits.n_entered) else None
+
+
+def _few(asked: Asked) -> Reason:
+    return Reason("hidden.entries", least=asked.below)
+
+
+def _first_reason(rows: list[Row]) -> Reason | None:
+    """Return why no place has a value: the reason of the first that gives one."""
+    return next((why for row in rows if isinstance(why := row["reason"], Reason)), None)

@@ -1,0 +1,183 @@
+"""How many people are in a place at once: recorded open time by their number, and levels made of it.
+
+Places that ask for it: queues, and areas and floors with a capacity. Time counts where every camera that sees the place
+recorded: without one of them a count is a lower bound, which is no count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.figures.close_time import SECONDS, history, in_units
+from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Period, Place
+from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
+from vsd_analytics.result import Reason
+from vsd_analytics.site.model import Area, Floor
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.rates import how_often
+
+NOBODY: Final = Reason("nobody.on_camera")
+NEVER: Final = Reason("present.never")
+_COUNTS: Final = """
+select
+    hour_start_ms,
+    n_people,
+    recorded_open_s::double as seconds
+from count_hours
+where floor_id = $floor and area_id is not distinct from $area
+order by hour_start_ms, n_people
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class PeopleQuantile:
+    """A number of people that is not exceeded for a share of the time.
+
+    Attributes:
+        q: The share of time.
+        value: People; None when unknown.
+        lo, hi: Limits; None without an interval.
+    """
+
+    q: float
+    value: int | None
+    lo: int | None
+    hi: int | None
+
+
+class Presence:
+    """Recorded open time of a place by the number of people in it.
+
+    Args:
+        period: The days; those that are loaded before them say which cameras see the place.
+        place: An area or a floor that asks for its number of people.
+    """
+
+    def __init__(self, period: Period, place: Area | Floor) -> None:
+        self.period, self.data = period, period.data
+        area_id = place.area_id if isinstance(place, Area) else None
+        counted = period.area(area_id) if isinstance(place, Area) else self.data.everyone
+        sees = np.asarray(counted.exposure_h.any(axis=1))
+        whole = Place(np.zeros_like(counted.exposure_h), counted.exposure_h, sees)
+        hours = self.data.hours
+        self.cameras: Flags = np.asarray(self.data.camera_weights(whole) >= MIN_CAMERA_SHARE)
+        rows = self.data.warehouse.table(_COUNTS, {"floor": self.data.floor.floor_id, "area": area_id})
+        at = np.searchsorted(hours.start_ms, rows["hour_start_ms"].to_numpy())
+        n = rows["n_people"].to_numpy().astype(np.int64)
+        seconds = np.zeros((len(hours.start_ms), int(n.max(initial=0)) + 1))
+        seconds[at, n] = rows["seconds"].to_numpy()
+        is_empty = ~(whole.exposure_h > 0).any(axis=0)
+        has_rows = np.asarray(seconds.any(axis=1))
+        together = hours.recorded_s[self.cameras].min(axis=0) if self.cameras.any() else np.zeros(len(has_rows))
+        seconds[is_empty & ~has_rows, 0] = together[is_empty & ~has_rows]
+        is_there = self.data.is_there(area_id) if area_id is not None else None
+        # hours with people but without rows were purged before anybody asked
+        is_recorded = hours.is_counted[self.cameras].all(axis=0) & self.cameras.any()
+        known = np.asarray(is_recorded & (is_empty | has_rows))
+        self.is_known: Flags = known if is_there is None else known & is_there
+        self.seconds: Array = np.where(self.is_known[:, None], seconds, 0.0)
+
+    @cached_property
+    def recorded_share(self) -> float:
+        """Return the share of the place's opening hours in which all its cameras recorded."""
+        open_s = float(self.data.hours.open_s[self.period.is_inside].sum())
+        return float(self.seconds[self.period.is_inside].sum()) / open_s if open_s else 0.0
+
+    @cached_property
+    def silent_cameras(self) -> tuple[str, ...]:
+        """Return the cameras that see the place and recorded nothing of the period."""
+        recorded = self.data.hours.recorded_s[:, self.period.is_inside].sum(axis=1)
+        return tuple(c for c, sees, s in zip(self.data.ids, self.cameras, recorded, strict=True) if sees and not s)
+
+    @property
+    def numbers(self) -> Array:
+        """Return the numbers of people of the columns of `seconds`."""
+        return np.arange(self.seconds.shape[1], dtype=np.float64)
+
+    def mean(self, *, hour: int | None = None) -> RateEstimate:
+        """Return the mean number of people, of all hours or of one hour of the day, with the interval of M5."""
+        return self._level(self.seconds @ self.numbers, hour, Reason("nobody.seen"))
+
+    def beyond(self, limit: float) -> RateEstimate:
+        """Return the mean number of people beyond a limit, 0 where there are fewer."""
+        return self._level(self.seconds @ np.maximum(self.numbers - limit, 0.0), None, NEVER)
+
+    def time_share(self, least: float, *, hour: int | None = None) -> RateEstimate:
+        """Return the share of time with at least so many people."""
+        return self._share(self.numbers >= least, hour)
+
+    def time_share_above(self, limit: float) -> RateEstimate:
+        """Return the share of time with more than so many people."""
+        return self._share(self.numbers > limit, None)
+
+    def person_time_share(self, chosen: Flags) -> RateEstimate:
+        """Return the share of person-time spent while the number of people is one of those chosen, as `numbers`."""
+        part, every = self.seconds @ (self.numbers * chosen), self.seconds @ self.numbers
+        return _at_most_one(self._level(part, None, NEVER, per=every))
+
+    def quantile(self, q: float, *, hour: int | None = None) -> PeopleQuantile:
+        """Return the least number of people that is not exceeded for a share of the time.
+
+        Its limits are where the limits of the share of time with more people cross 1 - q (Woodruff, J. Am. Stat. Assoc.
+        47, 1952).
+        """
+        found: list[int | None] = [None, None, None]
+        for n in range(self.seconds.shape[1]):
+            above = self.time_share(n + 1, hour=hour)
+            if above.rate is None:
+                break
+            lo, hi = (0.0, 0.0) if above.rate == 0 else (above.lo, above.hi)
+            for k, share in enumerate((above.rate, lo, hi)):
+                if found[k] is None and share is not None and share <= 1 - q:
+                    found[k] = n
+            if above.rate == 0:
+                break
+        value, low, high = found
+        has_interval = low is not None and self.time_share(0, hour=hour).lo is not None
+        return PeopleQuantile(q, value, low, high) if has_interval else PeopleQuantile(q, value, None, None)
+
+    def hours_of_day(self) -> tuple[int, ...]:
+        """Return the hours of the day in which any time of the period is known."""
+        known = self.period.is_inside & self.seconds.any(axis=1)
+        return tuple(sorted(set(self.data.hours.hour[known].tolist())))
+
+    def _share(self, chosen: Flags, hour: int | None) -> RateEstimate:
+        return _at_most_one(self._level(self.seconds @ chosen.astype(np.float64), hour, NEVER))
+
+    def _level(self, amount: Array, hour: int | None, nothing: Reason, *, per: Array | None = None) -> RateEstimate:
+        """Return an amount of seconds by hour, per second of recorded time (or of `per`), days as clusters."""
+        if (why := self.period.why_no_exposure) is not None:
+            return not_measured(why)
+        if not self.cameras.any():
+            return not_measured(NOBODY)
+        hours, settings = self.data.hours, self.data.site.settings
+        chosen = self.is_known if hour is None else self.is_known & (hours.hour == hour)
+        time_s = self.seconds.sum(axis=1) if per is None else per
+
+        def by_day(values: Array, days: Sequence[int]) -> Array:
+            used = np.where(chosen, values, 0.0)
+            return np.array([[used[hours.day == d].sum() for d in days]])
+
+        now, past = ([d.toordinal() for d in days] for days in (self.period.days, self.period.history_days))
+        x_h = by_day(time_s, now) / 3600
+        if not x_h.any():
+            return NOT_RECORDED
+        found = how_often(
+            by_day(amount, now),
+            x_h,
+            confidence=settings.confidence,
+            min_days=settings.min_days,
+            **history(self.period, by_day(amount, past), history_x_h=by_day(time_s, past) / 3600),
+        )
+        return in_units(found, SECONDS, nothing)
+
+
+def _at_most_one(found: RateEstimate) -> RateEstimate:
+    if found.rate is None:
+        return found
+    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
