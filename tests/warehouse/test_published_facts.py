@@ -224,8 +224,10 @@ def test_a_purge_withdraws_what_is_published_and_the_next_build_publishes_what_r
     site, now = shop(root), datetime(2026, 11, 16, tzinfo=UTC)
     everything = by_day(root / "published" / "current")
     terms = Terms(now=now, is_forced=True)
-    purge_range(site, camera_id="cam", first_ms=T0, after_ms=T0 + DAY // 2, terms=terms)
-    assert list((root / "published").iterdir()) == []
+    copied = Path(shutil.copytree(root, root.parent / "copied"))  # a copy that has files in the place of links
+    for project in (root, copied):
+        purge_range(replace(site, root=project), camera_id="cam", first_ms=T0, after_ms=T0 + DAY // 2, terms=terms)
+        assert list((project / "published").iterdir()) == []
     build(site, is_published=True)
     first = min(everything)
     remaining = {d: n for d, n in everything.items() if d != first}
@@ -236,3 +238,10 @@ def test_a_purge_withdraws_what_is_published_and_the_next_build_publishes_what_r
     build(site, is_published=True)
     assert by_day(current, "exposure") == sealed  # of days whose records are gone
     assert by_day(current) == {max(remaining): remaining[max(remaining)]}  # positions of pairs are not sealed
+
+
+def test_a_build_takes_the_place_of_a_copy_that_has_files_for_links(root: Path) -> None:
+    copied = Path(shutil.copytree(root, root.parent / "copied"))
+    build(shop(copied, FAR), is_published=True)
+    assert os.readlink(copied / "published" / "current")
+    assert len(by_day(copied / "published" / "current")) == N_DAYS

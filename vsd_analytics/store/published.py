@@ -71,7 +71,7 @@ def sweep_generations(project: Path) -> None:
     with _alone(project):
         for path in folder.iterdir():
             if path.name not in (CURRENT, current):
-                path.unlink() if path.is_symlink() else shutil.rmtree(path, ignore_errors=True)
+                _remove(path)
 
 
 def withdraw(project: Path) -> None:
@@ -80,10 +80,19 @@ def withdraw(project: Path) -> None:
     if not folder.is_dir():
         return
     with _alone(project):
-        (folder / CURRENT).unlink(missing_ok=True)
+        if os.path.lexists(folder / CURRENT):
+            _remove(folder / CURRENT)
         fsync_dir(folder)
         for path in folder.iterdir():
-            path.unlink() if path.is_symlink() else shutil.rmtree(path)
+            _remove(path)
+
+
+def _remove(path: Path) -> None:
+    """Remove a link or a folder. A program that copied the project may have put folders in the place of links."""
+    if path.is_symlink() or not path.is_dir():
+        path.unlink()
+    else:
+        shutil.rmtree(path)
 
 
 def _name(path: Path) -> str:
@@ -126,5 +135,7 @@ def _write(folder: Path, generation: str, relations: Sequence[str], links: Mappi
 def _swap(folder: Path, generation: str) -> None:
     made = folder / f".{CURRENT}.{secrets.token_hex(8)}.tmp"
     made.symlink_to(generation)
+    if (folder / CURRENT).is_dir() and not (folder / CURRENT).is_symlink():
+        _remove(folder / CURRENT)  # a copy: a link cannot be renamed over a folder
     made.rename(folder / CURRENT)
     fsync_dir(folder)
