@@ -16,6 +16,8 @@ from vsd_analytics.cli.project import Project, pass_project
 def build(project: Project, /, as_json: bool) -> int:
     """Compute the stale facts and print why they were stale. Figures and reports do this by themselves.
 
+    Then publish the current facts as links below published/current, for programs that read Parquet by a glob.
+
     \b
     Example:
       vsd build
@@ -27,7 +29,7 @@ def build(project: Project, /, as_json: bool) -> int:
     folded = Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb).fold()
     warn_of_full_disk(folded)
     with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
-        result = build_facts(site, on_plan=on_plan, on_hours=on_hours)
+        result = build_facts(site, on_plan=on_plan, on_hours=on_hours, is_published=True)
     if as_json:
         emit_json({"n_fresh": result.n_fresh, "n_built": result.n_built, "reasons": dict(result.reasons)})
         return int(folded.is_ballast_spent)

@@ -31,6 +31,7 @@ from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
 from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_owned
+from vsd_analytics.store.published import withdraw
 from vsd_analytics.store.seals import FOLDER, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.taking_back import forget_repeats, take_back
@@ -203,6 +204,7 @@ def _is_inside(project: Path, name: str) -> bool:
 
 def _carry_out(store: Path, intent: Intent) -> None:
     project = store.parent
+    withdraw(project)
     touched: set[Path] = set()
     if intent.which is not None:
         for table, names in intent.rewrite.items():

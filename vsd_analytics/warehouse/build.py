@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import Part
+from vsd_analytics.store.published import publish_links
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
@@ -43,6 +45,7 @@ def build(
     on_plan: Callable[[int], None] | None = None,
     has_lock: bool = False,
     is_trusting: bool = False,
+    is_published: bool = False,
 ) -> BuildResult:
     """Recompute the stale facts of a range.
 
@@ -56,6 +59,8 @@ def build(
             `superseded_files` itself.
         is_trusting: Do not open files of hourly facts whose names are right, and do not search for superseded files
             unless something was stale. Reports use it: they open the files they need later anyway.
+        is_published: Swap `published/current` to the facts of everything stored (`store.published`). Needs the whole
+            range, and the settings of vsd.toml.
 
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on its
@@ -75,12 +80,13 @@ def build(
         with removal.reading(store.root):
             with superseded.reading(root):
                 result = _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting)
+                is_published = is_published and first_hour is last_hour is None and _publish(site, result)
             unneeded = list(result.superseded_files)
             if first_hour is None and last_hour is None:
                 from vsd_analytics.warehouse.day_files import superseded_anywhere
 
                 unneeded += [*superseded_anywhere(site, result), *superseded.temporaries(root)]
-            superseded.clear(root, unneeded)
+            superseded.clear(root, unneeded, has_published=is_published)
             return result
     except (duckdb.Error, pa.ArrowException, UnicodeDecodeError, OSError) as error:
         if refused := disk_error(error):
@@ -139,6 +145,20 @@ def _build(
         Counter({name: n for name in files.names if (n := sum(len(of.get(name, ())) for of in stale.values()))}),
         unneeded,
     )
+
+
+def _publish(site: Site, result: BuildResult) -> bool:
+    """Publish the fresh and sealed files of each fact; return whether they are current now.
+
+    A full or read-only disk costs nothing but the new generation.
+    """
+    if beside.folder(site) is not None:
+        return False
+    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in result.paths}
+    files = {name: [*of_day.values(), *sealed[name]] for name, of_day in result.paths.items()}
+    with contextlib.suppress(OSError):
+        return publish_links(site.root, files)
+    return False
 
 
 def _write_hours(

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from vsd_analytics.store.durable import is_temporary, make_dirs, remove
 from vsd_analytics.store.layout import list_parts
+from vsd_analytics.store.published import published_files, sweep_generations
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.sealed import SealedRange
 
@@ -67,16 +68,26 @@ def temporaries(root: Path) -> list[Path]:
     return [path for path in root.rglob(".*.tmp") if is_temporary(path)]
 
 
-def clear(root: Path, paths: Sequence[Path]) -> bool:
-    """Remove superseded files unless somebody reads facts; return whether they were removed."""
-    if not paths:
+def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> bool:
+    """Remove superseded files unless somebody reads facts; return whether they were removed.
+
+    Args:
+        root: The folder `facts`.
+        paths: The files. What `published/current` names stays until a build of everything publishes others.
+        has_published: Remove the generations of `published/` before the current one too.
+    """
+    if not paths and not has_published:
         return True
     fd = os.open(root, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        for path in paths:
+        published = published_files(root.parent) if paths else frozenset()
+        going = [path for path in paths if path.relative_to(root.parent) not in published]
+        for path in going:
             remove(path)
-        beside.remove_empty(root, paths)
+        beside.remove_empty(root, going)
+        if has_published:
+            sweep_generations(root.parent)
     except BlockingIOError:
         return False
     finally:

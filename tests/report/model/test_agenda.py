@@ -135,5 +135,13 @@ def test_a_card_says_how_often_here_and_how_many_spots_the_planner_has_beside_it
     card = replace(report.spots.cards[0], ratio=ratio, here=m.Estimate(value=12.34, previous=15.0))
     made = cards(replace(report, spots=replace(report.spots, kind="tested", cards=(card,), n_more=2)))
     assert made is not None
-    assert "At the spot and within 1 m of it: 12 violations an open hour, 15 in week 45" in made.cards[0].notes
-    assert made.more == "The planner shows 2 more spots that hold little of the time too close."
+    assert "Within 1 m of it: 12 violations an open hour, 15 in week 45" in made.cards[0].notes
+    assert made.more == "The planner shows 2 more, with little of the time too close."
+
+
+def test_a_card_does_not_repeat_the_question_that_the_page_asks_at_its_top() -> None:
+    report = weeks.with_tested_spots()
+    first, second = (c.ask for c in cards(report).cards)  # type: ignore[union-attr]
+    assert all((first, second))
+    asked = cards(report, question=f"Still open from week 45: {first[:-1]}, above all on Saturday?")
+    assert [c.ask for c in asked.cards] == ["", second]  # type: ignore[union-attr]

@@ -247,7 +247,7 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     tested, busiest = cards(sections.with_tested_spots()), cards(sections.complete())
     assert tested is not None
     assert busiest is not None
-    assert tested.title == "The two spots that are riskier than their crowd explains"
+    assert tested.title == "The two spots riskier than their crowd explains"
     assert [c.change for c in tested.cards] == [
         "Stands out since Sun 25 Oct or longer",
         "New this week",

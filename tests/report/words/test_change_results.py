@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 from typing import Any
 
 import pytest
 from report import model_classes as m
+from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.figures.week.change_outcome import outcome
@@ -145,3 +146,20 @@ def test_the_list_of_changes_carries_what_each_avoided() -> None:
     page = render_html(replace(report, ledger=(own,)))
     assert "what they avoided" in page
     assert "what they avoided" not in render_html(report)
+
+
+def test_of_the_log_the_page_folds_only_what_has_no_result_and_says_nothing_of_the_weeks_compared() -> None:
+    report = sections.complete()
+    logged = next(one for one in report.log if one.area_id is not None)
+    long_ago = replace(logged, at=logged.at - timedelta(weeks=8))
+    results = (line(at=long_ago.at, text="Rope set", outcome="too_early"),)
+    outage = report.coverage.outages[0]
+    entries = {
+        "this week": logged,
+        "long ago": replace(long_ago, text="Wall painted", area_id=None),
+        "long ago, with a result": replace(long_ago, text="Rope set"),
+        "a gap that the page shows with the data": replace(logged, at=outage.start, text="No data", kind="detected"),
+    }
+    rows = log_rows(replace(report, log=tuple(entries.values()), ledger=results, trend=None), with_weeks=False)
+    news = {row.text.rstrip("."): row.is_news for row in rows}
+    assert news == {logged.text.rstrip("."): True, "Wall painted": False, "Rope set": True, "No data": False}

@@ -187,7 +187,8 @@ def _recorded(report: WeekReport) -> Tile:
     recorded, scheduled = fmt.number(coverage.recorded_h), fmt.number(coverage.scheduled_h)
     note = [say("tiles.camera_hours", recorded=recorded, scheduled=scheduled)]
     camera = weakest_camera(report)
-    if camera is not None and report.state == "normal" and camera.scheduled_h - camera.recorded_h >= 1:
+    is_known = report.story is not None and any(t.target == "data" for t in report.story.things)
+    if camera is not None and not is_known and report.state == "normal" and camera.scheduled_h - camera.recorded_h >= 1:
         note.append(say("tiles.missed_most", camera=terms.camera_name(camera.name)))
     if coverage.is_inferred:
         note.append(say("tiles.inferred"))

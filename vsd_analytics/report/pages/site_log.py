@@ -20,6 +20,8 @@ class LogRow:
         text: What.
         about: Its area, and whether it was found rather than logged; empty for neither.
         result: What it avoided, or that nobody can tell yet; empty where nothing is compared.
+        is_news: It has a result, or falls into the weeks compared and is no gap of this week's cameras, which the page
+            shows with the data. The page folds the rest.
     """
 
     label: str
@@ -27,6 +29,7 @@ class LogRow:
     text: str
     about: str
     result: str
+    is_news: bool
 
 
 def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
@@ -44,6 +47,8 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
         for line in report.log
         if (line.at, line.text) not in known
     ]
+    first = (report.previous or report.week).monday
+    gaps = {(o.start, True) for o in report.coverage.outages}
     results = {(line.at, line.text): ledger_words(line) for line in report.ledger}
     return tuple(
         LogRow(
@@ -52,6 +57,7 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
             at=fmt.instant_short(at),
             text=fmt.ended(text),
             about=_about(area, is_detected),
+            is_news=bool(results.get((at, text))) or (at.date() >= first and (at, is_detected) not in gaps),
         )
         for at, label, text, area, is_detected in sorted(rows, key=lambda row: (row[0], row[1] == "", row[1]))
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 
 from markupsafe import Markup
@@ -75,8 +75,13 @@ class Cards:
     has_pictures: bool
 
 
-def cards(report: WeekReport) -> Cards | None:
-    """Return the cards of the week; None where no spot is numbered."""
+def cards(report: WeekReport, *, question: str = "") -> Cards | None:
+    """Return the cards of the week; None where no spot is numbered.
+
+    Args:
+        report: The report.
+        question: The question of the week, which the page asks at its top: its card does not repeat it.
+    """
     found = report.spots
     if found is None or not found.cards:
         return None
@@ -85,12 +90,14 @@ def cards(report: WeekReport) -> Cards | None:
     if found.kind == "tested":
         title = say("spots.tested", plural=n, n=number)
         first, last = (fmt.date_short(d) if d is not None else "" for d in (found.first, found.last))
-        sub = say("spots.sub_tested", first=first, last=last)
+        sub = say("spots.sub_tested", plural=n, first=first, last=last)
     else:
         title = say("spots.busiest_recorded" if report.silent_cameras else "spots.busiest", plural=n, n=number)
         why = reason_text(found.reason).rstrip(".")
         sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
-    made = tuple(_card(c, report) for c in found.cards)
+    made = tuple(
+        _card(replace(c, ask="") if c.ask and c.ask.rstrip("?") in question else c, report) for c in found.cards
+    )
     return Cards(
         title=title,
         sub=sub,

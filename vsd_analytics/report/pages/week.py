@@ -258,7 +258,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         distance=fmt.distance_unbroken(report.rules.distance_m, report.rules.distance_unit),
         readings_note=sections.readings_note(report),
         between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
-        cards=cards(report),
+        cards=cards(report, question=report.story.question),
         unusual=sections.unusual(report),
         contributions=contributions(report),
         causes=sections.causes(report),
