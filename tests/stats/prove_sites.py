@@ -111,7 +111,8 @@ def main() -> None:
     n = asked.worlds
     print(
         "| world | worlds with a false name | those that differ named | ranges that hold the truth: all / named "
-        "| dead camera named | the same, cameras not looked at | extremes of raw rate that differ |"
+        "| site without its camera named | the same where nobody looks at cameras "
+        "| league table's extremes that differ |"
     )
     print("|---|---|---|---|---|---|---|")
     with ProcessPoolExecutor(2) as pool:
@@ -123,7 +124,7 @@ def main() -> None:
             )
             held, held_named = (np.mean([v for f in found if not np.isnan(v := f.covered[k])] or [0]) for k in (0, 1))
             gaps = f"{dead:.1%}" if world.has_gaps else "–"
-            gaps += f" | {blind:.0%}" if world == PLANTED else " | "
+            gaps += f" | {blind:.0%}" if world == PLANTED else " | –"
             has = bool(world.effects)
             print(
                 f"| {name} | {false:.1%} | {f'{power:.0%}' if has else '–'} "
