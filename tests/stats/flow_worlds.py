@@ -19,6 +19,7 @@ NEXT = np.array([
     [0.90, 0.04, 0.06, 0.00],
 ])  # fmt: skip
 """Share of those who leave an area (row) whose next area is each one."""
+N_ROUTES = 4
 WALK_S = np.array([[6.0, 6, 14, 30], [6, 6, 8, 24], [14, 8, 6, 16], [30, 24, 16, 6]])
 """Median time on the way."""
 
@@ -60,10 +61,15 @@ class FlowWorld:
 
 @dataclass(frozen=True)
 class SeenFlow:
-    """What the cameras saw: people who leave each area, arrivals by area and day, and routes."""
+    """What the cameras saw: people who leave each area, arrivals by area and day, and routes by their number of areas.
+
+    Kinds of routes: 0 to 2 areas between coming in and leaving, and more (3); times from coming in.
+    """
 
     leaving: Sequence[Leaving]
     arrived: Array
+    routes: Leaving
+    true_routes: Array
 
 
 def see_flow(world: FlowWorld, *, n_days: int, seed: int) -> SeenFlow:
@@ -71,9 +77,12 @@ def see_flow(world: FlowWorld, *, n_days: int, seed: int) -> SeenFlow:
     rng = np.random.default_rng(seed)
     rows: list[NDArray[np.float64]] = []
     arrived = np.zeros((len(AREAS), n_days))
+    ways: list[NDArray[np.float64]] = []
     for day in range(n_days):
         shares = world.next_shares(rng).cumsum(axis=1)
         at = np.zeros(rng.poisson(world.per_day * np.exp(rng.normal(0, 0.2))), dtype=np.int64)
+        who, seen_s, lost_s = np.arange(len(at)), np.zeros(len(at)), np.full(len(at), np.inf)
+        n_areas = np.zeros(len(at), dtype=np.int64)
         while len(at):
             to = (rng.random(len(at))[:, None] > shares[at]).sum(axis=1).clip(max=len(AREAS) - 1)
             walk_s = WALK_S[at, to] * np.exp(rng.normal(0, 0.4, len(at)))
@@ -88,13 +97,24 @@ def see_flow(world: FlowWorld, *, n_days: int, seed: int) -> SeenFlow:
             kind = np.where(is_lost | is_gone, -1, to)
             rows.append(np.column_stack([at, np.where(is_lost, cut_s, walk_s), kind, np.full(len(at), day)]))
             arrived[:, day] += np.bincount(to[~is_gone], minlength=len(AREAS))
-            at = to[~is_gone & (to != 0)]
+            lost_s[who] = np.where(
+                np.isinf(lost_s[who]) & (is_lost | is_gone), seen_s[who] + np.minimum(cut_s, walk_s), lost_s[who]
+            )
+            seen_s[who] += walk_s
+            goes_on = ~is_gone & (to != 0)
+            n_areas[who[goes_on]] += 1
+            who, at = who[goes_on], to[goes_on]
+        kind = np.minimum(n_areas, N_ROUTES - 1)
+        ways.append(np.column_stack([np.minimum(seen_s, lost_s), np.where(np.isinf(lost_s), kind, -1),
+                                     np.full(len(kind), day), kind]))  # fmt: skip
     every = np.concatenate(rows)
     leaving = [
         Leaving(of[:, 1], of[:, 2].astype(np.int64), of[:, 3].astype(np.int64))
         for of in (every[every[:, 0] == k] for k in range(len(AREAS)))
     ]
-    return SeenFlow(leaving, arrived)
+    way = np.concatenate(ways)
+    routes = Leaving(way[:, 0], way[:, 1].astype(np.int64), way[:, 2].astype(np.int64))
+    return SeenFlow(leaving, arrived, routes, np.bincount(way[:, 3].astype(np.int64), minlength=N_ROUTES) / len(way))
 
 
 def _expected_leaving(shares: Array, unmarked: float) -> Array:

@@ -15,7 +15,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from flow_worlds import AREAS, WORLDS, FlowWorld, see_flow
+from flow_worlds import AREAS, N_ROUTES, WORLDS, FlowWorld, see_flow
 
 from vsd_analytics.stats.next_area import inflow_checks, next_areas
 
@@ -31,6 +31,14 @@ HEAD = (
     "naive",
     "width",
     "inflow disagrees: till, others",
+)
+
+ROUTES_HEAD = ("world", "days", "lost", "long routes: bias, all routes covered", "naive")
+ROUTES_WORLDS = (
+    FlowWorld("tracks are whole"),
+    FlowWorld("a third of the routes is cut", cut_per_s=0.006),
+    FlowWorld("half of the routes is cut", cut_per_s=0.012),
+    FlowWorld("four in five are cut", cut_per_s=0.03),
 )
 
 
@@ -74,6 +82,25 @@ def row(world: FlowWorld, *, n_days: int, n_sites: int) -> tuple[str, ...]:
     )
 
 
+def routes_row(world: FlowWorld, *, n_days: int, n_sites: int) -> tuple[str, ...]:
+    """Return one line of the table of routes: the longest ones, of more than two areas, are lost most often."""
+    truth = see_flow(world, n_days=4000, seed=10**6).true_routes
+    value, naive, held, lost, unknown = [], [], [], [], 0
+    for seed in range(n_sites):
+        seen = see_flow(world, n_days=n_days, seed=seed).routes
+        found = next_areas(seen, n_kinds=N_ROUTES)
+        lost.append(float(np.mean(seen.kind < 0)))
+        naive.append(found.shares[-1].n / max(1, sum(s.n for s in found.shares)))
+        if found.shares[-1].lo is None:
+            unknown += 1
+            continue
+        value.append(found.shares[-1].value)
+        held += [s.lo <= t <= s.hi for s, t in zip(found.shares, truth, strict=True)]  # type: ignore[operator]
+    known = f"{np.mean(value) / truth[-1] - 1:+.0%}, {np.mean(held):.1%}" if value else "unknown"
+    more = f" (unknown in {unknown / n_sites:.0%})" if 0 < unknown < n_sites else ""
+    return world.name, str(n_days), f"{np.mean(lost):.0%}", known + more, f"{np.mean(naive) / truth[-1] - 1:+.0%}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sites", type=int, default=300)
@@ -82,6 +109,10 @@ def main() -> None:
     for world in WORLDS:
         for n_days in (7, 28):
             print(f"| {' | '.join(row(world, n_days=n_days, n_sites=n_sites))} |", flush=True)
+    print(f"\n| {' | '.join(ROUTES_HEAD)} |\n|{'---|' * len(ROUTES_HEAD)}")
+    for world in ROUTES_WORLDS:
+        for n_days in (7, 28):
+            print(f"| {' | '.join(routes_row(world, n_days=n_days, n_sites=n_sites))} |", flush=True)
 
 
 if __name__ == "__main__":

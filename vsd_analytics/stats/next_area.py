@@ -112,7 +112,7 @@ def next_areas(
 
     F_k = sum over times u of S(u-) d_ku / y_u: d_ku people enter area k after u, y_u were still followed, S is the
     Kaplan-Meier curve of all areas together. It ends where fewer than ten are followed, at S = U. These are assumed to
-    go where those went who took longer than the median. The limits do not need that: they are the lower one of F_k and
+    go where as many went who arrived last. The limits do not need that: they are the lower one of F_k and
     the upper one of F_k + U, on the logit scale, with the variance of deleting one day at a time and the t quantile of
     D - 1 degrees of freedom.
 
@@ -244,18 +244,18 @@ class _Arrivals:
         """Return F_k of people with weights (1 or 0), shape (n_kinds,)."""
         return self._sums(weight)[0]
 
-    def reached_late(self) -> Array:
-        """Return the part of F_k of those who take longer than the median, shape (n_kinds,)."""
-        return self._sums(np.ones(len(self.order)))[1]
+    def reached_late(self, unseen: float) -> Array:
+        """Return the part of F_k of those who arrive last, twice the unseen share before, shape (n_kinds,)."""
+        return self._sums(np.ones(len(self.order)), from_share=2 * unseen)[1]
 
-    def _sums(self, weight: Array) -> tuple[Array, Array]:
+    def _sums(self, weight: Array, *, from_share: float = 0.0) -> tuple[Array, Array]:
         w = weight[self.order]
         followed = w[::-1].cumsum()[::-1]
         used = self.is_known & (followed > 0) & (self.kind >= 0)
         hazard = np.divide(w, followed, out=np.zeros_like(w), where=used)
         before = np.concatenate(([1.0], np.cumprod(1 - hazard)[:-1]))
         step = before * hazard
-        late = used & (before <= 0.5)  # noqa: PLR2004, the median
+        late = used & (before <= from_share)
         of_all, of_late = (np.bincount(self.kind[u], weights=step[u], minlength=self.n_kinds) for u in (used, late))
         return of_all.astype(np.float64), of_late.astype(np.float64)
 
@@ -271,8 +271,8 @@ def _shares(
     confidence: float,
 ) -> tuple[ShareEstimate, ...]:
     n, n_days, n_followed = len(leaving.seconds), len(days), int(n_of.sum())
-    late = curve.reached_late()
-    value = reached + unseen * late / late.sum() if unseen else reached
+    late = curve.reached_late(unseen)
+    value = reached + unseen * late / late.sum() if late.any() else reached / reached.sum()
     if short is not None:
         return tuple(
             ShareEstimate(float(v), None, None, int(k), n, n_days, "not_enough_data", short)

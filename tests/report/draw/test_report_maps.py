@@ -169,7 +169,7 @@ def test_each_changed_patch_has_its_sign_inside_it(report: WeekReport) -> None:
     kinds = [("fewer", False)] * len(report.change_maps.fewer[0].polygons)
     kinds += [("more", True)] * len(report.change_maps.more[0].polygons)
     assert [bool(plus) for *_, plus in signs] == [is_plus for _, is_plus in kinds]
-    frame = small_maps._frame(floor)
+    frame = small_maps.mini_frame(floor)
     for (x, y, length, _), (kind, _) in zip(signs, kinds, strict=True):
         at = shapely.Point(float(x) + float(length) / 2, float(y))
         bands = getattr(report.change_maps, kind)

@@ -19,7 +19,7 @@ from vsd_analytics.report.draw.small_maps import mini, mini_frame
 from vsd_analytics.report.draw.svg import ACCENT, INK, el, straight_path
 
 WIDTHS: Final = (1.0, 1.7, 2.6, 3.8)
-"""Of an arrow, SVG units: each step stands for twice as many people."""
+"""Of an arrow, SVG units: each step means twice as many people."""
 NAME_FONT: Final = 17
 WIDEST: Final = 15.0
 """Of a desire line; a line of half the people is half as wide."""

@@ -12,7 +12,6 @@ from vsd_analytics.report.pages.map_panels import MapFigure, MapPanel
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
 
 _Rows = Sequence[Mapping[str, Any]]
 
@@ -53,8 +52,8 @@ def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFi
         summary=say("maps.change_table"),
         region=say("maps.flow_region"),
         caption=say("maps.flow_caption", number=number),
-        head=tuple(say(f"maps.flow_{key}") for key in ("from", "to", "share", "likely", "per_hour")),
-        rows=tuple(_row(r) for r in between),
+        head=tuple(say(f"maps.flow_{key}") for key in ("from_to", "share", "per_hour")),
+        rows=tuple(_row(r) for r in between if r["value"] is not None),
     )
 
 
@@ -77,12 +76,9 @@ def _said(report: WeekReport, between: _Rows, cells: _Rows) -> list[str]:
 
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
-    if row["value"] is None:
-        why = row["reason"] if isinstance(row["reason"], str) else reason_text(row["reason"])
-        return row["place"], why or fmt.MISSING, fmt.MISSING, fmt.MISSING, fmt.MISSING
     to = say("maps.flow_other") if " " in row["to_areas"] else row["to"]
-    likely = fmt.MISSING
+    share = fmt.percent(row["value"])
     if row["lo"] is not None:
-        likely = say("format.and", first=fmt.percent(row["lo"]), last=fmt.percent(row["hi"]))
+        share = say("maps.flow_range", share=share, lo=fmt.percent(row["lo"]), hi=fmt.percent(row["hi"]))
     per_hour = fmt.MISSING if row["per_open_h"] is None else fmt.number(row["per_open_h"])
-    return row["place"], to, fmt.percent(row["value"]), likely, per_hour
+    return say("maps.flow_way", start=row["place"], end=to), share, per_hour
