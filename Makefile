@@ -4,12 +4,13 @@
 # make prove  the long proofs, whose tables are in docs/
 # make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
 # make site  builds the documentation as a site into site/, without a network
+# make sbom  what the program is made of, with licences, into dist/
 # make screenshots  the pictures of the documentation, from the demo (needs a Chromium)
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
-.PHONY: demo check test prove docs lint screenshots site clean
+.PHONY: demo check test prove docs lint screenshots site sbom clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
@@ -83,6 +84,19 @@ screenshots: $(VENV)/.installed-test
 
 site: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+sbom: $(VENV)/.installed-release
+	rm -rf build/sbom
+	$(PYTHON) -m venv build/sbom
+	build/sbom/bin/python -m pip install --quiet .
+	mkdir -p dist
+	$(BIN)/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file dist/sbom.cdx.json build/sbom/bin/python
+	$(BIN)/python docs/licence_list.py dist/sbom.cdx.json > dist/LICENCES.md
+
+$(VENV)/.installed-release: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[release]'
+	touch $@
 
 $(VENV)/.installed-docs: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

@@ -40,6 +40,15 @@ def test_completion_offers_the_public_names_and_each_is_there() -> None:
     assert [name for name in dir(vsd) if not hasattr(vsd, name)] == []
 
 
+def test_completion_of_days_and_projects_offers_what_the_page_describes() -> None:
+    def offered(kind: type) -> set[str]:
+        return {name for name in dir(kind) if not name.startswith("_")}
+
+    tables = {"areas", "cells", "coverage", "hotspots", "hours", "violations"}
+    assert offered(vsd.Days) == tables | {"at", "heatmap", "sql", "trajectories"}
+    assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "plan", "week"}
+
+
 def test_no_public_name_is_also_that_of_a_room() -> None:
     """Importing a room would replace a function of its name."""
     rooms = {p.name for p in (HERE.parents[1] / "vsd_analytics").iterdir() if p.is_dir()}

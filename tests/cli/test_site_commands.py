@@ -450,3 +450,14 @@ def test_network_file_systems_are_distinguished_from_local_ones(tmp_path: Path) 
     assert doctors._kind_of_mount(Path("/home/x"), tmp_path / "none") is None
     assert doctors._platform("win32").state == "needs you"
     assert doctors._platform("darwin").state == "ok"
+
+
+def test_init_finds_a_plan_from_a_folder_that_is_not_there_yet_and_leaves_none_behind(vsd: Vsd, tmp_path: Path) -> None:
+    (tmp_path / "plan.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" width="10" height="10"/>')
+    said = ("init", "--no-input", "--name", "Shop", "--timezone", "Europe/Rome", "--plan-m-per-px", "1", "--plan")
+    code, _, error = vsd("-C", str(tmp_path / "other"), *said, "../nowhere.svg")
+    assert (code, "../nowhere.svg" in error) == (2, True)
+    assert not (tmp_path / "other").exists()
+    code, _, error = vsd("-C", str(tmp_path / "other"), *said, "../plan.svg")
+    assert code == 0, error
+    assert (tmp_path / "other" / "vsd.toml").is_file()

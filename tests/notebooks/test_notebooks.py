@@ -11,7 +11,7 @@ import pytest
 from nbclient import NotebookClient
 
 from vsd_analytics import load_site, open_warehouse
-from vsd_analytics.simulate import write_demo_project
+from vsd_analytics.simulate import write_canteen_project, write_demo_project
 from vsd_analytics.simulate.demo import ingest_demo
 
 NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.ipynb"))
@@ -50,11 +50,15 @@ def test_notebook_runs_on_two_weeks(name: str, tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.simulation
-def test_notebooks_of_the_canteen_run_and_the_first_makes_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both use one canteen: the second finds the facts that the first computed."""
+def test_notebooks_of_the_canteen_run_on_one_canteen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second finds the facts that the first computed. It is what their command makes, without its report."""
+    root = tmp_path / "canteen"
+    write_canteen_project(root, seed=4, weeks=10)
+    ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
+    monkeypatch.setenv("VSD_CANTEEN", str(root))
     for path in (p for p in NOTEBOOKS if p.stem in CANTEEN):
-        monkeypatch.setenv("VSD_CANTEEN", str(tmp_path / "canteen"))
-        runs(path, tmp_path, tmp_path, monkeypatch)
+        assert '"demo", folder, "--place", "canteen", "--weeks", "10"' in path.read_text().replace('\\"', '"')
+        runs(path, root, tmp_path, monkeypatch)
 
 
 def runs(path: Path, demo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
