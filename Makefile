@@ -50,6 +50,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2
 	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
+	$(BIN)/python tests/stats/prove_queue.py --sites 120
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/benchmarks/bench_marts.py

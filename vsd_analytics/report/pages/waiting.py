@@ -84,15 +84,14 @@ def _queue(name: str, people: Rows, waits: Rows) -> QueueView:
     mean, most = _row(people, "mean"), _row(people, "90 %")
     lines = []
     if mean.get("value") is None:
-        lines.append(say("waiting.no_people", reason=reason_text(mean.get("reason")) or say("words.too_little_data")))
+        lines.append(say("waiting.no_people", reason=_too_little()))
     else:
         on_average = _sentence("people", mean, fmt.number)
         is_known = most.get("value") is not None
         lines.append(f"{on_average} {say('waiting.most', n=fmt.count(most['value']))}" if is_known else on_average)
     median = _row(waits, "median")
     if median.get("value") is None:
-        reason = reason_text(median.get("reason")) or say("words.too_little_data")
-        lines.append(say("waiting.no_waits", reason=reason))
+        lines.append(say("waiting.no_waits", reason=_too_little()))
     else:
         lines.append(_sentence("median", median, time_text))
         p90, left = _row(waits, "90 %"), _row(waits, "leave")
@@ -124,8 +123,7 @@ def _capacity(name: str, rows: Rows) -> str:
     mean = _row(rows, "mean people")
     place = {"name": name, "capacity": fmt.count(mean["capacity"])}
     if mean["value"] is None:
-        reason = reason_text(mean["reason"]) or say("words.too_little_data")
-        return say("waiting.place_unknown", plural=None, **place, reason=reason)
+        return say("waiting.place_unknown", plural=None, **place, reason=_too_little())
     busy, full, over = (_row(rows, what) for what in ("at least", "full", "over"))
     if not full["value"]:
         key, more = "waiting.place_never" if busy["value"] else "waiting.place_roomy", {}
@@ -136,6 +134,11 @@ def _capacity(name: str, rows: Rows) -> str:
         more |= {"low": fmt.percent(full.get("lo")), "high": fmt.percent(full.get("hi"))}
     people, well = fmt.number(mean["value"]), fmt.percent(busy["value"])
     return say(key, plural=None, **place, people=people, busy=well, **more)
+
+
+def _too_little() -> str:
+    """Return why a row has no value: its own reason is a text of the JSON file, in English whatever the page's language."""
+    return say("words.too_little_data").lower()
 
 
 def _sentence(key: str, row: Mapping[str, Any], write: Callable[[float], str]) -> str:
