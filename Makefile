@@ -54,6 +54,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_sites.py --worlds 600
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
+	$(BIN)/python tests/stats/prove_queue.py --sites 120
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/benchmarks/bench_marts.py

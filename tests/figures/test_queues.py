@@ -157,6 +157,7 @@ def test_time_without_one_of_the_cameras_counts_as_not_recorded(tmp_path: Path) 
     assert first.mean().rate == pytest.approx(2.0)
     assert first.seconds.sum() == pytest.approx(1800, abs=1)
     assert second.mean().rate is None
+    assert (8 in first.unrecorded_hours, 8 in second.unrecorded_hours) == (False, True)
     assert second.silent_cameras == ("cam-2",)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from queue_worlds import World, see, truth
 
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, Waiting, cumulative_incidence, waiting
+from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, WaitTimes, cumulative_incidence, waiting
 
 N_DAYS = 7
 
@@ -84,7 +84,7 @@ def test_intervals_hold_the_truth_however_many_tracks_are_cut(cut_per_s: float) 
     assert (held >= 34).all()  # 95 % of 40 is 38; 34 is exceeded with probability .99
 
 
-def reason(found: Waiting) -> str:
+def reason(found: WaitTimes) -> str:
     assert found.median.value_s is None
     assert found.left_share.value is None
     return reason_text(found.reason)

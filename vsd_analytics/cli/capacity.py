@@ -10,7 +10,7 @@ from vsd_analytics.cli.compare_text import table
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.queue import people_text, rate_dict
+from vsd_analytics.cli.queue import missed_hours, people_text, rate_dict
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def _as_dict(of: CapacityUse) -> dict[str, Any]:
             ],
             "recorded_share": of.recorded_share,
             "silent_cameras": of.silent_cameras,
+            "unrecorded_hours": of.unrecorded_hours,
         }
     )
     return printed
@@ -123,6 +124,7 @@ def _notes(of: CapacityUse) -> list[str]:
     lines = []
     if of.silent_cameras:
         lines.append(f"nothing was recorded by {', '.join(of.silent_cameras)}: without them people are not known")
+    lines += missed_hours(of.unrecorded_hours)
     if of.area_m2 is not None and of.people.rate:
         levels = ", ".join(f"{r.level} {_share(r.share)}" for r in of.room if r.share.rate)
         lines.append(f"{of.area_m2:.0f} m2; people's time by Fruin's levels of service of walkways: {levels}")

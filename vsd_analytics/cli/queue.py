@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.queues import AreaQueue
     from vsd_analytics.stats.estimates import RateEstimate
     from vsd_analytics.stats.groups import ShareEstimate
-    from vsd_analytics.stats.waiting import Waiting
+    from vsd_analytics.stats.waiting import WaitTimes
 
 _WAITS = ("median wait", "90 % served within", "leave before")
 
@@ -95,6 +95,7 @@ def _as_dict(of: AreaQueue) -> dict[str, Any]:
             ],
             "recorded_share": of.recorded_share,
             "silent_cameras": of.silent_cameras,
+            "unrecorded_hours": of.unrecorded_hours,
         }
     )  # fmt: skip
     return printed
@@ -105,7 +106,7 @@ def rate_dict(of: RateEstimate) -> dict[str, Any]:
     return {"value": of.rate, "lo": of.lo, "hi": of.hi, "state": of.state, "reason": of.reason}
 
 
-def _waits_dict(of: Waiting) -> dict[str, Any]:
+def _waits_dict(of: WaitTimes) -> dict[str, Any]:
     share = of.left_share
     return {
         "median_s": asdict(of.median),
@@ -136,6 +137,13 @@ def people_text(of: RateEstimate) -> str:
     return f"{of.rate:.2g}{limits}"
 
 
+def missed_hours(hours: tuple[int, ...]) -> list[str]:
+    """Return a line on hours of the day that were never recorded; none without any."""
+    if not hours:
+        return []
+    return [f"nothing is known of {', '.join(f'{h:02d}:00' for h in hours)}: the figures are of the other hours"]
+
+
 def _at_most(of: PeopleQuantile) -> str:
     if of.value is None:
         return "–"
@@ -143,7 +151,7 @@ def _at_most(of: PeopleQuantile) -> str:
     return f"at most {of.value}{limits}"
 
 
-def _waits(of: Waiting | None) -> tuple[str, str, str]:
+def _waits(of: WaitTimes | None) -> tuple[str, str, str]:
     return ("–", "–", "–") if of is None else (time_text(of.median), time_text(of.p90), _left(of.left_share))
 
 
@@ -164,6 +172,7 @@ def _notes(of: AreaQueue) -> list[str]:
     lines = []
     if of.silent_cameras:
         lines.append(f"nothing was recorded by {', '.join(of.silent_cameras)}: without them people are not known")
+    lines += missed_hours(of.unrecorded_hours)
     if of.waiting is None:
         return lines if of.why_no_waits is None else [*lines, f"no waiting times: {reason_text(of.why_no_waits)}"]
     waits, little = of.waiting.waits, of.waiting.stays.little

@@ -42,6 +42,7 @@ class CapacityUse:
         room: Person-time at Fruin's levels of service, by the floor for each person; empty for a floor.
         recorded_share: Share of the opening hours in which all its cameras recorded.
         silent_cameras: Cameras that see it and recorded nothing.
+        unrecorded_hours: Open hours of the day that were never recorded: the figures are of the other hours.
     """
 
     place: Area | Floor
@@ -55,6 +56,7 @@ class CapacityUse:
     room: tuple[RoomLevel, ...]
     recorded_share: float
     silent_cameras: tuple[str, ...]
+    unrecorded_hours: tuple[int, ...]
 
 
 def capacities(period: Period) -> tuple[CapacityUse, ...]:
@@ -78,6 +80,7 @@ def _use(period: Period, place: Area | Floor, capacity: int) -> CapacityUse:
         _room(present, area_m2) if area_m2 else (),
         present.recorded_share,
         present.silent_cameras,
+        present.unrecorded_hours,
     )
 
 

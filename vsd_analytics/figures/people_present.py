@@ -146,6 +146,13 @@ class Presence:
         known = self.period.is_inside & self.seconds.any(axis=1)
         return tuple(sorted(set(self.data.hours.hour[known].tolist())))
 
+    @cached_property
+    def unrecorded_hours(self) -> tuple[int, ...]:
+        """Return the hours of the day that are open in the period and never known: levels say nothing of them."""
+        hours = self.data.hours
+        opened = set(hours.hour[self.period.is_inside & (hours.open_s > 0)].tolist())
+        return tuple(sorted(opened - set(self.hours_of_day())))
+
     def _share(self, chosen: Flags, hour: int | None) -> RateEstimate:
         return _at_most_one(self._level(self.seconds @ chosen.astype(np.float64), hour, NEVER))
 

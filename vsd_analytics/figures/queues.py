@@ -18,7 +18,7 @@ from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, Waiting, waiting
+from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, WaitTimes, waiting
 
 BUSY_SHARE: Final = 0.9
 NO_END: Final = Reason("waits.no_end")
@@ -45,12 +45,12 @@ class QueueHour:
     Attributes:
         hour: Local hour, 0 to 23.
         people: Mean number of people waiting in it.
-        waits: Waiting times of those who entered in it; None without an end of the queue.
+        waits: WaitTimes times of those who entered in it; None without an end of the queue.
     """
 
     hour: int
     people: RateEstimate
-    waits: Waiting | None
+    waits: WaitTimes | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class QueueWaits:
         n_back: Stays of people who came out of the area of service: they do not wait.
     """
 
-    waits: Waiting
+    waits: WaitTimes
     stays: Dwell
     n_back: int
 
@@ -81,6 +81,7 @@ class AreaQueue:
         by_hour: By hour of the day.
         recorded_share: Share of the opening hours in which all its cameras recorded.
         silent_cameras: Cameras that see it and recorded nothing.
+        unrecorded_hours: Open hours of the day that were never recorded: the figures are of the other hours.
     """
 
     area: Area
@@ -91,6 +92,7 @@ class AreaQueue:
     by_hour: tuple[QueueHour, ...]
     recorded_share: float
     silent_cameras: tuple[str, ...]
+    unrecorded_hours: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +148,7 @@ def _queue(period: Period, area: Area, seen: _Waits) -> AreaQueue:
         ),
         present.recorded_share,
         present.silent_cameras,
+        present.unrecorded_hours,
     )
 
 
@@ -159,7 +162,7 @@ def _why_no_waits(period: Period, area: Area, present: Presence) -> Reason | Non
     return NO_TRACK_IDS if without.issuperset(seeing) else None
 
 
-def _waiting(period: Period, seen: _Waits) -> Waiting:
+def _waiting(period: Period, seen: _Waits) -> WaitTimes:
     """Return the waiting times of those who did not come back from the area of service."""
     waited, settings = seen.of(~seen.was_served), period.data.site.settings
     return waiting(

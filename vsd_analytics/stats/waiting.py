@@ -37,7 +37,7 @@ Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Waiting:
+class WaitTimes:
     """Waiting times of a queue.
 
     Attributes:
@@ -117,7 +117,7 @@ def waiting(
     *,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
-) -> Waiting:
+) -> WaitTimes:
     """Return waiting times of those served, and the share who leave before the end.
 
     With F of `cumulative_incidence` as far as enough people are followed, and U still waiting there: those are served
@@ -155,13 +155,13 @@ def waiting(
     if few is not None or curve is None:
         none = QuantileEstimate(0.5, None, None, None), QuantileEstimate(0.9, None, None, None)
         unknown = ShareEstimate(None, None, None, 0, n, n_days, "not_enough_data", few)
-        return Waiting(*none, unknown, n, n_of[SERVED], n_of[LEFT], n_of[CUT], n_days, "not_enough_data", few)
+        return WaitTimes(*none, unknown, n, n_of[SERVED], n_of[LEFT], n_of[CUT], n_days, "not_enough_data", few)
     short = Reason("waits.days", least=min_days, has=n_days) if n_days < min_days else None
     half = math.inf if short else t_quantile(n_days - 1, confidence=confidence)
     median, p90 = (_quantile(curve, last, q, half, n=n_of[SERVED]) for q in (0.5, 0.9))
     share = _left_share(curve, last, half, n=n, n_days=n_days, confidence=confidence, reason=short)
     state: State = "ok" if short is None else "not_enough_data"
-    return Waiting(median, p90, share, n, n_of[SERVED], n_of[LEFT], n_of[CUT], n_days, state, short)
+    return WaitTimes(median, p90, share, n, n_of[SERVED], n_of[LEFT], n_of[CUT], n_days, state, short)
 
 
 def _followed(seconds: Array, ends: Ints, days: Ints, of_day: Ints) -> tuple[CumulativeIncidence, int]:

@@ -617,6 +617,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "headline.after_area": "part of `headline.after`, which is judged",
     "headline.since": "names the week before",
     "headline.on_day": "names a day",
+    "ledger.others": "title of the entries without a result",
     "reason.*": "says why a figure is missing",
     "lead.people_came": _DEFINITION,
     "lead.close_share": _DEFINITION,

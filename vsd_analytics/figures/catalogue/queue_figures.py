@@ -15,11 +15,26 @@ from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.waiting import Waiting
+from vsd_analytics.stats.waiting import WaitTimes
 
 PEOPLE: Final = "people"
 SECONDS: Final = "seconds; share of people who enter"
 USE: Final = "share of time; people; share of person-time"
+WHAT: Final = {
+    "mean": "mean",
+    "p90_people": "90 % of the time",
+    "median": "median",
+    "p90": "90 % served within",
+    "left": "leave before the end",
+    "mean_tracks": "mean stay by tracks",
+    "mean_little": "mean stay by Little's law",
+    "people": "mean people",
+    "busy": "at least 60 % full",
+    "full": "full or over",
+    "over": "over",
+    "surplus": "mean people beyond it",
+}
+"""What a row gives, in words, by its key."""
 
 
 @figure("M39")
@@ -28,13 +43,11 @@ def people_waiting(asked: Asked) -> Figure:
     found = asked.found.queues
     rows: list[Row] = []
     for of in found:
-        more: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
+        more = _recorded(of)
         hidden = _hidden(asked, None if of.waiting is None else of.waiting.waits)
-        rows.append({**_of_rate(of, "mean", None, of.people, hidden), **more})
+        rows.append({**_of_rate(of, None, of.people, hidden), **more})
         rows.append(_of_people(of, of.busy, hidden))
-        rows += [
-            _of_rate(of, "mean", h.hour, h.people, hidden or _hidden(asked, h.waits)) for h in of.by_hour if not hidden
-        ]
+        rows += [_of_rate(of, h.hour, h.people, hidden or _hidden(asked, h.waits)) for h in of.by_hour if not hidden]
     if all(row["value"] is None for row in rows):
         return missing(PEOPLE, "not_enough_data", _first_reason(rows))
     return Figure(unit=PEOPLE, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.queues"))
@@ -87,21 +100,38 @@ def capacity_used(asked: Asked) -> Figure:
 def _use(of: CapacityUse) -> Iterator[Row]:
     area = of.place.area_id if isinstance(of.place, Area) else None
     place: Row = {"area": area, "place": of.place.name, "capacity": of.capacity}
-    shares = (("at least 60 % full", of.busy), ("full or over", of.full), ("over", of.over))
-    for what, rate, unit in (
-        ("mean people", of.people, "people"),
-        *((what, rate, "share") for what, rate in shares),
-        ("mean people beyond it", of.surplus, "people"),
-        *((f"room {r.level}", r.share, "share") for r in of.room),
+    for key, rate, unit in (
+        ("people", of.people, "people"),
+        ("busy", of.busy, "share"),
+        ("full", of.full, "share"),
+        ("over", of.over, "share"),
+        ("surplus", of.surplus, "people"),
     ):
-        limits = {"value": rate.rate, "lo": rate.lo, "hi": rate.hi, "reason": rate.reason}
-        first: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
-        yield {**place, "what": what, "unit": unit, **limits, **(first if what == "mean people" else {})}
+        row: Row = {**place, "key": key, "what": WHAT[key], "unit": unit, **_limits(rate)}
+        if rate is of.people:
+            row = {**row, **_recorded(of)}
+        yield row
+    for level in of.room:
+        key = f"room_{level.level.lower()}"
+        yield {**place, "key": key, "what": f"room {level.level}", "unit": "share", **_limits(level.share)}
+
+
+def _recorded(of: AreaQueue | CapacityUse) -> Row:
+    """Return what was recorded of a place, and the cameras and hours of the day that lack it."""
+    return {
+        "recorded_share": of.recorded_share,
+        "silent_cameras": ", ".join(of.silent_cameras),
+        "unrecorded_hours": ", ".join(f"{h:02d}:00" for h in of.unrecorded_hours),
+    }
+
+
+def _limits(rate: RateEstimate) -> Row:
+    return {"value": rate.rate, "lo": rate.lo, "hi": rate.hi, "reason": rate.reason}
 
 
 def _row(
     area: Area,
-    what: str,
+    key: str,
     hour: int | None,
     value: float | None,
     lo: float | None,
@@ -110,39 +140,39 @@ def _row(
     **more: str | bool | None,
 ) -> Row:
     value, lo, hi = (value, lo, hi) if value is not None else (None, None, None)
-    where: Row = {"area": area.area_id, "place": area.name, "what": what, "hour": hour}
+    where: Row = {"area": area.area_id, "place": area.name, "key": key, "what": WHAT[key], "hour": hour}
     return {**where, "value": value, "lo": lo, "hi": hi, "reason": reason, **more}
 
 
-def _of_rate(of: AreaQueue, what: str, hour: int | None, rate: RateEstimate, hidden: Reason | None) -> Row:
+def _of_rate(of: AreaQueue, hour: int | None, rate: RateEstimate, hidden: Reason | None) -> Row:
     if hidden is not None:
-        return _row(of.area, what, hour, None, None, None, hidden)
-    return _row(of.area, what, hour, rate.rate, rate.lo, rate.hi, rate.reason)
+        return _row(of.area, "mean", hour, None, None, None, hidden)
+    return _row(of.area, "mean", hour, rate.rate, rate.lo, rate.hi, rate.reason)
 
 
 def _of_people(of: AreaQueue, found: PeopleQuantile, hidden: Reason | None) -> Row:
     if hidden is not None:
-        return _row(of.area, "90 % of the time", None, None, None, None, hidden)
-    return _row(of.area, "90 % of the time", None, found.value, found.lo, found.hi, None)
+        return _row(of.area, "p90_people", None, None, None, None, hidden)
+    return _row(of.area, "p90_people", None, found.value, found.lo, found.hi, None)
 
 
-def _times(of: AreaQueue, hour: int | None, waits: Waiting, hidden: Reason | None) -> Iterator[Row]:
-    times: tuple[tuple[str, QuantileEstimate], ...] = (("median", waits.median), ("90 % served within", waits.p90))
-    for what, q in times:
+def _times(of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Iterator[Row]:
+    times: tuple[tuple[str, QuantileEstimate], ...] = (("median", waits.median), ("p90", waits.p90))
+    for key, q in times:
         if hidden is not None:
-            yield _row(of.area, what, hour, None, None, None, hidden)
+            yield _row(of.area, key, hour, None, None, None, hidden)
         else:
-            yield _row(of.area, what, hour, q.value_s, q.lo_s, q.hi_s, waits.reason)
+            yield _row(of.area, key, hour, q.value_s, q.lo_s, q.hi_s, waits.reason)
 
 
-def _left(asked: Asked, of: AreaQueue, hour: int | None, waits: Waiting, hidden: Reason | None) -> Row:
+def _left(asked: Asked, of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Row:
     share, n = waits.left_share, waits.n_entered
     part = None if share.value is None else round(share.value * n)
     if hidden is None and part is not None and asked.small(part, n - part):
         hidden = _few(asked)
     if hidden is not None:
-        return _row(of.area, "leave before the end", hour, None, None, None, hidden, unit="share")
-    return _row(of.area, "leave before the end", hour, share.value, share.lo, share.hi, share.reason, unit="share")
+        return _row(of.area, "left", hour, None, None, None, hidden, unit="share")
+    return _row(of.area, "left", hour, share.value, share.lo, share.hi, share.reason, unit="share")
 
 
 def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
@@ -150,12 +180,12 @@ def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
         return
     little = of.waiting.stays.little
     doubt = " (the two means disagree)" if little.agrees is False else ""
-    for what, mean in (("mean stay by tracks", little.by_tracks), ("mean stay by Little's law", little.by_little)):
-        agrees = little.agrees
-        yield _row(of.area, what + doubt, None, mean.value_s, mean.lo_s, mean.hi_s, mean.reason, agrees=agrees)
+    for key, mean in (("mean_tracks", little.by_tracks), ("mean_little", little.by_little)):
+        row = _row(of.area, key, None, mean.value_s, mean.lo_s, mean.hi_s, mean.reason, agrees=little.agrees)
+        yield {**row, "what": WHAT[key] + doubt}
 
 
-def _hidden(asked: Asked, waits: Waiting | None) -> Reason | None:
+def _hidden(asked: Asked, waits: WaitTimes | None) -> Reason | None:
     return _few(asked) if waits is not None and asked.small(waits.n_entered) else None
 
 

@@ -75,42 +75,43 @@ def _of(rows: Rows, area: str) -> Rows:
     return [row for row in rows if row["area"] == area]
 
 
-def _row(rows: Rows, what: str, hour: int | None = None) -> Mapping[str, Any]:
+def _row(rows: Rows, key: str, hour: int | None = None) -> Mapping[str, Any]:
     """Return the row of a value, empty where there is none."""
-    return next((r for r in rows if str(r["what"]).startswith(what) and r.get("hour") == hour), {})
+    return next((r for r in rows if r["key"] == key and r.get("hour") == hour), {})
 
 
 def _queue(name: str, people: Rows, waits: Rows) -> QueueView:
-    mean, most = _row(people, "mean"), _row(people, "90 %")
+    mean, most = _row(people, "mean"), _row(people, "p90_people")
     lines = []
     if mean.get("value") is None:
-        lines.append(say("waiting.no_people", reason=reason_text(mean.get("reason")) or say("words.too_little_data")))
+        lines.append(say("waiting.no_people", reason=_too_little()))
     else:
         on_average = _sentence("people", mean, fmt.number)
         is_known = most.get("value") is not None
         lines.append(f"{on_average} {say('waiting.most', n=fmt.count(most['value']))}" if is_known else on_average)
     median = _row(waits, "median")
     if median.get("value") is None:
-        reason = reason_text(median.get("reason")) or say("words.too_little_data")
-        lines.append(say("waiting.no_waits", reason=reason))
+        lines.append(say("waiting.no_waits", reason=_too_little()))
     else:
         lines.append(_sentence("median", median, time_text))
-        p90, left = _row(waits, "90 %"), _row(waits, "leave")
+        p90, left = _row(waits, "p90"), _row(waits, "left")
         if p90.get("value") is not None:
             lines.append(_sentence("p90", p90, time_text))
         if left.get("value") is not None:
             lines.append(_sentence("left", left, fmt.percent))
-        tracks, little = _row(waits, "mean stay by tracks"), _row(waits, "mean stay by Little")
+        tracks, little = _row(waits, "mean_tracks"), _row(waits, "mean_little")
         if tracks.get("agrees") is False:
             lines.append(say("waiting.disagree", tracks=time_text(tracks["value"]), little=time_text(little["value"])))
     if silent := mean.get("silent_cameras"):
         lines.append(say("waiting.silent", cameras=str(silent)))
+    elif unknown := mean.get("unrecorded_hours"):
+        lines.append(say("waiting.unrecorded", hours=str(unknown)))
     hours = [row["hour"] for row in people if row.get("hour") is not None]
     return QueueView(name=name, lines=tuple(lines), hours=tuple(_hour(h, people, waits) for h in hours))
 
 
 def _hour(hour: int, people: Rows, waits: Rows) -> HourRow:
-    mean, median, left = _row(people, "mean", hour), _row(waits, "median", hour), _row(waits, "leave", hour)
+    mean, median, left = _row(people, "mean", hour), _row(waits, "median", hour), _row(waits, "left", hour)
     return HourRow(
         hour=fmt.hour_label(hour),
         people=fmt.number(mean.get("value")),
@@ -121,21 +122,27 @@ def _hour(hour: int, people: Rows, waits: Rows) -> HourRow:
 
 
 def _capacity(name: str, rows: Rows) -> str:
-    mean = _row(rows, "mean people")
+    mean = _row(rows, "people")
     place = {"name": name, "capacity": fmt.count(mean["capacity"])}
     if mean["value"] is None:
-        reason = reason_text(mean["reason"]) or say("words.too_little_data")
-        return say("waiting.place_unknown", plural=None, **place, reason=reason)
-    busy, full, over = (_row(rows, what) for what in ("at least", "full", "over"))
+        return say("waiting.place_unknown", plural=None, **place, reason=_too_little())
+    busy, full, over = (_row(rows, key) for key in ("busy", "full", "over"))
     if not full["value"]:
         key, more = "waiting.place_never" if busy["value"] else "waiting.place_roomy", {}
     else:
         key = "waiting.place" if full.get("lo") is not None and full.get("hi") is not None else "waiting.place_plain"
-        surplus_min = fmt.number(_row(rows, "mean people beyond")["value"] * _MINUTE_S)
+        surplus_min = fmt.number(_row(rows, "surplus")["value"] * _MINUTE_S)
         more = {"full": fmt.percent(full["value"]), "over": fmt.percent(over["value"]), "surplus": surplus_min}
         more |= {"low": fmt.percent(full.get("lo")), "high": fmt.percent(full.get("hi"))}
+    missed = mean.get("unrecorded_hours")
     people, well = fmt.number(mean["value"]), fmt.percent(busy["value"])
-    return say(key, plural=None, **place, people=people, busy=well, **more)
+    said = say(key, plural=None, **place, people=people, busy=well, **more)
+    return f"{said} {say('waiting.unrecorded', hours=str(missed))}" if missed else said
+
+
+def _too_little() -> str:
+    """Return why a row has no value: its own reason is English, as all texts of the JSON file are."""
+    return say("words.too_little_data").lower()
 
 
 def _sentence(key: str, row: Mapping[str, Any], write: Callable[[float], str]) -> str:

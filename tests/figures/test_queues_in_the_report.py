@@ -1,0 +1,105 @@
+"""Queues and capacities in the report and on the command line: planted numbers, small counts, silent cameras."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report import ingested_worlds as w
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.week import render_html
+
+WAITING = {"M39", "M40", "M41"}
+PAIRS = {w.QUEUE: 20}
+"""Twenty pairs an hour stand in the queue for two frames of 10 s each."""
+
+
+def asking(*, cameras: tuple[str, ...] = ("cam-1",), language: str = "en", name: str = "Queue") -> str:
+    """Return a vsd.toml whose queue leads to the door, with a capacity of one person."""
+    queue = f'name = "{name}"\nqueue = true\nserved_in = "door"\ndoor = true\ncapacity = 1'
+    toml = w.toml(cameras=cameras).replace('name = "Queue"', queue)
+    return toml.replace("[site]", f'[site]\nlanguage = "{language}"', 1)
+
+
+def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", *arguments])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in out + err
+    return code, out, err
+
+
+def values(figure: dict[str, Any], hour: int | None = None) -> dict[str, Any]:
+    return {r["what"]: r["value"] for r in figure["rows"] if r.get("hour") == hour}
+
+
+def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A pair of people for 20 s every 180 s: two people for a ninth of the time, so one more than the capacity."""
+    site = w.world(tmp_path, asking(name="<b>Q</b>{{ 7*7 }}"), w.messages(w.steady(PAIRS)))
+    report = w.report(site)
+    found = json.loads(to_json(report))["figures"]
+    assert values(found["M39"])["mean"] == pytest.approx(2 / 9, rel=1e-3)
+    assert values(found["M39"], 10)["mean"] == pytest.approx(2 / 9, rel=1e-3)
+    assert values(found["M39"])["90 % of the time"] == 2
+    use = values(found["M41"])
+    for what in ("at least 60 % full", "full or over", "over", "mean people beyond it"):
+        assert use[what] == pytest.approx(1 / 9, rel=1e-3), what
+    (median,) = (r for r in found["M40"]["rows"] if r["what"] == "median")
+    assert (median["value"], median["reason"]) == (None, "needs at least 10 people who are served, has 0")
+    page = render_html(report)
+    assert "<b>Q</b>" not in page
+    assert "&lt;b&gt;Q&lt;/b&gt;{{ 7*7 }}, capacity 1" in page
+    assert "On average 0.22 people wait" in page
+    code, out, _ = vsd(tmp_path, capsys, "queue", "--week", "2026-W46")
+    assert code == 1, "no waiting time of a queue that has an end"
+    assert "at most 2" in out
+    code, out, _ = vsd(tmp_path, capsys, "capacity", "--week", "2026-W46", "--json")
+    (place,) = json.loads(out)["places"]
+    assert code == 0
+    assert place["time_over"]["value"] == pytest.approx(1 / 9, rel=1e-3)
+
+
+def test_a_report_that_nobody_asked_has_neither_figures_nor_section(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    report = w.report(w.world(tmp_path, w.toml(), w.messages(w.steady(PAIRS), days=(0,))))
+    assert not WAITING & set(json.loads(to_json(report))["figures"])
+    assert 'id="waiting"' not in render_html(report)
+    for command, fix in (("queue", "queue = true"), ("capacity", "capacity = 40")):
+        code, _, err = vsd(tmp_path, capsys, command)
+        assert code == 2
+        assert fix in err
+
+
+def test_few_people_are_held_back_and_the_page_in_italian_says_so(tmp_path: Path) -> None:
+    few = lambda day, hour: {w.QUEUE: 1} if day < 2 and hour == 10 else {w.DOOR: 20}  # noqa: E731
+    report = w.report(w.world(tmp_path, asking(language="it"), w.messages(few, days=(0, 1, 2))))
+    found = json.loads(to_json(report))["figures"]
+    for metric in ("M39", "M40"):
+        assert found[metric]["state"] == "not_enough_data"
+        assert found[metric]["reason"] == "fewer than 5 people were seen to enter"
+    assert "Non si sa quante persone aspettano" in render_html(report)
+
+
+def test_a_week_in_which_one_of_two_cameras_was_silent_is_unknown_and_names_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    days = (0, 1)
+    both = [
+        *w.messages(w.steady(PAIRS), days=days),
+        *w.messages(w.steady(PAIRS), camera="cam-2", monday=w.BEFORE, days=days),
+    ]
+    w.world(tmp_path, asking(cameras=("cam-1", "cam-2")), both)
+    code, out, _ = vsd(tmp_path, capsys, "queue", "--week", "2026-W46", "--json")
+    (area,) = json.loads(out)["areas"]
+    assert code == 1
+    assert area["people_waiting"]["value"] is None
+    assert area["silent_cameras"] == ["cam-2"]
+    assert area["recorded_share"] == 0.0
+    code, out, _ = vsd(tmp_path, capsys, "capacity", "--week", "2026-W46")
+    assert code == 1
+    assert "nothing was recorded by cam-2" in out
