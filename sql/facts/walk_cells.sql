@@ -45,8 +45,8 @@ steps as (
         cast(floor(f.ts_ms / 3600000) as bigint) as hour,
         f.camera_id,
         f.track_id,
-        cast(floor((f.x_mm + f.before_x_mm) / 2000) as integer) as cx,
-        cast(floor((f.y_mm + f.before_y_mm) / 2000) as integer) as cy,
+        cast(floor((f.x_mm + f.before_x_mm) / (2 * 1000)) as integer) as cx,
+        cast(floor((f.y_mm + f.before_y_mm) / (2 * 1000)) as integer) as cy,
         f.x_mm - f.before_x_mm as dx_mm,
         f.y_mm - f.before_y_mm as dy_mm
     from followed as f
