@@ -12,6 +12,9 @@ from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.store.layout import HOUR_MS, Part
+from vsd_analytics.warehouse.arrays.batch import Batch
+from vsd_analytics.warehouse.arrays.held import ENUMS, Held
+from vsd_analytics.warehouse.arrays.stored import columns_of, id_names, read_records
 from vsd_analytics.warehouse.dimensions import params, register_quarters, register_site
 from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.graphs import components
@@ -23,13 +26,8 @@ if TYPE_CHECKING:
 
 Parts = Mapping[TableName, Sequence[Part]]
 
-_UNUSED = ("quality", "distance_sd_mm")
-"""Stored columns that no fact reads."""
 _INTERVAL_MAX_MS = 1_200_000
 """Longest frame interval: `camera_days` cuts it at 20 minutes, so that an hour depends on its neighbours alone."""
-_ENUMS = {"camera_id": "camera_name", "track_id": "track_name", "track_a": "track_name", "track_b": "track_name"}
-"""Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
-names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
 PAIRS = "pairs"
 """The fact with a row for almost every record, which most others are computed from."""
 _WITH_CAMERAS = ("cameras", "calibrations", "owner_cells", "camera_days")
@@ -108,15 +106,19 @@ def hour_facts(
                 con.register("_camera_days", camera_days)
                 con.execute("create temp table camera_days as select * from _camera_days")
                 name = "stored records"
-                _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
+                held = _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
+                batch = None if is_careful else Batch(held, params(site))
                 for relation in (r for r in relations("staging", "facts").values() if r.name in computed):
                     name = relation.name
+                    is_array = False
                     if name == PAIRS and pairs:
                         _read_fact(con, relation, pairs, *spans)
-                    else:
+                    elif batch is None or not (is_array := batch.computes(relation)):
+                        held.publish(relation.reads)
                         create(con, relation)
                     if name in facts and name not in yielded:
-                        yield relation, _rows(con, relation, first_hour, last_hour)
+                        hours = (first_hour, last_hour)
+                        yield relation, held.table(relation, *hours) if is_array else _rows(con, relation, *hours)
                         yielded.add(name)
             return
         except INSIDE as error:
@@ -143,7 +145,7 @@ def _read_fact(
     con: duckdb.DuckDBPyConnection, relation: Relation, files: Sequence[Path], first_ms: int, after_ms: int
 ) -> None:
     """Create a fact of the records in [first_ms, after_ms) from its files, as `create` does from stored records."""
-    columns = (f"cast({c} as {_ENUMS[c]}) as {c}" if c in _ENUMS else c for c in relation.columns)
+    columns = (f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c for c in relation.columns)
     con.execute(
         f"create temp table {relation.name} as select {', '.join(columns)} from read_parquet({literal_list(files)}, "
         f"hive_partitioning = false) where ts_ms >= {first_ms:d} and ts_ms < {after_ms:d}"
@@ -161,35 +163,23 @@ def _margin_ms(site: Site) -> int:
 
 def _load(
     con: duckdb.DuckDBPyConnection, tables: Sequence[TableName], parts: Parts, first_ms: int, after_ms: int
-) -> None:
-    """Create `stored_<table>` of the records in [first_ms, after_ms), with enums for the ids of all relations."""
-    views = {f"_parts_{table}": table for table in tables}
-    ids: dict[str, set[str]] = {"camera_name": {f"select camera_id as id from {r}" for r in _WITH_CAMERAS}}
-    for view, table in views.items():
-        rows = _empty(con, table)
-        if parts[table]:  # older parts lack columns that were added later
-            names = literal_list(p.path for p in parts[table])
-            rows = f"(select * from {rows} union all by name select * from read_parquet({names}, union_by_name = true))"
-        con.execute(
-            f"create temp view {view} as select * from {rows} "
-            f"where epoch_ms(ts) >= {first_ms:d} and epoch_ms(ts) < {after_ms:d}"
-        )
-        for column in (c for c in SCHEMAS[table].names if c in _ENUMS):
-            ids.setdefault(_ENUMS[column], set()).add(f"select distinct {column} as id from {view}")
-    for enum, queries in ids.items():
-        every = " union ".join(sorted(queries))
-        con.execute(f"create type {enum} as enum (select id from ({every}) where id is not null order by id)")
+) -> Held:
+    """Return the stored records in [first_ms, after_ms), and make the ids of all tables enums."""
+    records = {table: read_records(table, parts[table], first_ms, after_ms) for table in tables}
+    every = " union ".join(f"select camera_id from {relation}" for relation in _WITH_CAMERAS)
+    cameras = (camera for (camera,) in con.execute(every).fetchall())
+    names = id_names(records, cameras)
+    held = Held(con, names)
     for relation in _WITH_CAMERAS:
         con.execute(f"alter table {relation} alter camera_id type camera_name")
-    for view, table in views.items():
-        columns = (f"cast({c} as {_ENUMS[c]}) as {c}" if c in _ENUMS else c for c in SCHEMAS[table].names)
-        wanted = ", ".join(c for c, name in zip(columns, SCHEMAS[table].names, strict=True) if name not in _UNUSED)
-        con.execute(f"create temp table stored_{table} as select {wanted} from {view}")
+    for table, rows in records.items():
+        held.add_stored(f"stored_{table}", rows, columns_of(rows, names))
+    return held
 
 
 def _rows(con: duckdb.DuckDBPyConnection, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
     """Return the rows of a fact in a range of hours, with texts for enums: a file holds no names of other hours."""
-    columns = (f"cast({c} as varchar) as {c}" if c.removeprefix("other_") in _ENUMS else c for c in relation.columns)
+    columns = (f"cast({c} as varchar) as {c}" if c in ENUMS else c for c in relation.columns)
     inside = f"hour between {first_hour:d} and {last_hour:d}"
     return con.sql(f"select {', '.join(columns)} from {relation.name} where {inside}").to_arrow_table()
 

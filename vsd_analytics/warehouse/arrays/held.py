@@ -1,0 +1,149 @@
+"""The relations of one batch, as arrays beside a DuckDB connection: each is converted when the other side first reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns
+from vsd_analytics.warehouse.sqlfiles import Relation
+
+if TYPE_CHECKING:
+    import duckdb
+
+ENUMS = {
+    **dict.fromkeys(("camera_id", "other_camera_id"), "camera_name"),
+    **dict.fromkeys(("track_id", "track_a", "track_b", "other_track_a", "other_track_b"), "track_name"),
+    **dict.fromkeys(("first_other_id", "last_other_id"), "track_name"),
+}
+"""Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
+names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
+_INT32 = frozenset(
+    "x_mm y_mm x_a_mm y_a_mm x_b_mm y_b_mm next_x_a_mm next_y_a_mm next_x_b_mm next_y_b_mm distance_mm"
+    " min_distance_mm cx cy n_ends".split()
+)
+
+
+class Held:
+    """Relations of one batch.
+
+    Args:
+        con: The connection with the enum types and the small tables of the site.
+        names: Names by enum type, in order.
+    """
+
+    def __init__(self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array]) -> None:
+        self._con = con
+        self._names = names
+        self._columns: dict[str, Columns] = {}
+        self._unpublished: dict[str, tuple[str, ...]] = {}
+        self._stored: dict[str, pa.Table] = {}
+        for enum, known in names.items():
+            con.register(f"_{enum}", pa.table({"id": known}))
+            con.execute(f"create type {enum} as enum (select id from _{enum})")
+            con.execute(f"create temp table {enum}s as select cast(id as {enum}) as id from _{enum}")
+            con.unregister(f"_{enum}")
+
+    @property
+    def n_names(self) -> dict[str, int]:
+        """The number of names by enum type."""
+        return {enum: len(known) for enum, known in self._names.items()}
+
+    def __getitem__(self, name: str) -> Columns:
+        """Return the columns of a relation, read from DuckDB where it is a table there only."""
+        if name not in self._columns:
+            self._columns[name] = self._read(self._con.sql(f"select * from {name}").to_arrow_table())
+        return self._columns[name]
+
+    def add(self, name: str, columns: Iterable[str], rows: Columns) -> None:
+        """Hold a relation; `columns` are those that queries may read."""
+        self._columns[name] = rows
+        self._unpublished[name] = tuple(columns)
+
+    def add_stored(self, name: str, rows: pa.Table, columns: Columns) -> None:
+        """Hold a stored table; queries read its rows as they are."""
+        self._columns[name] = columns
+        self._stored[name] = rows
+
+    def replace(self, name: str, rows: Columns) -> None:
+        """Hold other columns of a relation that is a table already."""
+        self._columns[name] = rows
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns
+
+    def publish(self, names: Iterable[str]) -> None:
+        """Create the tables of those relations that are arrays only, for queries that read them."""
+        for name in names:
+            if name in self._stored:
+                self._create(name, self._stored.pop(name), lambda c: f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c)
+            if name not in self._unpublished:
+                continue
+            columns = self._unpublished.pop(name)
+            rows = self._columns[name]
+            self._create(name, pa.table({c: _array(c, rows[c]) for c in columns}), _named)
+
+    def table(self, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
+        """Return the rows of a held fact in a range of hours, with texts for ids; the rows are in order of hours."""
+        rows = self._columns[relation.name]
+        first, after = np.searchsorted(rows["hour"], [first_hour, last_hour + 1])
+        found = {}
+        for column in relation.columns:
+            values = rows[column][first:after]
+            enum = ENUMS.get(column)
+            if values.dtype == object or enum is None:
+                found[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)
+            else:
+                found[column] = self._names[enum].take(_array(column, values))
+        return pa.table(found)
+
+    def names_of(self, enum: str) -> pa.Array:
+        """Return the names of an enum type, in order."""
+        return self._names[enum]
+
+    def _create(self, name: str, rows: pa.Table, expression: Callable[[str], str]) -> None:
+        self._con.register(f"_{name}", rows)
+        columns = ", ".join(map(expression, rows.column_names))
+        self._con.execute(f"create temp table {name} as select {columns} from _{name}")
+        self._con.unregister(f"_{name}")
+
+    def _read(self, table: pa.Table) -> Columns:
+        return {name: _values(table[name]) for name in table.column_names}
+
+
+def _named(column: str) -> str:
+    enum = ENUMS.get(column)
+    return column if enum is None else f"(select list(id order by id) from {enum}s)[{column} + 1] as {column}"
+
+
+def _array(column: str, values: np.ndarray[Any, Any]) -> pa.Array:
+    """Return a column for Arrow: nulls for unknown ids and numbers."""
+    if values.dtype == np.bool_:
+        return pa.array(values)
+    if ENUMS.get(column) is not None:
+        return pa.array(values.astype(np.int32, copy=False), mask=values < 0)
+    if values.dtype.kind == "f":
+        return pa.array(values, mask=np.isnan(values))
+    is_unknown = values == NULL
+    mask = is_unknown if is_unknown.any() else None
+    if column in _INT32:
+        return pa.array(np.where(is_unknown, 0, values).astype(np.int32) if mask is not None else values.astype(np.int32), mask=mask)
+    return pa.array(values, mask=mask)
+
+
+def _values(column: pa.ChunkedArray) -> np.ndarray[Any, Any]:
+    """Return a column of DuckDB as an array."""
+    kind = column.type
+    if pa.types.is_dictionary(kind):
+        codes = pa.chunked_array([chunk.indices for chunk in column.chunks], type=kind.index_type)
+        return codes.cast(pa.int32()).fill_null(-1).to_numpy()
+    if pa.types.is_integer(kind):
+        return column.cast(pa.int64()).fill_null(NULL).to_numpy()
+    if pa.types.is_boolean(kind):
+        return column.fill_null(False).to_numpy()
+    if pa.types.is_floating(kind):
+        return column.to_numpy()
+    return np.asarray(column.to_pylist(), dtype=object)

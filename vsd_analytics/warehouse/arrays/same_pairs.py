@@ -1,0 +1,165 @@
+"""`same_pairs`: which runs of two cameras show the same two people."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Bools,
+    Columns,
+    Ints,
+    beside,
+    distinct,
+    least,
+    order_by,
+    run_of,
+    starts_of,
+    take,
+)
+from vsd_analytics.warehouse.arrays.held import Held
+from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+
+_REACH_MM = 500
+_FARTHEST_MS, _STAY_MS = 4000, 1000
+
+
+def same_pairs(held: Held, site: SiteTables) -> Columns:
+    """Return `facts/same_pairs`, by the steps of its query."""
+    records = held["close_records"]
+    seen = _seen(records, site)
+    near = _near(seen, site)
+    best = _agreeing(near)
+    run, other_run, n_same = best
+    n_both = _both(seen, run, other_run)
+    is_same = 2 * n_same >= n_both
+    run, other_run, n_same, n_both = run[is_same], other_run[is_same], n_same[is_same], n_both[is_same]
+    first = starts_of(records["_run"])
+    order = order_by(records["hour"][first[run]], run, other_run)
+    run, other_run, n_same, n_both = run[order], other_run[order], n_same[order], n_both[order]
+    one, other = first[run], first[other_run]
+    return {
+        "hour": records["hour"][one],
+        **{c: records[c][one] for c in ("camera_id", "track_a", "track_b", "started_ms")},
+        **{f"other_{c}": records[c][other] for c in ("camera_id", "track_a", "track_b", "started_ms")},
+        "n_same": n_same,
+        "n_both": n_both,
+    }
+
+
+def _seen(records: Columns, site: SiteTables) -> Columns:
+    """Return where pairs were at whole seconds, on floor from which several cameras may report."""
+    x2, y2 = (records[f"{c}_a_mm"] + records[f"{c}_b_mm"] for c in ("x", "y"))
+    is_shared = site.floors.owner(records["camera_id"], records["ts_ms"], x2, y2, 2) >= 0
+    wanted = "hour camera_id ts_ms x_a_mm y_a_mm x_b_mm y_b_mm interval_ms is_followed next_ms _run _pair"
+    places = ("x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
+    names = (*wanted.split(), *(f"next_{p}" for p in places))
+    rows = np.flatnonzero(is_shared)
+    r = {name: records[name][rows] for name in names}
+    ts = r["ts_ms"]
+    is_walking = r["is_followed"] & (r["next_ms"] - ts <= _FARTHEST_MS)
+    to_ms = np.where(is_walking, r["next_ms"], ts + np.minimum(r["interval_ms"], _STAY_MS))
+    second = -(-ts // 1000)
+    n_seconds = np.maximum(0, -(-to_ms // 1000) - second)
+    row = np.repeat(np.arange(len(ts)), n_seconds)
+    k = np.arange(len(row)) - np.repeat(np.cumsum(n_seconds) - n_seconds, n_seconds)
+    second = second[row] + k
+    share = (1000 * second - ts[row]) / (to_ms - ts)[row]
+    here = {p: r[p][row] for p in places}
+    there = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"], r[p])[row] for p in places}
+    a, b = ("x_a_mm", "y_a_mm"), ("x_b_mm", "y_b_mm")
+    middle = (
+        here[p] + here[q] + share * (there[p] + there[q] - here[p] - here[q]) for p, q in zip(a, b, strict=True)
+    )
+    return {
+        **{name: r[name][row] for name in ("hour", "camera_id", "_run", "_pair")},
+        "second": second,
+        **{p: here[p] + share * (there[p] - here[p]) for p in places},
+        **dict(zip(("x2_mm", "y2_mm"), middle, strict=True)),
+    }
+
+
+def _near(seen: Columns, site: SiteTables) -> Columns:
+    """Return the pairs of two cameras that are in the same place in a second, with the square of how far they are apart."""
+    # records reach at most four seconds beyond their hour, so that seconds of an hour are small numbers
+    of_hour = (site.floors.of_camera[seen["camera_id"]], seen["hour"], seen["second"] - 3600 * seen["hour"])
+    x = np.floor(seen["x2_mm"]).astype(np.int64)
+    order = order_by(*of_hour, x)
+    starts = starts_of(*(key[order] for key in of_hour))
+    group, seen, x = run_of(starts, len(x)), take(seen, order), x[order]
+    found = []
+    # a little farther than the reach, because halving and adding round: the squares below decide
+    for one, other in beside(group, x, 2 * _REACH_MM + 2):
+        camera, other_camera = seen["camera_id"][one], seen["camera_id"][other]
+        is_other = (camera != other_camera) & (np.abs(seen["y2_mm"][one] - seen["y2_mm"][other]) <= 2 * _REACH_MM + 1)
+        one, other, is_turned = one[is_other], other[is_other], (camera > other_camera)[is_other]
+        p, q = np.where(is_turned, other, one), np.where(is_turned, one, other)
+        square = np.minimum(
+            np.maximum(_square(seen, p, q, "a", "a"), _square(seen, p, q, "b", "b")),
+            np.maximum(_square(seen, p, q, "a", "b"), _square(seen, p, q, "b", "a")),
+        )
+        is_near = square <= _REACH_MM**2
+        p, q, square = p[is_near], q[is_near], square[is_near]
+        is_in = _is_in_reach(seen, p, q)
+        found.append((p[is_in], q[is_in], square[is_in]))
+    p, q, square = (np.concatenate([np.zeros(0, dtype=np.int64 if i < 2 else np.float64), *(f[i] for f in found)]) for i in range(3))
+    return {
+        "second": seen["second"][p],
+        **{c: seen[c][p] for c in ("camera_id", "_pair", "_run")},
+        **{f"other{'' if c[0] == '_' else '_'}{c}": seen[c][q] for c in ("camera_id", "_pair", "_run")},
+        "square_mm2": square,
+    }
+
+
+def _square(seen: Columns, p: Ints, q: Ints, one: str, other: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    x = seen[f"x_{one}_mm"][p] - seen[f"x_{other}_mm"][q]
+    y = seen[f"y_{one}_mm"][p] - seen[f"y_{other}_mm"][q]
+    return x * x + y * y
+
+
+def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return whether the midpoint of p lies in one of the four squares of side 1 m around the midpoint of q."""
+    is_in = np.ones(len(p), dtype=np.bool_)
+    for c in ("x2_mm", "y2_mm"):
+        square, middle = np.floor(seen[c][p] / 2000), seen[f"{c[0]}_a_mm"][q] + seen[f"{c[0]}_b_mm"][q]
+        low, high = np.floor((middle - 1000) / 2000), np.floor((middle + 1000) / 2000)
+        is_in &= (square == low) | (square == high)
+    return is_in
+
+
+def _agreeing(near: Columns) -> tuple[Ints, Ints, Ints]:
+    """Return the runs of two cameras that fit each other best in some second, and in how many seconds they do."""
+    run, other, second = near["_run"], near["other_run"], near["second"]
+    is_best = _is_best(near, (second, near["_pair"], near["other_camera_id"]), (other, run))
+    is_best &= _is_best(near, (second, near["other_pair"], near["camera_id"]), (run, other))
+    run, other = run[is_best], other[is_best]
+    order = order_by(run, other)
+    run, other = run[order], other[order]
+    starts = starts_of(run, other)
+    return run[starts], other[starts], np.diff(starts, append=len(run))
+
+
+def _is_best(near: Columns, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) -> Bools:
+    """Return whether a row is the nearest of its group, among equals the one with the least numbers."""
+    order = order_by(*groups)
+    starts = starts_of(*(key[order] for key in groups))
+    group, square = run_of(starts, len(order)), near["square_mm2"][order]
+    is_nearest = square == least(square, starts)[group]
+    number = np.where(is_nearest, (ties[0] * np.int64(2**31) + ties[1])[order], 2**62)
+    found = np.zeros(len(order), dtype=np.bool_)
+    found[order] = number == least(number, starts)[group]
+    return found
+
+
+def _both(seen: Columns, run: Ints, other_run: Ints) -> Ints:
+    """Return the number of seconds in which both runs are seen."""
+    low = int(seen["second"].min()) if len(seen["second"]) else 0
+    span = int(seen["second"].max()) - low + 1 if len(seen["second"]) else 1
+    keys = distinct(seen["_run"] * span + (seen["second"] - low))
+    first = np.searchsorted(keys, run * span)
+    n = np.searchsorted(keys, (run + 1) * span) - first
+    of = np.repeat(np.arange(len(run)), n)
+    at = np.arange(len(of)) - np.repeat(np.cumsum(n) - n, n) + np.repeat(first, n)
+    wanted = keys[at] % span + other_run[of] * span
+    found = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted if len(keys) else wanted < 0
+    return np.bincount(of[found], minlength=len(run))
