@@ -28,11 +28,23 @@ def take(columns: Columns, rows: NDArray[Any]) -> Columns:
 
 
 def order_by(*keys: NDArray[Any]) -> Ints:
-    """Return the numbers of the rows in order of several integer keys, the first one first; equal rows stay in order.
+    """Return the numbers of the rows in order of several integer keys, the first one first; equal rows stay in order."""
+    packed, n_bits = packed_keys(*keys)
+    return np.lexsort(keys[::-1]) if packed is None else _order(packed, n_bits)
 
-    The keys become one number, which is sorted by counting, some bits at a time: linear work, several times quicker
-    than comparing.
-    """
+
+def grouped_by(*keys: NDArray[Any]) -> tuple[Ints, Ints]:
+    """Return the numbers of the rows in order of keys, and the first place of each group of equal keys in this order."""
+    packed, n_bits = packed_keys(*keys)
+    if packed is None:
+        order = np.lexsort(keys[::-1])
+        return order, starts_of(*(key[order] for key in keys))
+    order = _order(packed, n_bits)
+    return order, starts_of(packed[order])
+
+
+def packed_keys(*keys: NDArray[Any]) -> tuple[Ints | None, int]:
+    """Return keys as one number in their order, and its bits; None where they need more than an integer has."""
     n, room = len(keys[0]), 1
     packed = np.zeros(n, dtype=np.int64)
     for key in keys if n else ():
@@ -40,17 +52,27 @@ def order_by(*keys: NDArray[Any]) -> Ints:
         size = int(key.max()) - low + 1
         room *= size
         if room >= 2**62:
-            return np.lexsort(keys[::-1])
-        packed *= size
-        packed += key
-        packed -= low
-    n_bits = room.bit_length() if room & (room - 1) else room.bit_length() - 1
+            return None, 0
+        if size > 1:
+            packed *= size
+            packed += key
+            packed -= low
+    return packed, (room - 1).bit_length()
+
+
+def _order(packed: Ints, n_bits: int) -> Ints:
+    """Sort by counting, some bits at a time: linear work, several times quicker than comparing."""
+    n = len(packed)
     n_passes = -(-n_bits // max(_DIGIT_BITS, n.bit_length()))
-    digit_bits = -(-n_bits // max(1, n_passes))
-    order = np.arange(n)
-    for number in range(n_passes):
-        digit = (packed >> (number * digit_bits)) & (2**digit_bits - 1)
-        order = order[_counted(digit if number == 0 else digit[order], 2**digit_bits)]
+    if n_passes == 0:
+        return np.arange(n)
+    digit_bits = -(-n_bits // n_passes)
+    order = _counted(packed & (2**digit_bits - 1), 2**digit_bits)
+    for number in range(1, n_passes):
+        digit = packed[order] >> (number * digit_bits)
+        if number < n_passes - 1:
+            digit &= 2**digit_bits - 1
+        order = order[_counted(digit, 2**digit_bits)]
     return order
 
 
@@ -67,8 +89,8 @@ def _counted(digits: Ints, n_digits: int) -> Ints:
 def distinct(keys: Ints) -> Ints:
     """Return the different numbers in order."""
     keys = keys[starts_of(keys)]  # few are left where equal ones follow each other
-    keys = keys[order_by(keys)]
-    return keys[starts_of(keys)]
+    order, starts = grouped_by(keys)
+    return keys[order[starts]]
 
 
 def starts_of(*keys: NDArray[Any]) -> Ints:
@@ -89,7 +111,7 @@ def run_of(starts: Ints, n: int) -> Ints:
 
 def sums(values: NDArray[Any], starts: Ints) -> Ints:
     """Return the sum of each run."""
-    return np.add.reduceat(values, starts, dtype=np.int64) if len(starts) else np.zeros(0, dtype=np.int64)
+    return np.add.reduceat(values.astype(np.int64), starts) if len(starts) else np.zeros(0, dtype=np.int64)
 
 
 def least(values: NDArray[Any], starts: Ints) -> NDArray[Any]:
@@ -104,10 +126,8 @@ def greatest(values: NDArray[Any], starts: Ints) -> NDArray[Any]:
 
 def summed(keys: Columns, values: Columns) -> Columns:
     """Return the sums of values by all combinations of keys that occur, in order of the keys."""
-    order = order_by(*keys.values())
-    keys = take(keys, order)
-    starts = starts_of(*keys.values())
-    return {**take(keys, starts), **{name: sums(v[order], starts) for name, v in values.items()}}
+    order, starts = grouped_by(*keys.values())
+    return {**take(keys, order[starts]), **{name: sums(v[order], starts) for name, v in values.items()}}
 
 
 def beside(group: Ints, x: Ints, reach: int) -> Iterator[tuple[Ints, Ints]]:

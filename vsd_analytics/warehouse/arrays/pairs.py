@@ -9,6 +9,8 @@ from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
+_CROWD = 40
+
 
 def pairs(held: Held, site: SiteTables) -> Columns | None:
     """Return `facts/pairs`, in order of hour, camera, instant and members; None where an engine reports pairs itself.
@@ -20,18 +22,22 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
     located = held["located"]
     placed = np.flatnonzero(located["x_mm"] != NULL)
     frame, x, y = (located[c][placed] for c in ("_frame", "x_mm", "y_mm"))
-    rows = order_by(frame, x)
-    frame, x, y = frame[rows], x[rows], y[rows]
     reach = int(site.params["pair_max_mm"])
+    is_crowded = np.bincount(frame, minlength=1)[frame] > _CROWD
+    few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
+    many = many[order_by(frame[many], x[many])]
     found: list[tuple[Ints, Ints, Ints]] = []
-    for a, b in beside(frame, x, reach):
-        square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
-        is_near = square <= reach * reach
-        found.append((rows[a[is_near]], rows[b[is_near]], square[is_near]))
-    one, other, square = (np.concatenate([f[i] for f in found] or [placed[:0]]) for i in range(3))
+    # up to 40 people are compared each with each; of more, those in a strip
+    for rows, of, along in ((few, frame[few], np.zeros_like(few)), (many, frame[many], x[many])):
+        for one, other in beside(of, along, reach):
+            a, b = rows[one], rows[other]
+            square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
+            near = np.flatnonzero(square <= reach * reach)
+            found.append((a[near], b[near], square[near]))
+    one, other, square = (np.concatenate([few[:0], *(f[i] for f in found)]) for i in range(3))
     a, b = placed[np.minimum(one, other)], placed[np.maximum(one, other)]
     hour = located["ts_ms"][a] // HOUR_MS
-    order = order_by(hour, a, b)
+    order = order_by(hour, a, b) if len(many) else order_by(hour)  # people were compared in order
     a, b, hour, square = a[order], b[order], hour[order], square[order]
     camera, ts = located["camera_id"][a], located["ts_ms"][a]
     x_a, y_a, x_b, y_b = (located[c][side] for side in (a, b) for c in ("x_mm", "y_mm"))

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, order_by, run_of, starts_of, summed, sums, take
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, grouped_by, order_by, run_of, starts_of, summed, sums, take
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
 
@@ -19,46 +19,61 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
     """Return `staging/in_violation`, in order of camera, instant and member; `_person` numbers the persons of pairs."""
     pairs = held["pairs"]
     close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
-    person = np.concatenate([pairs["_a"][close], pairs["_b"][close]])
-    own, other = (np.concatenate([pairs[f"track_{s}"][close] for s in sides]) for sides in ("ab", "ba"))
-    n = int(person.max()) + 1 if len(person) else 0
-    n_others = np.bincount(person, minlength=n)
-    rows = np.flatnonzero(n_others)
-    found = _persons(pairs, close, n)
+    person, own, other = (
+        np.concatenate([pairs[c][close] for c in sides])
+        for sides in (("_a", "_b"), ("track_a", "track_b"), ("track_b", "track_a"))
+    )
+    n_others = np.bincount(person)
+    n, rows = len(n_others), np.flatnonzero(n_others)
+    last = np.full(n, -1, dtype=np.int64)
+    np.maximum.at(last, person, other.astype(np.int64))
     return {
-        **take(found, rows),
+        **_people(held, close, rows, site),
         "track_id": _least_id(own, person, n)[rows],
         "n_others": n_others[rows],
         "n_named": np.bincount(person[other >= 0], minlength=n)[rows],
         "first_other_id": _least_id(other, person, n)[rows],
-        "last_other_id": -1 - _least(-1 - other, person, n)[rows],
-        "is_owned": _is_owned(pairs, close, take(found, rows), rows, site),
+        "last_other_id": last[rows],
         "_person": rows,
     }
 
 
-def _persons(pairs: Columns, rows: Ints, n: int) -> Columns:
-    """Return camera, instant, member, place and weight of each of `n` persons of some pairs; without pairs, anything."""
+def _people(held: Held, rows: Ints, numbers: Ints, site: SiteTables) -> Columns:
+    """Return camera, instant, member, place and weight of persons of some pairs, and whether their camera counts them.
+
+    Args:
+        held: The relations.
+        rows: The rows of `pairs`.
+        numbers: The persons in these, by number, in order.
+        site: The tables of the site.
+    """
+    pairs = held["pairs"]
+    columns = ("camera_id", "ts_ms", "member", "x_mm", "y_mm", "weight_ms", "is_owned")
+    if pairs["is_derived"].all():  # then their numbers are those of their records
+        return {c: held["located"][c][numbers] for c in columns}
+    n = int(numbers[-1]) + 1
     person = np.concatenate([pairs["_a"][rows], pairs["_b"][rows]])
+    of = np.zeros(n, dtype=np.int64)
+    of[person] = np.arange(len(person))
     found = {}
-    for name, (a, b) in {
-        **{c: (c, c) for c in ("camera_id", "ts_ms", "weight_ms")},
-        **{"member": ("member_a", "member_b")},
-    }.items():
-        found[name] = np.zeros(n, dtype=pairs[a].dtype)
-        found[name][person] = np.concatenate([pairs[a][rows], pairs[b][rows]])
-    for name in ("x_mm", "y_mm"):
-        c = name[0]
+    for name in ("camera_id", "ts_ms", "weight_ms", "member"):
+        a, b = ("member_a", "member_b") if name == "member" else (name, name)
+        found[name] = np.concatenate([pairs[a][rows], pairs[b][rows]])[of[numbers]]
+    for c in ("x", "y"):
         values = np.concatenate([pairs[f"{c}_a_mm"][rows], pairs[f"{c}_b_mm"][rows]])
-        least = _least(np.where(values == NULL, _LAST, values), person, n)
-        found[name] = np.where(least == _LAST, NULL, least)
-    return found
+        least = _least(np.where(values == NULL, _LAST, values), person, n)[numbers]
+        found[f"{c}_mm"] = np.where(least == _LAST, NULL, least)
+    has_owned = np.zeros(n, dtype=np.bool_)
+    has_owned[person[np.tile(pairs["is_owned"][rows], 2)]] = True
+    x, y = found["x_mm"], found["y_mm"]
+    is_owned = site.floors.is_owned(found["camera_id"], found["ts_ms"], x, y)
+    return {**found, "is_owned": np.where(x == NULL, has_owned[numbers], is_owned)}
 
 
 def _least(values: Ints, person: Ints, n: int) -> Ints:
     """Return the least value of each person, `_LAST` without any."""
     found = np.full(n, _LAST, dtype=np.int64)
-    np.minimum.at(found, person, values)
+    np.minimum.at(found, person, values.astype(np.int64))  # numpy is slow where types differ
     return found
 
 
@@ -66,17 +81,6 @@ def _least_id(ids: Ints, person: Ints, n: int) -> Ints:
     """Return the least known id of each person, -1 without any."""
     found = _least(np.where(ids < 0, _LAST, ids), person, n)
     return np.where(found == _LAST, -1, found)
-
-
-def _is_owned(pairs: Columns, rows: Ints, persons: Columns, numbers: Ints, site: SiteTables) -> NDArray[np.bool_]:
-    """Return whether the camera counts a person: by the own place, without one where it counts any pair of the person."""
-    n = int(numbers.max()) + 1 if len(numbers) else 0
-    owned = rows[pairs["is_owned"][rows]]
-    has_owned = np.zeros(n, dtype=np.bool_)
-    has_owned[pairs["_a"][owned]] = True
-    has_owned[pairs["_b"][owned]] = True
-    x, y = persons["x_mm"], persons["y_mm"]
-    return np.where(x == NULL, has_owned[numbers], site.floors.is_owned(persons["camera_id"], persons["ts_ms"], x, y))
 
 
 def distance_times(held: Held, site: SiteTables) -> Columns:
@@ -87,8 +91,7 @@ def distance_times(held: Held, site: SiteTables) -> Columns:
     n = int(person.max()) + 1 if len(person) else 0
     nearest = _least(np.tile(pairs["distance_mm"], 2), person, n)
     numbers = np.flatnonzero(nearest < _LAST)
-    persons = take(_persons(pairs, every, n), numbers)
-    is_owned = _is_owned(pairs, every, persons, numbers, site)
+    persons = _people(held, every, numbers, site)
     none, no_person = np.zeros(len(every), dtype=np.int64), np.zeros(len(numbers), dtype=np.int64)
     both = {
         "camera_id": (pairs["camera_id"], persons["camera_id"]),
@@ -96,7 +99,7 @@ def distance_times(held: Held, site: SiteTables) -> Columns:
         "distance_mm": (pairs["distance_mm"], nearest[numbers]),
         "n_pairs": (pairs["is_owned"], no_person),
         "n_sent": (pairs["is_owned"] & ~pairs["is_derived"], no_person),
-        "nearest_ms": (none, np.where(is_owned, persons["weight_ms"], 0)),
+        "nearest_ms": (none, np.where(persons["is_owned"], persons["weight_ms"], 0)),
     }
     rows = {name: np.concatenate(sides) for name, sides in both.items()}
     return _in_buckets(rows, site, ("distance_mm",), ("n_pairs", "n_sent", "nearest_ms"))
@@ -111,8 +114,11 @@ def neighbour_times(held: Held, site: SiteTables) -> Columns:
 
 def _in_buckets(rows: Columns, site: SiteTables, keys: tuple[str, ...], values: tuple[str, ...]) -> Columns:
     bucket = bucket_of(rows["ts_ms"], site)
-    by = {"hour": bucket // 4, "camera_id": rows["camera_id"], "bucket_quarter": bucket, **{k: rows[k] for k in keys}}
-    return summed(by, {v: rows[v] for v in values})
+    hour = bucket // 4
+    # the quarter within the hour, because small numbers are sorted at once
+    by = {"hour": hour, "camera_id": rows["camera_id"], "bucket_quarter": bucket - 4 * hour, **{k: rows[k] for k in keys}}
+    found = summed(by, {v: rows[v] for v in values})
+    return {**found, "bucket_quarter": found["bucket_quarter"] + 4 * found["hour"]}
 
 
 def violation_time(held: Held, site: SiteTables) -> Columns:
@@ -152,8 +158,7 @@ def company_times(held: Held, site: SiteTables) -> Columns:
     track = np.where(persons["track_id"] < 0, site.n_tracks, persons["track_id"])
     bucket = bucket_of(persons["ts_ms"], site)
     keys = (bucket, persons["camera_id"], track, company)
-    order = order_by(*keys)
-    starts = starts_of(*(key[order] for key in keys))
+    order, starts = grouped_by(*keys)
     first = order[starts]
     return _in_text_order(
         {
@@ -178,8 +183,7 @@ def _companies(row: Ints, other: Ints, n: int, site: SiteTables) -> Ints:
     while len(at := at[n_others[at] > step]):  # each further other splits the companies so far
         rows = row[starts[at]]
         before, added = found[rows], other[starts[at] + step]
-        order = order_by(before, added)
-        runs = starts_of(before[order], added[order])
+        order, runs = grouped_by(before, added)
         found[rows[order]] = used + 1 + run_of(runs, len(order))
         used += len(runs)
         step += 1

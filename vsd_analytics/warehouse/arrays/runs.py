@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, order_by, run_of, starts_of, sums, take
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns, grouped_by, order_by, run_of, starts_of, sums, take
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, gap_ms
 
@@ -70,22 +70,20 @@ def close_records(held: Held, site: SiteTables) -> Columns:
 def episode_cells(held: Held, site: SiteTables) -> Columns:
     """Return `facts/episode_cells`."""
     records, cell_mm = held["close_records"], int(site.params["cell_mm"])
-    run, weight = np.tile(records["_run"], 2), np.tile(records["weight_ms"], 2)
-    owned = np.where(np.tile(records["is_owned"], 2), weight, 0)
+    n = len(records["_run"])
     x, y = (np.concatenate([records[f"{c}_a_mm"], records[f"{c}_b_mm"]]) for c in ("x", "y"))
-    row = np.tile(np.arange(len(records["_run"])), 2)
     rows = np.flatnonzero(x != NULL)
-    cx, cy = x[rows] // cell_mm, y[rows] // cell_mm
-    order = order_by(records["hour"][row[rows]], run[rows], cx, cy)
-    rows, cx, cy = rows[order], cx[order], cy[order]
-    starts = starts_of(run[rows], cx, cy)
-    first = row[rows[starts]]
+    record, cx, cy = rows % max(1, n), x[rows] // cell_mm, y[rows] // cell_mm
+    order, starts = grouped_by(records["hour"][record], records["_run"][record], cx, cy)
+    record = record[order]
+    weight = records["weight_ms"][record]
+    first = record[starts]
     return {
         **{c: records[c][first] for c in ("hour", "camera_id", "track_a", "track_b", "started_ms")},
-        "cx": cx[starts],
-        "cy": cy[starts],
-        "violation_ms": sums(weight[rows], starts),
-        "owned_ms": sums(owned[rows], starts),
+        "cx": cx[order[starts]],
+        "cy": cy[order[starts]],
+        "violation_ms": sums(weight, starts),
+        "owned_ms": sums(np.where(records["is_owned"][record], weight, 0), starts),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsd_analytics.warehouse.arrays.columns import (
     NULL,
@@ -11,11 +12,11 @@ from vsd_analytics.warehouse.arrays.columns import (
     Ints,
     beside,
     distinct,
+    grouped_by,
     least,
     order_by,
     run_of,
     starts_of,
-    take,
 )
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
@@ -23,12 +24,14 @@ from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 _REACH_MM = 500
 _FARTHEST_MS, _STAY_MS = 4000, 1000
 
+Floats = NDArray[np.float64]
+
 
 def same_pairs(held: Held, site: SiteTables) -> Columns:
     """Return `facts/same_pairs`, by the steps of its query."""
     records = held["close_records"]
     seen = _seen(records, site)
-    near = _near(seen, site)
+    near = _near(seen)
     best = _agreeing(near)
     run, other_run, n_same = best
     n_both = _both(seen, run, other_run)
@@ -48,7 +51,10 @@ def same_pairs(held: Held, site: SiteTables) -> Columns:
 
 
 def _seen(records: Columns, site: SiteTables) -> Columns:
-    """Return where pairs were at whole seconds, on floor from which several cameras may report."""
+    """Return where pairs were at whole seconds, on floor from which several cameras may report.
+
+    Rows are in order of `_group`, a floor and second of an hour, and of `_x`, the whole millimetres of x2.
+    """
     x2, y2 = (records[f"{c}_a_mm"] + records[f"{c}_b_mm"] for c in ("x", "y"))
     is_shared = site.floors.owner(records["camera_id"], records["ts_ms"], x2, y2, 2) >= 0
     wanted = "hour camera_id ts_ms x_a_mm y_a_mm x_b_mm y_b_mm interval_ms is_followed next_ms _run _pair"
@@ -62,34 +68,38 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     second = -(-ts // 1000)
     n_seconds = np.maximum(0, -(-to_ms // 1000) - second)
     row = np.repeat(np.arange(len(ts)), n_seconds)
-    k = np.arange(len(row)) - np.repeat(np.cumsum(n_seconds) - n_seconds, n_seconds)
-    second = second[row] + k
+    second = second[row] + (np.arange(len(row)) - np.repeat(np.cumsum(n_seconds) - n_seconds, n_seconds))
+    here = {p: r[p] for p in places}
+    there = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"], r[p]) for p in places}
+
+    def middle(c: str, share: Floats, row: Ints) -> Floats:
+        start = here[f"{c}_a_mm"] + here[f"{c}_b_mm"]
+        end = there[f"{c}_a_mm"] + there[f"{c}_b_mm"] - here[f"{c}_a_mm"] - here[f"{c}_b_mm"]
+        return start[row] + share * end[row]
+
     share = (1000 * second - ts[row]) / (to_ms - ts)[row]
-    here = {p: r[p][row] for p in places}
-    there = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"], r[p])[row] for p in places}
-    a, b = ("x_a_mm", "y_a_mm"), ("x_b_mm", "y_b_mm")
-    middle = (
-        here[p] + here[q] + share * (there[p] + there[q] - here[p] - here[q]) for p, q in zip(a, b, strict=True)
-    )
+    x = np.floor(middle("x", share, row)).astype(np.int64)
+    # records reach at most four seconds beyond their hour, so that seconds of an hour are small numbers
+    of_hour = (site.floors.of_camera[r["camera_id"]][row], r["hour"][row], second - 3600 * r["hour"][row])
+    order = order_by(*of_hour, x)
+    group = run_of(starts_of(*(key[order] for key in of_hour)), len(row))
+    row, second, share = row[order], second[order], share[order]
+    moves = {p: there[p] - here[p] for p in places}
     return {
-        **{name: r[name][row] for name in ("hour", "camera_id", "_run", "_pair")},
+        **{name: r[name][row] for name in ("camera_id", "_run", "_pair")},
         "second": second,
-        **{p: here[p] + share * (there[p] - here[p]) for p in places},
-        **dict(zip(("x2_mm", "y2_mm"), middle, strict=True)),
+        **{p: here[p][row] + share * moves[p][row] for p in places},
+        **{f"{c}2_mm": middle(c, share, row) for c in "xy"},
+        "_x": x[order],
+        "_group": group,
     }
 
 
-def _near(seen: Columns, site: SiteTables) -> Columns:
+def _near(seen: Columns) -> Columns:
     """Return the pairs of two cameras that are in the same place in a second, with the square of how far they are apart."""
-    # records reach at most four seconds beyond their hour, so that seconds of an hour are small numbers
-    of_hour = (site.floors.of_camera[seen["camera_id"]], seen["hour"], seen["second"] - 3600 * seen["hour"])
-    x = np.floor(seen["x2_mm"]).astype(np.int64)
-    order = order_by(*of_hour, x)
-    starts = starts_of(*(key[order] for key in of_hour))
-    group, seen, x = run_of(starts, len(x)), take(seen, order), x[order]
     found = []
     # a little farther than the reach, because halving and adding round: the squares below decide
-    for one, other in beside(group, x, 2 * _REACH_MM + 2):
+    for one, other in beside(seen["_group"], seen["_x"], 2 * _REACH_MM + 2):
         camera, other_camera = seen["camera_id"][one], seen["camera_id"][other]
         is_other = (camera != other_camera) & (np.abs(seen["y2_mm"][one] - seen["y2_mm"][other]) <= 2 * _REACH_MM + 1)
         one, other, is_turned = one[is_other], other[is_other], (camera > other_camera)[is_other]
@@ -133,16 +143,14 @@ def _agreeing(near: Columns) -> tuple[Ints, Ints, Ints]:
     is_best = _is_best(near, (second, near["_pair"], near["other_camera_id"]), (other, run))
     is_best &= _is_best(near, (second, near["other_pair"], near["camera_id"]), (run, other))
     run, other = run[is_best], other[is_best]
-    order = order_by(run, other)
-    run, other = run[order], other[order]
-    starts = starts_of(run, other)
-    return run[starts], other[starts], np.diff(starts, append=len(run))
+    order, starts = grouped_by(run, other)
+    first = order[starts]
+    return run[first], other[first], np.diff(starts, append=len(run))
 
 
 def _is_best(near: Columns, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) -> Bools:
     """Return whether a row is the nearest of its group, among equals the one with the least numbers."""
-    order = order_by(*groups)
-    starts = starts_of(*(key[order] for key in groups))
+    order, starts = grouped_by(*groups)
     group, square = run_of(starts, len(order)), near["square_mm2"][order]
     is_nearest = square == least(square, starts)[group]
     number = np.where(is_nearest, (ties[0] * np.int64(2**31) + ties[1])[order], 2**62)

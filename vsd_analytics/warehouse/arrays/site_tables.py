@@ -63,7 +63,7 @@ class Floors:
                 is_here &= (ts_ms >= from_ms) & (ts_ms < to_ms)
             is_here &= (cx >= x0) & (cx < x0 + grid.shape[0]) & (cy >= y0) & (cy < y0 + grid.shape[1])
             rows = np.flatnonzero(is_here)
-            found[rows] = grid[cx[rows] - x0, cy[rows] - y0]
+            found[rows] = grid.ravel()[(cx[rows] - x0) * grid.shape[1] + cy[rows] - y0]
         return found
 
     def is_owned(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Bools:

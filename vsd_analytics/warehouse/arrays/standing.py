@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, order_by, starts_of, summed, sums, take
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, grouped_by, order_by, starts_of, summed, sums, take
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
 
@@ -73,18 +73,21 @@ def floor_cells(held: Held, site: SiteTables) -> Columns:
         for c in "xy"
     )
     bucket = bucket_of(ts, site)
-    keys = (bucket // 4, camera, bucket, cx, cy)
+    hour = bucket // 4
+    keys = (hour, camera, bucket - 4 * hour, cx, cy)  # small numbers are sorted quickly
     track = np.full(len(ts), -1, dtype=np.int64)
     track[: len(stood)] = located["track_id"][stood]
-    order = order_by(*keys, track)
-    starts = starts_of(*(key[order] for key in keys))
+    order, firsts = grouped_by(*keys, track)
+    once = order[firsts]
+    starts = firsts[starts_of(*(key[once] for key in keys))]
     is_new = np.zeros(len(ts), dtype=np.bool_)
-    is_new[starts_of(*(key[order] for key in (*keys, track)))] = True
+    is_new[firsts] = True
     n = (len(stood), len(close), len(met))
     what = np.repeat([0, 1, 2], n)[order]
     weight = np.concatenate([located["weight_ms"][stood], persons["weight_ms"][close], np.zeros(n[2], dtype=np.int64)])[order]
     return {
-        **dict(zip(("hour", "camera_id", "bucket_quarter", "cx", "cy"), (k[order[starts]] for k in keys), strict=True)),
+        **{c: k[order[starts]] for c, k in {"hour": hour, "camera_id": camera, "bucket_quarter": bucket}.items()},
+        **{c: k[order[starts]] for c, k in {"cx": cx, "cy": cy}.items()},
         "person_records": sums(what == 0, starts),
         "exposure_ms": sums(np.where(what == 0, weight, 0), starts),
         "violation_persons": sums(what == 1, starts),
