@@ -13,9 +13,10 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.store.layout import HOUR_MS, Part
 from vsd_analytics.warehouse.arrays.batch import Batch
+from vsd_analytics.warehouse.arrays.camera_days import camera_days as days_of_cameras
 from vsd_analytics.warehouse.arrays.held import ENUMS, Held
 from vsd_analytics.warehouse.arrays.stored import columns_of, id_names, read_records
-from vsd_analytics.warehouse.dimensions import params, register_quarters, register_site
+from vsd_analytics.warehouse.dimensions import camera_table, params, register_quarters, register_site
 from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.input_fingerprint import dependencies
@@ -33,30 +34,17 @@ PAIRS = "pairs"
 _WITH_CAMERAS = ("cameras", "calibrations", "owner_cells", "camera_days")
 
 
-def day_facts(site: Site, parts: Parts, *, first_day: int, last_day: int) -> pa.Table:
-    """Return the rows of the fact `camera_days` of UTC days.
+def day_facts(site: Site, parts: Parts, *, by_queries: bool = False) -> pa.Table:
+    """Return the rows of the fact `camera_days`.
 
     Args:
         site: The project.
-        parts: Stored parts of these days.
-        first_day: First UTC day number.
-        last_day: Last one, inclusive.
-
-    Raises:
-        SqlError: E604, DuckDB fails internally, also with careful settings.
+        parts: Stored parts of whole UTC days.
+        by_queries: Run the query in `sql/` instead of the function that is quicker.
     """
-    try:
-        return _day_facts(site, parts, is_careful=False)
-    except INSIDE:
-        try:
-            return _day_facts(site, parts, is_careful=True)
-        except INSIDE as error:
-            hours = {"first_hour": first_day * 24, "last_hour": last_day * 24 + 23}
-            raise failed_inside(error, relation="camera_days", parts=parts, **hours) from error
-
-
-def _day_facts(site: Site, parts: Parts, *, is_careful: bool) -> pa.Table:
-    with connect(is_careful=is_careful) as con:
+    if not by_queries:
+        return days_of_cameras(parts, camera_table(site))
+    with connect() as con:
         register_site(con, site)
         for table in TABLES:
             rows = f"read_parquet({literal_list(p.path for p in parts[table])}, union_by_name = true)"
@@ -75,6 +63,7 @@ def hour_facts(
     first_hour: int,
     last_hour: int,
     pairs: Sequence[Path] = (),
+    by_queries: bool = False,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
@@ -89,6 +78,7 @@ def hour_facts(
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
         pairs: Files of the fact `pairs` of these hours and their neighbours, to read it; none = compute it.
+        by_queries: Run every query in `sql/`, also of relations that `arrays` computes; else only after DuckDB failed.
 
     Raises:
         SqlError: E604, DuckDB fails internally, also with careful settings.
@@ -107,11 +97,12 @@ def hour_facts(
                 con.execute("create temp table camera_days as select * from _camera_days")
                 name = "stored records"
                 held = _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
-                batch = None if is_careful else Batch(held, params(site))
+                batch = None if is_careful or by_queries else Batch(held, params(site))
                 for relation in (r for r in relations("staging", "facts").values() if r.name in computed):
                     name = relation.name
                     is_array = False
                     if name == PAIRS and pairs:
+                        held.publish(())
                         _read_fact(con, relation, pairs, *spans)
                     elif batch is None or not (is_array := batch.computes(relation)):
                         held.publish(relation.reads)
@@ -169,9 +160,7 @@ def _load(
     every = " union ".join(f"select camera_id from {relation}" for relation in _WITH_CAMERAS)
     cameras = (camera for (camera,) in con.execute(every).fetchall())
     names = id_names(records, cameras)
-    held = Held(con, names)
-    for relation in _WITH_CAMERAS:
-        con.execute(f"alter table {relation} alter camera_id type camera_name")
+    held = Held(con, names, _WITH_CAMERAS)
     for table, rows in records.items():
         held.add_stored(f"stored_{table}", rows, columns_of(rows, names))
     return held

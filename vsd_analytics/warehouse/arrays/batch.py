@@ -13,6 +13,7 @@ from vsd_analytics.warehouse.arrays.clusters import (
     gathering_clusters,
 )
 from vsd_analytics.warehouse.arrays.columns import Columns
+from vsd_analytics.warehouse.arrays.coverage import coverage, recorded_spans, sequence_runs
 from vsd_analytics.warehouse.arrays.episodes import episode_segments
 from vsd_analytics.warehouse.arrays.gatherings import gathering_joins, gathering_links, gathering_parts, shared_tracks
 from vsd_analytics.warehouse.arrays.held import Held
@@ -35,6 +36,9 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
     f.__name__: f
     for f in (
         instants,
+        coverage,
+        recorded_spans,
+        sequence_runs,
         located,
         pairs,
         close_records,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from vsd_analytics.warehouse.arrays.columns import NULL, Columns
 from vsd_analytics.warehouse.sqlfiles import Relation
@@ -31,21 +32,17 @@ class Held:
     """Relations of one batch.
 
     Args:
-        con: The connection with the enum types and the small tables of the site.
+        con: The connection with the small tables of the site.
         names: Names by enum type, in order.
+        with_cameras: Those of the small tables that have cameras.
     """
 
-    def __init__(self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array]) -> None:
-        self._con = con
-        self._names = names
+    def __init__(self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array], with_cameras: Iterable[str]) -> None:
+        self._con, self._names, self._with_cameras = con, names, tuple(with_cameras)
         self._columns: dict[str, Columns] = {}
         self._unpublished: dict[str, tuple[str, ...]] = {}
         self._stored: dict[str, pa.Table] = {}
-        for enum, known in names.items():
-            con.register(f"_{enum}", pa.table({"id": known}))
-            con.execute(f"create type {enum} as enum (select id from _{enum})")
-            con.execute(f"create temp table {enum}s as select cast(id as {enum}) as id from _{enum}")
-            con.unregister(f"_{enum}")
+        self._has_enums = False
 
     @property
     def n_names(self) -> dict[str, int]:
@@ -76,7 +73,9 @@ class Held:
         return name in self._columns
 
     def publish(self, names: Iterable[str]) -> None:
-        """Create the tables of those relations that are arrays only, for queries that read them."""
+        """Create the tables of those relations that are arrays only, for queries that read them, and the enum types."""
+        if not self._has_enums:
+            self._create_enums()
         for name in names:
             if name in self._stored:
                 self._create(name, self._stored.pop(name), lambda c: f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c)
@@ -104,6 +103,16 @@ class Held:
         """Return the names of an enum type, in order."""
         return self._names[enum]
 
+    def _create_enums(self) -> None:
+        self._has_enums = True
+        for enum, known in self._names.items():
+            self._con.register(f"_{enum}", pa.table({"id": known}))
+            self._con.execute(f"create type {enum} as enum (select id from _{enum})")
+            self._con.execute(f"create temp table {enum}s as select cast(id as {enum}) as id from _{enum}")
+            self._con.unregister(f"_{enum}")
+        for relation in self._with_cameras:
+            self._con.execute(f"alter table {relation} alter camera_id type camera_name")
+
     def _create(self, name: str, rows: pa.Table, expression: Callable[[str], str]) -> None:
         self._con.register(f"_{name}", rows)
         columns = ", ".join(map(expression, rows.column_names))
@@ -111,7 +120,13 @@ class Held:
         self._con.unregister(f"_{name}")
 
     def _read(self, table: pa.Table) -> Columns:
-        return {name: _values(table[name]) for name in table.column_names}
+        found = {}
+        for name in table.column_names:
+            values = table[name]
+            if name in ENUMS and not pa.types.is_dictionary(values.type):
+                values = pc.index_in(values, self._names[ENUMS[name]]).fill_null(-1)
+            found[name] = _values(values)
+        return found
 
 
 def _named(column: str) -> str:

@@ -27,18 +27,27 @@ def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_m
         first_ms: First instant, UTC milliseconds.
         after_ms: The instant after the last one.
     """
-    fields = [f for f in SCHEMAS[table] if f.name not in UNUSED]
-    ids = [f.name for f in fields if f.name in ENUMS]
-    schema = pa.schema([f.with_type(pa.dictionary(pa.int32(), pa.string())) if f.name in ids else f for f in fields])
-    read = [_part(part, schema, ids, first_ms, after_ms) for part in parts]
-    return pa.concat_tables([schema.empty_table(), *read]).unify_dictionaries().combine_chunks()
+    wanted = [f.name for f in SCHEMAS[table] if f.name not in UNUSED]
+    read = [_within(read_columns(part, table, wanted), first_ms, after_ms) for part in parts]
+    return pa.concat_tables([_schema(table, wanted).empty_table(), *read]).unify_dictionaries().combine_chunks()
 
 
-def _part(part: Part, schema: pa.Schema, ids: Sequence[str], first_ms: int, after_ms: int) -> pa.Table:
-    rows = pq.ParquetFile(part.path, read_dictionary=ids).read(columns=schema.names, use_threads=False)
-    found = {f.name: _column(rows, f) for f in schema}
-    ts = found["ts"].cast(pa.int64())
-    rows = pa.table(found, schema=schema)
+def read_columns(part: Part, table: TableName, columns: Collection[str]) -> pa.Table:
+    """Return some columns of a part, ids as dictionaries; columns that an older part lacks are unknown."""
+    schema = _schema(table, columns)
+    ids = [name for name in columns if name in ENUMS]
+    rows = pq.ParquetFile(part.path, read_dictionary=ids).read(columns=list(columns), use_threads=False)
+    return pa.table({f.name: _column(rows, f) for f in schema}, schema=schema)
+
+
+def _schema(table: TableName, columns: Collection[str]) -> pa.Schema:
+    fields = (f for f in SCHEMAS[table] if f.name in columns)
+    text = pa.dictionary(pa.int32(), pa.string())
+    return pa.schema([f.with_type(text) if f.name in ENUMS else f for f in fields])
+
+
+def _within(rows: pa.Table, first_ms: int, after_ms: int) -> pa.Table:
+    ts = rows["ts"].cast(pa.int64())
     if not len(ts) or (pc.min(ts).as_py() >= first_ms and pc.max(ts).as_py() < after_ms):
         return rows
     return rows.filter(pc.and_(pc.greater_equal(ts, first_ms), pc.less(ts, after_ms)))
@@ -87,8 +96,3 @@ def _codes(column: pa.ChunkedArray, names: pa.Array) -> np.ndarray[tuple[int], n
         codes = chunk.indices.fill_null(len(at)).to_numpy()
         found.append(np.append(at, np.int32(-1))[codes])
     return np.concatenate(found)
-
-
-def has_no_pairs(records: Mapping[TableName, pa.Table], tables: Collection[TableName]) -> bool:
-    """Return whether no engine reported pairs, so that all are derived."""
-    return all(records[t].num_rows == 0 for t in tables if t == "pairs")
