@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vsd_analytics.warehouse.arrays.clusters import (
     cluster_times,
@@ -19,7 +19,6 @@ from vsd_analytics.warehouse.arrays.gatherings import gathering_joins, gathering
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.located import calibrations_used, instants, located
 from vsd_analytics.warehouse.arrays.pairs import pairs, with_rows
-from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.arrays.persons import (
     company_times,
     distance_times,
@@ -27,6 +26,7 @@ from vsd_analytics.warehouse.arrays.persons import (
     neighbour_times,
     violation_time,
 )
+from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.arrays.same_pairs import same_pairs
 from vsd_analytics.warehouse.arrays.site_tables import Days, Floors, SiteTables
 from vsd_analytics.warehouse.arrays.standing import area_stays, crowding, exposure, floor_cells, track_lives
@@ -80,9 +80,7 @@ class Batch:
 
     def __init__(self, held: Held, params: Mapping[str, Any]) -> None:
         n_cameras, n_tracks = (held.n_names[enum] for enum in ("camera_name", "track_name"))
-        floors = Floors(
-            held["cameras"], held["owner_cells"], cell_mm=int(params["owner_cell_mm"]), n_cameras=n_cameras
-        )
+        floors = Floors(held["cameras"], held["owner_cells"], cell_mm=int(params["owner_cell_mm"]), n_cameras=n_cameras)
         self._held = held
         self._site = SiteTables(params, n_cameras, n_tracks, floors, Days(held["camera_days"], n_cameras=n_cameras))
         self._is_on = True

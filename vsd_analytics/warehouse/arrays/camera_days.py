@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store.layout import Part
-from vsd_analytics.warehouse.arrays.columns import Ints, distinct, rounded
+from vsd_analytics.warehouse.arrays.columns import Bools, Ints, distinct, rounded
 from vsd_analytics.warehouse.arrays.stored import read_columns
 
 DAY_MS = 86_400_000
@@ -35,21 +35,23 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     instants: dict[tuple[int, str], list[Ints]] = defaultdict(list)
     for table in TABLES:
         for part in parts[table]:
-            rows = read_columns(part, table, _READ[table])
-            for camera, own in _by_camera(rows):
-                if camera not in intervals:
-                    continue
-                ts = own["ts"].cast(pa.int64()).to_numpy()
-                told = _told(table, own)
-                day = ts // DAY_MS
-                for number in range(int(day.min()), int(day.max()) + 1):
-                    is_its = day == number
-                    if is_its.any():
-                        sums[number, camera] += told[:, is_its].sum(axis=1)
-                        if intervals[camera] is None:
-                            instants[number, camera].append(ts[is_its])
+            rows = read_columns(part, table, _READ[table]).combine_chunks()
+            if not rows.num_rows:
+                continue
+            cameras, ts = rows["camera_id"].chunk(0), rows["ts"].cast(pa.int64()).to_numpy()
+            names, day = cameras.dictionary.to_pylist(), ts // DAY_MS
+            group = (day - day.min()) * len(names) + cameras.indices.to_numpy()
+            told = [np.bincount(group[k], minlength=int(group.max()) + 1) for k in _told(table, rows)]
+            for number in np.flatnonzero(np.bincount(group)).tolist():
+                key = (int(day.min()) + number // len(names), names[number % len(names)])
+                if key[1] in intervals:
+                    sums[key] += [of_kind[number] for of_kind in told]
+                    if intervals[key[1]] is None:
+                        instants[key].append(ts[group == number])
     keys = sorted(sums, key=lambda key: (key[0], key[1].encode()))
-    n_frames, n_persons, n_pairs, n_records, n_tracked = np.array([sums[key] for key in keys], dtype=np.int64).reshape(-1, 5).T
+    n_frames, n_persons, n_pairs, n_records, n_tracked = (
+        np.array([sums[key] for key in keys], dtype=np.int64).reshape(-1, 5).T
+    )
     intervals_ms = [_interval_ms(intervals[camera], instants[day, camera]) for day, camera in keys]
     return pa.table(
         {
@@ -64,26 +66,19 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     )
 
 
-def _by_camera(rows: pa.Table) -> list[tuple[str, pa.Table]]:
-    """Return the rows of each camera; stored rows are in order of cameras, but that is no promise."""
-    cameras = rows["camera_id"].combine_chunks()
-    codes = cameras.indices.to_numpy()
-    return [(name, rows.filter(pa.array(codes == code))) for code, name in enumerate(cameras.dictionary.to_pylist()) if (codes == code).any()]
-
-
-def _told(table: TableName, rows: pa.Table) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """Return for each row whether it is of a frame, of people, of pairs, a record, and a record with track ids."""
+def _told(table: TableName, rows: pa.Table) -> tuple[Bools, ...]:
+    """Return which rows are of frames, of people, of pairs, records, and records with track ids."""
     every, none = np.ones(rows.num_rows, dtype=np.bool_), np.zeros(rows.num_rows, dtype=np.bool_)
 
-    def known(column: str) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        found: np.ndarray[tuple[int], np.dtype[np.bool_]] = pc.is_valid(rows[column]).to_numpy()
+    def known(column: str) -> Bools:
+        found: Bools = pc.is_valid(rows[column]).to_numpy()
         return found
 
     if table == "frames":
-        return np.stack([every, known("n_persons"), known("n_pairs"), none, none])
+        return every, known("n_persons"), known("n_pairs"), none, none
     if table == "observations":
-        return np.stack([none, every, none, every, known("track_id")])
-    return np.stack([none, none, every, every, known("track_a") & known("track_b")])
+        return none, every, none, every, known("track_id")
+    return none, none, every, every, known("track_a") & known("track_b")
 
 
 def _interval_ms(of_camera: int | None, instants: Sequence[Ints]) -> int:

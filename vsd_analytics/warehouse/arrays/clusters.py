@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, beside, greatest, order_by, run_of, starts_of, summed, sums, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    Ints,
+    beside,
+    greatest,
+    order_by,
+    starts_of,
+    summed,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of, gap_ms
 
@@ -53,7 +63,9 @@ def frame_clusters(held: Held, site: SiteTables) -> Columns:
 def clustered(held: Held, site: SiteTables) -> Columns:
     """Return `staging/clustered`, in the order of `in_violation`."""
     del site
-    found = {c: held["in_violation"][c] for c in ("camera_id", "ts_ms", "member", "track_id", "x_mm", "y_mm", "weight_ms")}
+    found = {
+        c: held["in_violation"][c] for c in ("camera_id", "ts_ms", "member", "track_id", "x_mm", "y_mm", "weight_ms")
+    }
     return {**found, "cluster": held["frame_clusters"]["component"]}
 
 
@@ -68,7 +80,9 @@ def clusters(held: Held, site: SiteTables) -> Columns:
     cluster = of[first]
     n_located = np.bincount(cluster[placed], minlength=len(rows))
     # sums of whole millimetres stay far below 2**53: floats hold them exactly
-    x, y = (np.bincount(cluster[placed], people[c][placed], minlength=len(rows)).astype(np.int64) for c in ("x_mm", "y_mm"))
+    x, y = (
+        np.bincount(cluster[placed], people[c][placed], minlength=len(rows)).astype(np.int64) for c in ("x_mm", "y_mm")
+    )
     camera, ts = people["camera_id"][rows], people["ts_ms"][rows]
     is_owned = site.floors.is_owned(camera, ts, x, y, n_located)
     return {
@@ -89,7 +103,12 @@ def cluster_times(held: Held, site: SiteTables) -> Columns:
     """Return `facts/cluster_times`."""
     found = held["clusters"]
     bucket = bucket_of(found["ts_ms"], site)
-    keys = {"hour": bucket // 4, "camera_id": found["camera_id"], "bucket_quarter": bucket, "n_people": found["n_people"]}
+    keys = {
+        "hour": bucket // 4,
+        "camera_id": found["camera_id"],
+        "bucket_quarter": bucket,
+        "n_people": found["n_people"],
+    }
     return summed(keys, {"cluster_ms": np.where(found["is_owned"], found["weight_ms"], 0)})
 
 
@@ -107,7 +126,10 @@ def gathering_clusters(held: Held, site: SiteTables) -> Columns:
     return {
         "cluster_no": np.arange(1, len(big) + 1),
         "hour": found["ts_ms"] // 3_600_000,
-        **{c: found[c] for c in ("camera_id", "ts_ms", "cluster", "n_people", "n_located", "sum_x_mm", "sum_y_mm", "weight_ms")},
+        **{
+            c: found[c]
+            for c in ("camera_id", "ts_ms", "cluster", "n_people", "n_located", "sum_x_mm", "sum_y_mm", "weight_ms")
+        },
         "interval_ms": interval,
         "gap_ms": gap_ms(interval, site.params["gathering_link_ms"]),
         "square_mm2": _square_mm2(take(people, rows), of_person[rows], found["n_people"]),

@@ -109,6 +109,11 @@ def run_of(starts: Ints, n: int) -> Ints:
     return np.repeat(np.arange(len(starts)), np.diff(starts, append=n))
 
 
+def ends_of(starts: Ints, n: int) -> Ints:
+    """Return the row after each run, given the first row of each of the runs of `n` rows."""
+    return np.append(starts[1:], n)[: len(starts)]
+
+
 def sums(values: NDArray[Any], starts: Ints) -> Ints:
     """Return the sum of each run."""
     return np.add.reduceat(values.astype(np.int64), starts) if len(starts) else np.zeros(0, dtype=np.int64)

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, grouped_by, greatest, order_by, starts_of, sums, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    ends_of,
+    greatest,
+    grouped_by,
+    order_by,
+    starts_of,
+    sums,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
@@ -56,7 +66,7 @@ def recorded_spans(held: Held, site: SiteTables) -> Columns:
     is_start = is_first.copy()
     is_start[1:] |= end[:-1] < ts[1:]
     starts = np.flatnonzero(is_start)
-    last = np.append(starts[1:], n)[: len(starts)] - 1  # a span ends with its last frame
+    last = ends_of(starts, n) - 1  # a span ends with its last frame
     hour_end = greatest(end, np.flatnonzero(is_first))[np.cumsum(is_first) - 1] if n else end
     is_last = np.append(is_first[starts[1:]], True)[: len(starts)]
     return {
@@ -82,7 +92,7 @@ def sequence_runs(held: Held, site: SiteTables) -> Columns | None:
     is_edge = np.ones(n, dtype=np.bool_)
     is_edge[1:] = ~is_same | (hour[1:] > hour[:-1]) | (seq[1:] > seq[:-1] + 1)
     starts = np.flatnonzero(is_edge)
-    last = np.append(starts[1:], n)[: len(starts)] - 1
+    last = ends_of(starts, n) - 1
     found = {
         "hour": hour[starts],
         "camera_id": camera[starts],

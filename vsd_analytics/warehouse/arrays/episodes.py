@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, greatest, least, order_by, rounded, starts_of, sums
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    Ints,
+    ends_of,
+    greatest,
+    least,
+    order_by,
+    rounded,
+    starts_of,
+    sums,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
@@ -17,7 +28,7 @@ def episode_segments(held: Held, site: SiteTables) -> Columns:
     """Return `facts/episode_segments`."""
     records = held["close_records"]
     starts = starts_of(records["_run"])
-    ends = np.append(starts[1:], len(records["_run"])) - 1
+    ends = ends_of(starts, len(records["_run"])) - 1
     is_owned, ts = records["is_owned"], records["ts_ms"]
     is_placed = (records["x_a_mm"] != NULL) & (records["x_b_mm"] != NULL)
     x2, y2 = (np.where(is_placed, records[f"{c}_a_mm"] + records[f"{c}_b_mm"], 0) for c in ("x", "y"))
@@ -88,7 +99,10 @@ def _crossing_ms(held: Held, records: Columns, rows: Ints, outwards: int, site: 
     middle_y = _middle(y, beside_y, behind_y, beyond_y, step, behind, beyond)
     half = step / 2
     is_second = middle_x * middle_x + middle_y * middle_y < square
-    dx, dy = np.where(is_second, beside_x - middle_x, middle_x - x), np.where(is_second, beside_y - middle_y, middle_y - y)
+    dx, dy = (
+        np.where(is_second, beside_x - middle_x, middle_x - x),
+        np.where(is_second, beside_y - middle_y, middle_y - y),
+    )
     x, y = np.where(is_second, middle_x, x), np.where(is_second, middle_y, y)
     a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - square
     found[at] = rounded(np.where(is_second, half, 0) + half * (np.sqrt(b * b - a * c) - b) / a)
@@ -117,7 +131,9 @@ def _place(
     is_beside = (other == frame + frames_on) & (frames["camera_id"][other] == frames["camera_id"][frame])
     is_beside &= 2 * away <= n_half_intervals * records["interval_ms"][rows]
     # of each frame, records are in order of tracks, those without one last
-    keys = located["_frame"] * (site.n_tracks + 1) + np.where(located["track_id"] < 0, site.n_tracks, located["track_id"])
+    keys = located["_frame"] * (site.n_tracks + 1) + np.where(
+        located["track_id"] < 0, site.n_tracks, located["track_id"]
+    )
     at = np.flatnonzero(is_beside)
     of_side = []
     for track in ("track_a", "track_b"):

@@ -23,8 +23,7 @@ ENUMS = {
 """Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
 names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
 _INT32 = frozenset(
-    "x_mm y_mm x_a_mm y_a_mm x_b_mm y_b_mm next_x_a_mm next_y_a_mm next_x_b_mm next_y_b_mm distance_mm"
-    " min_distance_mm cx cy n_ends".split()
+    ["x_mm", "y_mm", "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm", "next_x_a_mm", "next_y_a_mm", "next_x_b_mm", "next_y_b_mm", "distance_mm", "min_distance_mm", "cx", "cy", "n_ends"]
 )
 
 
@@ -37,7 +36,9 @@ class Held:
         with_cameras: Those of the small tables that have cameras.
     """
 
-    def __init__(self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array], with_cameras: Iterable[str]) -> None:
+    def __init__(
+        self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array], with_cameras: Iterable[str]
+    ) -> None:
         self._con, self._names, self._with_cameras = con, names, tuple(with_cameras)
         self._columns: dict[str, Columns] = {}
         self._unpublished: dict[str, tuple[str, ...]] = {}
@@ -78,7 +79,9 @@ class Held:
             self._create_enums()
         for name in names:
             if name in self._stored:
-                self._create(name, self._stored.pop(name), lambda c: f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c)
+                self._create(
+                    name, self._stored.pop(name), lambda c: f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c
+                )
             if name not in self._unpublished:
                 continue
             columns = self._unpublished.pop(name)
@@ -96,7 +99,8 @@ class Held:
             if values.dtype == object or enum is None:
                 found[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)
             else:
-                found[column] = self._names[enum].take(_array(column, values))
+                names = self._names[enum]
+                found[column] = names.take(_array(column, values)) if len(names) else pa.nulls(len(values), pa.string())
         return pa.table(found)
 
     def names_of(self, enum: str) -> pa.Array:
@@ -145,7 +149,9 @@ def _array(column: str, values: np.ndarray[Any, Any]) -> pa.Array:
     is_unknown = values == NULL
     mask = is_unknown if is_unknown.any() else None
     if column in _INT32:
-        return pa.array(np.where(is_unknown, 0, values).astype(np.int32) if mask is not None else values.astype(np.int32), mask=mask)
+        return pa.array(
+            np.where(is_unknown, 0, values).astype(np.int32) if mask is not None else values.astype(np.int32), mask=mask
+        )
     return pa.array(values, mask=mask)
 
 

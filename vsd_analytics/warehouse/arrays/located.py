@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, distinct, order_by, rounded, starts_of, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    Ints,
+    distinct,
+    ends_of,
+    order_by,
+    rounded,
+    starts_of,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
@@ -110,7 +120,9 @@ def _projected(calibrations: Columns, stored: Columns, site: SiteTables) -> tupl
     most = site.params["coordinate_max_mm"]
     for i in range(len(calibrations["camera_id"])):
         c = {name: values[i] for name, values in calibrations.items()}
-        is_its = (stored["camera_id"] == c["camera_id"]) & (stored["ts_ms"] >= c["from_ms"]) & (stored["ts_ms"] < c["to_ms"])
+        is_its = (
+            (stored["camera_id"] == c["camera_id"]) & (stored["ts_ms"] >= c["from_ms"]) & (stored["ts_ms"] < c["to_ms"])
+        )
         rows = np.flatnonzero(is_its)
         if not len(rows):
             continue
@@ -130,7 +142,9 @@ def calibrations_used(held: Held, site: SiteTables) -> Columns:
     rows = np.flatnonzero((stored["x_mm"] == NULL) & ~np.isnan(stored["u_px"]))
     camera, ts = stored["camera_id"][rows], stored["ts_ms"][rows]
     number = np.full(len(rows), -1, dtype=np.int64)
-    for i, (of, first, after) in enumerate(zip(*(calibrations[c] for c in ("camera_id", "from_ms", "to_ms")), strict=True)):
+    for i, (of, first, after) in enumerate(
+        zip(*(calibrations[c] for c in ("camera_id", "from_ms", "to_ms")), strict=True)
+    ):
         number[(camera == of) & (ts >= first) & (ts < after)] = i
     # in order of the names of calibrations, which are texts
     by_name = np.argsort(calibrations["calibration_id"].astype(str), kind="stable")
@@ -140,7 +154,7 @@ def calibrations_used(held: Held, site: SiteTables) -> Columns:
     order = order_by(ts // HOUR_MS, camera, place[number], ts)
     camera, ts, number = camera[order], ts[order], number[order]
     starts = starts_of(ts // HOUR_MS, camera, number)
-    ends = np.append(starts[1:], len(ts))[: len(starts)] - 1
+    ends = ends_of(starts, len(ts)) - 1
     return {
         "hour": ts[starts] // HOUR_MS,
         "camera_id": camera[starts],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, beside, order_by, run_of, starts_of, take
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, beside, grouped_by, order_by, run_of, take
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
@@ -17,7 +17,11 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
 
     `_frame` is the row of `instants`, `_a` and `_b` number the persons, `_row_a` and `_row_b` are their rows of `located`.
     """
-    if "stored_pairs" not in held or len(held["stored_pairs"]["ts_ms"]) or np.any(held["stored_frames"]["n_pairs"] != NULL):
+    if (
+        "stored_pairs" not in held
+        or len(held["stored_pairs"]["ts_ms"])
+        or np.any(held["stored_frames"]["n_pairs"] != NULL)
+    ):
         return None
     located = held["located"]
     placed = np.flatnonzero(located["x_mm"] != NULL)
@@ -73,17 +77,14 @@ def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
     member = np.concatenate([pairs["member_a"], pairs["member_b"]])
     low = int(member.min()) if len(member) else 0
     span = int(member.max()) - low + 1 if len(member) else 1
-    persons = np.tile(frame, 2) * span + (member - low)
-    order = order_by(persons)
-    starts = starts_of(persons[order])
-    n = len(frame)
-    number = np.zeros(2 * n, dtype=np.int64)
-    number[order] = run_of(starts, 2 * n)
     first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"]) + 1))
     row = np.where(member > 0, np.tile(first[frame], 2) + member - 1, -1)
-    return {
-        **pairs,
-        "_frame": frame,
-        **{"_a": number[:n], "_b": number[n:]},
-        **{"_row_a": row[:n], "_row_b": row[n:]},
-    }
+    n = len(frame)
+    found = {**pairs, "_frame": frame, "_row_a": row[:n], "_row_b": row[n:]}
+    if pairs["is_derived"].all():
+        return {**found, "_a": row[:n], "_b": row[n:]}
+    persons = np.tile(frame, 2) * span + (member - low)
+    order, starts = grouped_by(persons)
+    number = np.zeros(2 * n, dtype=np.int64)
+    number[order] = run_of(starts, 2 * n)
+    return {**found, "_a": number[:n], "_b": number[n:]}

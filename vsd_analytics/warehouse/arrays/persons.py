@@ -7,7 +7,18 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, grouped_by, order_by, run_of, starts_of, summed, sums, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    Ints,
+    grouped_by,
+    order_by,
+    run_of,
+    starts_of,
+    summed,
+    sums,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
 
@@ -73,13 +84,13 @@ def _people(held: Held, rows: Ints, numbers: Ints, site: SiteTables) -> Columns:
 def _least(values: Ints, person: Ints, n: int) -> Ints:
     """Return the least value of each person, `_LAST` without any."""
     found = np.full(n, _LAST, dtype=np.int64)
-    np.minimum.at(found, person, values.astype(np.int64))  # numpy is slow where types differ
+    np.minimum.at(found, person, values)
     return found
 
 
 def _least_id(ids: Ints, person: Ints, n: int) -> Ints:
     """Return the least known id of each person, -1 without any."""
-    found = _least(np.where(ids < 0, _LAST, ids), person, n)
+    found = _least(np.where(ids < 0, _LAST, ids.astype(np.int64)), person, n)
     return np.where(found == _LAST, -1, found)
 
 
@@ -116,7 +127,12 @@ def _in_buckets(rows: Columns, site: SiteTables, keys: tuple[str, ...], values: 
     bucket = bucket_of(rows["ts_ms"], site)
     hour = bucket // 4
     # the quarter within the hour, because small numbers are sorted at once
-    by = {"hour": hour, "camera_id": rows["camera_id"], "bucket_quarter": bucket - 4 * hour, **{k: rows[k] for k in keys}}
+    by = {
+        "hour": hour,
+        "camera_id": rows["camera_id"],
+        "bucket_quarter": bucket - 4 * hour,
+        **{k: rows[k] for k in keys},
+    }
     found = summed(by, {v: rows[v] for v in values})
     return {**found, "bucket_quarter": found["bucket_quarter"] + 4 * found["hour"]}
 

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, grouped_by, order_by, run_of, starts_of, sums, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    ends_of,
+    grouped_by,
+    order_by,
+    run_of,
+    starts_of,
+    sums,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, gap_ms
 
@@ -22,7 +32,9 @@ def close_records(held: Held, site: SiteTables) -> Columns:
     pairs = take(pairs, rows[order])
     camera, ts, hour = pairs["camera_id"], pairs["ts_ms"], pairs["hour"]
     is_turned = pairs["track_a"] > pairs["track_b"]
-    a, b = (np.where(is_turned, pairs[other], pairs[one]) for one, other in (("track_a", "track_b"), ("track_b", "track_a")))
+    a, b = (
+        np.where(is_turned, pairs[other], pairs[one]) for one, other in (("track_a", "track_b"), ("track_b", "track_a"))
+    )
     sides = (("a", "b"), ("b", "a"))
     places = {
         f"{c}_{one}_mm": np.where(is_turned, pairs[f"{c}_{other}_mm"], pairs[f"{c}_{one}_mm"])
@@ -89,13 +101,13 @@ def episode_cells(held: Held, site: SiteTables) -> Columns:
 
 def track_pairs(held: Held, site: SiteTables) -> Columns:
     """Return `facts/track_pairs`."""
-    records = held["close_records"]
+    records = held["close_records"] if "close_records" in held else close_records(held, site)
     records = take(records, np.flatnonzero(records["track_a"] != records["track_b"]))
     starts = starts_of(records["hour"], records["_pair"])
     n = len(records["hour"])
     ts, x2, y2 = records["ts_ms"], *(records[f"{c}_a_mm"] + records[f"{c}_b_mm"] for c in "xy")
     known = np.flatnonzero(x2 > NULL // 2)
-    ends = np.append(starts[1:], n)[: len(starts)]
+    ends = ends_of(starts, n)
     first, after = np.searchsorted(known, starts), np.searchsorted(known, ends)
     is_placed = first < after
     first, last = (known[np.where(is_placed, at, 0)] if len(known) else starts for at in (first, after - 1))

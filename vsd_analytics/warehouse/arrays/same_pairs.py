@@ -11,7 +11,6 @@ from vsd_analytics.warehouse.arrays.columns import (
     Columns,
     Ints,
     beside,
-    distinct,
     grouped_by,
     least,
     order_by,
@@ -23,6 +22,8 @@ from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
 _REACH_MM = 500
 _FARTHEST_MS, _STAY_MS = 4000, 1000
+_SPAN_S = 2**33
+"""More seconds than any batch has."""
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +33,7 @@ def same_pairs(held: Held, site: SiteTables) -> Columns:
     records = held["close_records"]
     seen = _seen(records, site)
     near = _near(seen)
-    best = _agreeing(near)
-    run, other_run, n_same = best
+    run, other_run, n_same = _agreeing(seen, near)
     n_both = _both(seen, run, other_run)
     is_same = 2 * n_same >= n_both
     run, other_run, n_same, n_both = run[is_same], other_run[is_same], n_same[is_same], n_both[is_same]
@@ -57,7 +57,7 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     """
     x2, y2 = (records[f"{c}_a_mm"] + records[f"{c}_b_mm"] for c in ("x", "y"))
     is_shared = site.floors.owner(records["camera_id"], records["ts_ms"], x2, y2, 2) >= 0
-    wanted = "hour camera_id ts_ms x_a_mm y_a_mm x_b_mm y_b_mm interval_ms is_followed next_ms _run _pair"
+    wanted = "hour camera_id ts_ms x_a_mm y_a_mm x_b_mm y_b_mm interval_ms is_followed next_ms _run"
     places = ("x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
     names = (*wanted.split(), *(f"next_{p}" for p in places))
     rows = np.flatnonzero(is_shared)
@@ -83,11 +83,13 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     of_hour = (site.floors.of_camera[r["camera_id"]][row], r["hour"][row], second - 3600 * r["hour"][row])
     order = order_by(*of_hour, x)
     group = run_of(starts_of(*(key[order] for key in of_hour)), len(row))
-    row, second, share = row[order], second[order], share[order]
+    # records of a run are in order of time, and no second lies in two of them
+    run_seconds = r["_run"][row] * _SPAN_S + (second - int(second.min(initial=2**62)))
+    row, share = row[order], share[order]
     moves = {p: there[p] - here[p] for p in places}
     return {
-        **{name: r[name][row] for name in ("camera_id", "_run", "_pair")},
-        "second": second,
+        **{name: r[name][row] for name in ("camera_id", "_run")},
+        "_run_seconds": run_seconds,
         **{p: here[p][row] + share * moves[p][row] for p in places},
         **{f"{c}2_mm": middle(c, share, row) for c in "xy"},
         "_x": x[order],
@@ -112,13 +114,10 @@ def _near(seen: Columns) -> Columns:
         p, q, square = p[is_near], q[is_near], square[is_near]
         is_in = _is_in_reach(seen, p, q)
         found.append((p[is_in], q[is_in], square[is_in]))
-    p, q, square = (np.concatenate([np.zeros(0, dtype=np.int64 if i < 2 else np.float64), *(f[i] for f in found)]) for i in range(3))
-    return {
-        "second": seen["second"][p],
-        **{c: seen[c][p] for c in ("camera_id", "_pair", "_run")},
-        **{f"other{'' if c[0] == '_' else '_'}{c}": seen[c][q] for c in ("camera_id", "_pair", "_run")},
-        "square_mm2": square,
-    }
+    p, q, square = (
+        np.concatenate([np.zeros(0, dtype=np.int64 if i < 2 else np.float64), *(f[i] for f in found)]) for i in range(3)
+    )
+    return {"p": p, "q": q, "square_mm2": square}
 
 
 def _square(seen: Columns, p: Ints, q: Ints, one: str, other: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -137,21 +136,23 @@ def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> np.ndarray[tuple[int], np.d
     return is_in
 
 
-def _agreeing(near: Columns) -> tuple[Ints, Ints, Ints]:
+def _agreeing(seen: Columns, near: Columns) -> tuple[Ints, Ints, Ints]:
     """Return the runs of two cameras that fit each other best in some second, and in how many seconds they do."""
-    run, other, second = near["_run"], near["other_run"], near["second"]
-    is_best = _is_best(near, (second, near["_pair"], near["other_camera_id"]), (other, run))
-    is_best &= _is_best(near, (second, near["other_pair"], near["camera_id"]), (run, other))
+    camera, run = (seen[c][near["p"]] for c in ("camera_id", "_run"))
+    other_camera, other = (seen[c][near["q"]] for c in ("camera_id", "_run"))
+    # a pair of tracks is seen once in a second, so that its row stands for both
+    is_best = _is_best(near["square_mm2"], (near["p"], other_camera), (other, run))
+    is_best &= _is_best(near["square_mm2"], (near["q"], camera), (run, other))
     run, other = run[is_best], other[is_best]
     order, starts = grouped_by(run, other)
     first = order[starts]
     return run[first], other[first], np.diff(starts, append=len(run))
 
 
-def _is_best(near: Columns, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) -> Bools:
+def _is_best(square: Floats, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) -> Bools:
     """Return whether a row is the nearest of its group, among equals the one with the least numbers."""
     order, starts = grouped_by(*groups)
-    group, square = run_of(starts, len(order)), near["square_mm2"][order]
+    group, square = run_of(starts, len(order)), square[order]
     is_nearest = square == least(square, starts)[group]
     number = np.where(is_nearest, (ties[0] * np.int64(2**31) + ties[1])[order], 2**62)
     found = np.zeros(len(order), dtype=np.bool_)
@@ -161,13 +162,11 @@ def _is_best(near: Columns, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) -
 
 def _both(seen: Columns, run: Ints, other_run: Ints) -> Ints:
     """Return the number of seconds in which both runs are seen."""
-    low = int(seen["second"].min()) if len(seen["second"]) else 0
-    span = int(seen["second"].max()) - low + 1 if len(seen["second"]) else 1
-    keys = distinct(seen["_run"] * span + (seen["second"] - low))
-    first = np.searchsorted(keys, run * span)
-    n = np.searchsorted(keys, (run + 1) * span) - first
+    keys = seen["_run_seconds"]
+    first = np.searchsorted(keys, run * _SPAN_S)
+    n = np.searchsorted(keys, (run + 1) * _SPAN_S) - first
     of = np.repeat(np.arange(len(run)), n)
     at = np.arange(len(of)) - np.repeat(np.cumsum(n) - n, n) + np.repeat(first, n)
-    wanted = keys[at] % span + other_run[of] * span
+    wanted = keys[at] + (other_run - run)[of] * _SPAN_S
     found = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted if len(keys) else wanted < 0
     return np.bincount(of[found], minlength=len(run))

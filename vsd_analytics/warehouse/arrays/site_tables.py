@@ -34,9 +34,7 @@ class Floors:
         number = {span: i for i, span in enumerate(dict.fromkeys(spans))}
         spans = zip(cell_floor.tolist(), owner_cells["from_ms"].tolist(), owner_cells["to_ms"].tolist(), strict=True)
         of_cell = np.array([number[span] for span in spans], dtype=np.int64)
-        self._spans = [
-            (*span, _grid(owner_cells, of_cell == i)) for span, i in number.items()
-        ]
+        self._spans = [(*span, _grid(owner_cells, of_cell == i)) for span, i in number.items()]
 
     def owner(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Ints:
         """Return the camera that counts at each place, -1 where the place is unknown or no other camera sees it.

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, grouped_by, order_by, starts_of, summed, sums, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    Ints,
+    ends_of,
+    grouped_by,
+    order_by,
+    starts_of,
+    summed,
+    sums,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
 
@@ -84,7 +95,9 @@ def floor_cells(held: Held, site: SiteTables) -> Columns:
     is_new[firsts] = True
     n = (len(stood), len(close), len(met))
     what = np.repeat([0, 1, 2], n)[order]
-    weight = np.concatenate([located["weight_ms"][stood], persons["weight_ms"][close], np.zeros(n[2], dtype=np.int64)])[order]
+    weight = np.concatenate([located["weight_ms"][stood], persons["weight_ms"][close], np.zeros(n[2], dtype=np.int64)])[
+        order
+    ]
     return {
         **{c: k[order[starts]] for c, k in {"hour": hour, "camera_id": camera, "bucket_quarter": bucket}.items()},
         **{c: k[order[starts]] for c, k in {"cx": cx, "cy": cy}.items()},
@@ -115,7 +128,7 @@ def track_lives(held: Held, site: SiteTables) -> Columns:
     located, hour = take(located, order), hour[order]
     camera, track, ts = located["camera_id"], located["track_id"], located["ts_ms"]
     starts = starts_of(camera, track, hour)
-    ends = np.append(starts[1:], len(ts))[: len(starts)] - 1
+    ends = ends_of(starts, len(ts)) - 1
     n_ends, n_goes_on, n_came_before = _ended(located, starts, ends, site)
     found = {
         "hour": hour[starts],
@@ -143,7 +156,10 @@ def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tupl
     camera, track = located["camera_id"][starts], located["track_id"][starts]
     first_ms, last_ms, moved_ms = ts[starts], ts[ends], ts[last_row] - ts[first_row]
     first, last = (tuple(located[c][row] for c in ("x_mm", "y_mm")) for row in (first_row, last_row))
-    speed = [np.where(moved_ms == 0, 0.0, (e - b) / np.where(moved_ms == 0, 1, moved_ms)) for b, e in zip(first, last, strict=True)]
+    speed = [
+        np.where(moved_ms == 0, 0.0, (e - b) / np.where(moved_ms == 0, 1, moved_ms))
+        for b, e in zip(first, last, strict=True)
+    ]
     interval = site.days.interval_ms(camera, first_ms // _HOUR_MS * _HOUR_MS)
     reach = np.maximum(1000, np.minimum(10000, 3 * interval // 2))
     same = np.zeros(n, dtype=np.bool_)
@@ -168,5 +184,7 @@ def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tupl
     is_there = off[0] * off[0] + off[1] * off[1] <= np.power(500 + 3 * np.abs(after_ms) / 10, 2)
     n_ends = np.zeros(n, dtype=np.int64)
     n_ends[end] = 1
-    goes_on, came_before = (np.bincount(of[is_there & is_side], minlength=n) for is_side in (after_ms > 0, after_ms < 0))
+    goes_on, came_before = (
+        np.bincount(of[is_there & is_side], minlength=n) for is_side in (after_ms > 0, after_ms < 0)
+    )
     return n_ends, goes_on, came_before
