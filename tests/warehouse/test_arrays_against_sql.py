@@ -39,9 +39,13 @@ class Scene:
     share_lost: float = 0.1
     has_beats: bool = True
     sends_pixels: bool = False
+    sends_persons: bool = True
     sends_pairs: bool = False
     falling_numbers: bool = False
     opens_at_half_past: bool = False
+
+
+BUSY = Scene(4, n_people=30, share_lost=0.0, sends_pixels=True)
 
 
 def site_of(scene: Scene, root: Path) -> Site:
@@ -88,7 +92,7 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
             if scene.has_beats:
                 seq = number - (40 if scene.falling_numbers and number > 70 else 0)
                 yield Frame(at, camera, n_persons=len(seen), n_pairs=0 if told else None, seq=seq)
-            for k, (track, x, y) in enumerate(seen):
+            for k, (track, x, y) in enumerate(seen if scene.sends_persons else ()):
                 is_pixel = scene.sends_pixels and camera == "up"
                 where = {"u": x / 10, "v": y / 10} if is_pixel else {"x": int(x), "y": int(y)}
                 yield Person(at, track, camera=camera, **({} if k == 7 and track else where))
@@ -134,27 +138,25 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
         share_lost=st.sampled_from([0.0, 0.2]),
         has_beats=st.booleans(),
         sends_pixels=st.booleans(),
+        sends_persons=st.sampled_from([True, True, False]),
         sends_pairs=st.booleans(),
         falling_numbers=st.booleans(),
         opens_at_half_past=st.booleans(),
-    )
+    ).filter(lambda scene: scene.has_beats or scene.sends_persons)
 )
-@example(Scene(1))
-@example(Scene(2, n_people=55, step_ms=9000, opens_at_half_past=True))
+@example(BUSY)
+@example(Scene(2, n_people=55, step_ms=20_000, opens_at_half_past=True))
 @example(Scene(3, sends_pixels=True, sends_pairs=True, falling_numbers=True, share_with_ids=0.7))
-@settings(max_examples=6, deadline=None)
+@example(Scene(5, sends_persons=False, sends_pairs=True))
+@settings(max_examples=3, deadline=None)
 def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
     expected, found = both(scene)
     assert found.keys() == expected.keys() == {"camera_days", *HOURLY}
     for name, rows in expected.items():
         assert found[name].schema.types == rows.schema.types, name
-        assert found[name].to_pylist() == rows.to_pylist(), name
-
-
-def test_a_busy_floor_has_rows_in_every_fact() -> None:
-    """Else the comparison above would compare nothing with nothing."""
-    _, found = both(Scene(4, n_people=30, share_lost=0.0, sends_pixels=True))
-    assert {name for name, rows in found.items() if not rows.num_rows} == {"area_stays"}
+        assert found[name].equals(rows) or found[name].to_pylist() == rows.to_pylist(), name
+    if scene == BUSY:  # else nothing might be compared with nothing
+        assert {name for name, rows in found.items() if not rows.num_rows} == {"area_stays"}
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-(2**40), 2**40), st.booleans())))

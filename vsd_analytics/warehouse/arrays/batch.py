@@ -28,7 +28,7 @@ from vsd_analytics.warehouse.arrays.persons import (
 )
 from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.arrays.same_pairs import same_pairs
-from vsd_analytics.warehouse.arrays.site_tables import Days, Floors, SiteTables
+from vsd_analytics.warehouse.arrays.site_tables import DayIntervals, Floors, SiteTables
 from vsd_analytics.warehouse.arrays.standing import area_stays, crowding, exposure, floor_cells, track_lives
 from vsd_analytics.warehouse.sqlfiles import Relation
 
@@ -82,7 +82,9 @@ class Batch:
         n_cameras, n_tracks = (held.n_names[enum] for enum in ("camera_name", "track_name"))
         floors = Floors(held["cameras"], held["owner_cells"], cell_mm=int(params["owner_cell_mm"]), n_cameras=n_cameras)
         self._held = held
-        self._site = SiteTables(params, n_cameras, n_tracks, floors, Days(held["camera_days"], n_cameras=n_cameras))
+        self._site = SiteTables(
+            params, n_cameras, n_tracks, floors, DayIntervals(held["camera_days"], n_cameras=n_cameras)
+        )
         self._is_on = True
 
     def computes(self, relation: Relation) -> bool:

@@ -1,4 +1,4 @@
-"""`camera_days` from stored parts, one after the other: few columns of each, and no more than a sum for each camera and day."""
+"""`camera_days` from stored parts, one after the other: few columns are read, and only sums are held."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def clustered(held: Held, site: SiteTables) -> Columns:
 
 
 def clusters(held: Held, site: SiteTables) -> Columns:
-    """Return `staging/clusters`, in order of camera, instant and cluster; `_row` is the cluster's first row of `clustered`."""
+    """Return `staging/clusters`, in order of camera, instant and cluster; `_row` is its first row of `clustered`."""
     people, first = held["clustered"], held["frame_clusters"]["_first"]
     n = len(first)
     n_people = np.bincount(first, minlength=n)

@@ -28,13 +28,13 @@ def take(columns: Columns, rows: NDArray[Any]) -> Columns:
 
 
 def order_by(*keys: NDArray[Any]) -> Ints:
-    """Return the numbers of the rows in order of several integer keys, the first one first; equal rows stay in order."""
+    """Return the numbers of the rows in order of integer keys, the first one first; equal rows stay in order."""
     packed, n_bits = packed_keys(*keys)
     return np.lexsort(keys[::-1]) if packed is None else _order(packed, n_bits)
 
 
 def grouped_by(*keys: NDArray[Any]) -> tuple[Ints, Ints]:
-    """Return the numbers of the rows in order of keys, and the first place of each group of equal keys in this order."""
+    """Return the numbers of the rows in order of keys, and where each group of equal keys begins in this order."""
     packed, n_bits = packed_keys(*keys)
     if packed is None:
         order = np.lexsort(keys[::-1])
@@ -82,7 +82,7 @@ def _counted(digits: Ints, n_digits: int) -> Ints:
 
     n = len(digits)
     rows = (np.zeros(n, dtype=np.int8), digits.astype(np.int32), np.arange(n + 1, dtype=np.int32))
-    found: Ints = csr_matrix(rows, shape=(n, n_digits)).tocsc().indices
+    found: Ints = csr_matrix(rows, shape=(n, n_digits)).tocsc().indices.astype(np.int64)
     return found
 
 

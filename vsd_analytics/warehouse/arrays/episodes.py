@@ -134,22 +134,18 @@ def _place(
     keys = located["_frame"] * (site.n_tracks + 1) + np.where(
         located["track_id"] < 0, site.n_tracks, located["track_id"]
     )
-    at = np.flatnonzero(is_beside)
-    of_side = []
+    at = np.flatnonzero(is_beside) if len(keys) else np.zeros(0, dtype=np.int64)
+    of_side: list[Ints] = []
     for track in ("track_a", "track_b"):
         wanted = other[at] * (site.n_tracks + 1) + records[track][rows[at]]
-        found = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-        is_found = keys[found] == wanted
+        found = np.minimum(np.searchsorted(keys, wanted), max(0, len(keys) - 1))
+        is_found = keys[found] == wanted if len(keys) else wanted < 0
         at, found, of_side = at[is_found], found[is_found], [s[is_found] for s in of_side]
         of_side.append(found)
     a, b = of_side
     is_placed = (located["x_mm"][a] != NULL) & (located["x_mm"][b] != NULL)
     at, a, b = at[is_placed], a[is_placed], b[is_placed]
-    result = tuple(np.full(len(rows), np.nan) for _ in range(3))
-    for values, known in zip(
-        result,
-        (away[at], located["x_mm"][a] - located["x_mm"][b], located["y_mm"][a] - located["y_mm"][b]),
-        strict=True,
-    ):
-        values[at] = known
-    return result
+    away_ms, x, y = (np.full(len(rows), np.nan) for _ in range(3))
+    away_ms[at] = away[at]
+    x[at], y[at] = (located[c][a] - located[c][b] for c in ("x_mm", "y_mm"))
+    return away_ms, x, y

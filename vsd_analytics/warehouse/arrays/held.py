@@ -1,4 +1,4 @@
-"""The relations of one batch, as arrays beside a DuckDB connection: each is converted when the other side first reads it."""
+"""The relations of one batch: arrays beside a DuckDB connection, converted when the other side first reads them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from vsd_analytics.warehouse.arrays.columns import NULL, Columns
 from vsd_analytics.warehouse.sqlfiles import Relation
@@ -23,7 +24,10 @@ ENUMS = {
 """Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
 names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
 _INT32 = frozenset(
-    ["x_mm", "y_mm", "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm", "next_x_a_mm", "next_y_a_mm", "next_x_b_mm", "next_y_b_mm", "distance_mm", "min_distance_mm", "cx", "cy", "n_ends"]
+    [
+        *("x_mm", "y_mm", "distance_mm", "min_distance_mm", "cx", "cy", "n_ends"),
+        *(f"{n}{c}_{side}_mm" for n in ("", "next_") for c in "xy" for side in "ab"),
+    ]
 )
 
 
@@ -138,7 +142,7 @@ def _named(column: str) -> str:
     return column if enum is None else f"(select list(id order by id) from {enum}s)[{column} + 1] as {column}"
 
 
-def _array(column: str, values: np.ndarray[Any, Any]) -> pa.Array:
+def _array(column: str, values: NDArray[Any]) -> pa.Array:
     """Return a column for Arrow: nulls for unknown ids and numbers."""
     if values.dtype == np.bool_:
         return pa.array(values)
@@ -155,16 +159,17 @@ def _array(column: str, values: np.ndarray[Any, Any]) -> pa.Array:
     return pa.array(values, mask=mask)
 
 
-def _values(column: pa.ChunkedArray) -> np.ndarray[Any, Any]:
+def _values(column: pa.ChunkedArray) -> NDArray[Any]:
     """Return a column of DuckDB as an array."""
-    kind = column.type
+    kind, found = column.type, column
     if pa.types.is_dictionary(kind):
         codes = pa.chunked_array([chunk.indices for chunk in column.chunks], type=kind.index_type)
-        return codes.cast(pa.int32()).fill_null(-1).to_numpy()
-    if pa.types.is_integer(kind):
-        return column.cast(pa.int64()).fill_null(NULL).to_numpy()
-    if pa.types.is_boolean(kind):
-        return column.fill_null(False).to_numpy()
-    if pa.types.is_floating(kind):
-        return column.to_numpy()
-    return np.asarray(column.to_pylist(), dtype=object)
+        found = codes.cast(pa.int32()).fill_null(-1)
+    elif pa.types.is_integer(kind):
+        found = column.cast(pa.int64()).fill_null(NULL)
+    elif pa.types.is_boolean(kind):
+        found = column.fill_null(False)
+    elif not pa.types.is_floating(kind):
+        return np.asarray(column.to_pylist(), dtype=object)
+    values: NDArray[Any] = found.to_numpy()
+    return values

@@ -15,7 +15,7 @@ _CROWD = 40
 def pairs(held: Held, site: SiteTables) -> Columns | None:
     """Return `facts/pairs`, in order of hour, camera, instant and members; None where an engine reports pairs itself.
 
-    `_frame` is the row of `instants`, `_a` and `_b` number the persons, `_row_a` and `_row_b` are their rows of `located`.
+    `_frame` is the row of `instants`; `_a` and `_b` number the persons, `_row_a` and `_row_b` are rows of `located`.
     """
     if (
         "stored_pairs" not in held

@@ -1,4 +1,4 @@
-"""`in_violation` and the facts that add up people near others: `distance_times`, `neighbour_times`, `violation_time`, `company_times`."""
+"""`in_violation`, and the facts that add up people near others, such as `distance_times` and `company_times`."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def company_times(held: Held, site: SiteTables) -> Columns:
 
 
 def _companies(row: Ints, other: Ints, n: int, site: SiteTables) -> Ints:
-    """Return a number of the company of each of `n` rows, given their others in order; equal companies, equal numbers."""
+    """Return a number of the company of each of `n` rows, given their others in order; 0 without any."""
     starts = starts_of(row)
     n_others = np.diff(starts, append=len(row))
     found, used = np.zeros(n, dtype=np.int64), 0

@@ -75,7 +75,8 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     def middle(c: str, share: Floats, row: Ints) -> Floats:
         start = here[f"{c}_a_mm"] + here[f"{c}_b_mm"]
         end = there[f"{c}_a_mm"] + there[f"{c}_b_mm"] - here[f"{c}_a_mm"] - here[f"{c}_b_mm"]
-        return start[row] + share * end[row]
+        found: Floats = start[row] + share * end[row]
+        return found
 
     share = (1000 * second - ts[row]) / (to_ms - ts)[row]
     x = np.floor(middle("x", share, row)).astype(np.int64)
@@ -98,14 +99,15 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
 
 
 def _near(seen: Columns) -> Columns:
-    """Return the pairs of two cameras that are in the same place in a second, with the square of how far they are apart."""
+    """Return the pairs of two cameras in the same place in a second, with the square of how far they are apart."""
     found = []
     # a little farther than the reach, because halving and adding round: the squares below decide
     for one, other in beside(seen["_group"], seen["_x"], 2 * _REACH_MM + 2):
         camera, other_camera = seen["camera_id"][one], seen["camera_id"][other]
         is_other = (camera != other_camera) & (np.abs(seen["y2_mm"][one] - seen["y2_mm"][other]) <= 2 * _REACH_MM + 1)
-        one, other, is_turned = one[is_other], other[is_other], (camera > other_camera)[is_other]
-        p, q = np.where(is_turned, other, one), np.where(is_turned, one, other)
+        is_turned = (camera > other_camera)[is_other]
+        p, q = one[is_other], other[is_other]
+        p, q = np.where(is_turned, q, p), np.where(is_turned, p, q)
         square = np.minimum(
             np.maximum(_square(seen, p, q, "a", "a"), _square(seen, p, q, "b", "b")),
             np.maximum(_square(seen, p, q, "a", "b"), _square(seen, p, q, "b", "a")),
@@ -114,19 +116,18 @@ def _near(seen: Columns) -> Columns:
         p, q, square = p[is_near], q[is_near], square[is_near]
         is_in = _is_in_reach(seen, p, q)
         found.append((p[is_in], q[is_in], square[is_in]))
-    p, q, square = (
-        np.concatenate([np.zeros(0, dtype=np.int64 if i < 2 else np.float64), *(f[i] for f in found)]) for i in range(3)
-    )
+    none = np.zeros(0, dtype=np.int64)
+    p, q, square = (np.concatenate([none, *(f[i] for f in found)]) for i in range(3))
     return {"p": p, "q": q, "square_mm2": square}
 
 
-def _square(seen: Columns, p: Ints, q: Ints, one: str, other: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    x = seen[f"x_{one}_mm"][p] - seen[f"x_{other}_mm"][q]
-    y = seen[f"y_{one}_mm"][p] - seen[f"y_{other}_mm"][q]
+def _square(seen: Columns, p: Ints, q: Ints, one: str, other: str) -> Floats:
+    x: Floats = seen[f"x_{one}_mm"][p] - seen[f"x_{other}_mm"][q]
+    y: Floats = seen[f"y_{one}_mm"][p] - seen[f"y_{other}_mm"][q]
     return x * x + y * y
 
 
-def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> Bools:
     """Return whether the midpoint of p lies in one of the four squares of side 1 m around the midpoint of q."""
     is_in = np.ones(len(p), dtype=np.bool_)
     for c in ("x2_mm", "y2_mm"):

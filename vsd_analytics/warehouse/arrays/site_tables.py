@@ -67,7 +67,8 @@ class Floors:
     def is_owned(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Bools:
         """Return whether a camera counts at each of its places itself: nobody else does, or the place is unknown."""
         owner = self.owner(camera, ts_ms, sum_x_mm, sum_y_mm, n)
-        return (owner < 0) | (owner == camera)
+        is_owned: Bools = (owner < 0) | (owner == camera)
+        return is_owned
 
 
 def _grid(cells: Columns, rows: Bools) -> tuple[Ints, int, int]:
@@ -78,7 +79,7 @@ def _grid(cells: Columns, rows: Bools) -> tuple[Ints, int, int]:
     return grid, x0, y0
 
 
-class Days:
+class DayIntervals:
     """The fact `camera_days`, looked up by camera and instant.
 
     Args:
@@ -98,11 +99,13 @@ class Days:
 
     def interval_ms(self, camera: NDArray[Any], ts_ms: Ints) -> Ints:
         """Return the frame interval of each camera's day, NULL for a day without one."""
-        return self._interval_ms[camera, self._day(ts_ms)]
+        found: Ints = self._interval_ms[camera, self._day(ts_ms)]
+        return found
 
     def has_heartbeat(self, camera: NDArray[Any], ts_ms: Ints) -> Bools:
         """Return whether the camera reported frames on that day."""
-        return self._has_heartbeat[camera, self._day(ts_ms)]
+        found: Bools = self._has_heartbeat[camera, self._day(ts_ms)]
+        return found
 
     def _day(self, ts_ms: Ints) -> Ints:
         day = ts_ms // DAY_MS - self._first
@@ -126,7 +129,7 @@ class SiteTables:
     n_cameras: int
     n_tracks: int
     floors: Floors
-    days: Days
+    days: DayIntervals
 
 
 def gap_ms(interval_ms: Ints, least_ms: int) -> Ints:

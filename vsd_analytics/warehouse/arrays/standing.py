@@ -1,4 +1,4 @@
-"""Facts of where people stood: `exposure`, `crowding`, `floor_cells`, `track_lives`, `area_stays` of sites without visits."""
+"""Facts of where people stood: `exposure`, `crowding`, `floor_cells`, `track_lives`, and no `area_stays`."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def track_lives(held: Held, site: SiteTables) -> Columns:
 
 
 def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tuple[Ints, Ints, Ints]:
-    """Return 1 for each life that ends where people are seen, and how many others begin there, after it and before it."""
+    """Return 1 for each life that ends at a known place, and how many others begin there after and before it."""
     n, ts = len(starts), located["ts_ms"]
     known = np.flatnonzero(located["x_mm"] != NULL)
     after = np.searchsorted(known, ends, side="right") - 1  # its last known place

@@ -63,7 +63,7 @@ def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
 
 
 def id_names(records: Mapping[TableName, pa.Table], cameras: Iterable[str]) -> dict[str, pa.Array]:
-    """Return the names of each enum type in order: cameras of the site and of the records, and tracks of the records."""
+    """Return the names of each enum type in order: cameras of site and records, and tracks of the records."""
     found: dict[str, set[str]] = {"camera_name": set(cameras), "track_name": set()}
     for rows in records.values():
         for column in (c for c in rows.column_names if c in ENUMS):
