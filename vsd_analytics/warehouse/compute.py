@@ -98,7 +98,8 @@ def hour_facts(
                 name = "stored records"
                 held = _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
                 batch = None if is_careful or by_queries else Batch(held, params(site))
-                for relation in (r for r in relations("staging", "facts").values() if r.name in computed):
+                order = [r for r in relations("staging", "facts").values() if r.name in computed]
+                for number, relation in enumerate(order):
                     name = relation.name
                     is_array = False
                     if name == PAIRS and pairs:
@@ -111,6 +112,11 @@ def hour_facts(
                         hours = (first_hour, last_hour)
                         yield relation, held.table(relation, *hours) if is_array else _rows(con, relation, *hours)
                         yielded.add(name)
+                    if relation.layer == "facts" and name != PAIRS:
+                        held.forget(name)
+                    for table in {n for n in relation.reads if n.startswith("stored_")}:
+                        if not any(table in later.reads for later in order[number + 1 :]):
+                            held.forget(table)
             return
         except INSIDE as error:
             if is_careful:

@@ -16,7 +16,7 @@ from vsd_analytics.warehouse.arrays.columns import Columns
 from vsd_analytics.warehouse.arrays.coverage import coverage, recorded_spans, sequence_runs
 from vsd_analytics.warehouse.arrays.episodes import episode_segments
 from vsd_analytics.warehouse.arrays.gatherings import gathering_joins, gathering_links, gathering_parts, shared_tracks
-from vsd_analytics.warehouse.arrays.held import Held
+from vsd_analytics.warehouse.arrays.held import Held, none_of
 from vsd_analytics.warehouse.arrays.located import calibrations_used, instants, located
 from vsd_analytics.warehouse.arrays.pairs import pairs, with_rows
 from vsd_analytics.warehouse.arrays.persons import (
@@ -29,7 +29,7 @@ from vsd_analytics.warehouse.arrays.persons import (
 from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.arrays.same_pairs import same_pairs
 from vsd_analytics.warehouse.arrays.site_tables import DayIntervals, Floors, SiteTables
-from vsd_analytics.warehouse.arrays.standing import area_stays, crowding, exposure, floor_cells, track_lives
+from vsd_analytics.warehouse.arrays.standing import crowding, exposure, floor_cells, track_lives
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
@@ -55,7 +55,6 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
         crowding,
         floor_cells,
         track_lives,
-        area_stays,
         calibrations_used,
         frame_clusters,
         clustered,
@@ -68,6 +67,9 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
         gathering_joins,
     )
 }
+
+_ASKED = ("visit_cells", "count_cells", "count_floors")
+"""Tables of the places that vsd.toml asks something about. Facts that read them have no rows where they have none."""
 
 
 class Batch:
@@ -89,6 +91,10 @@ class Batch:
 
     def computes(self, relation: Relation) -> bool:
         """Compute a relation as arrays; False where its query has to run. All that it reads was computed."""
+        asked = [name for name in relation.reads if name in _ASKED]
+        if asked and not any(len(values) for name in asked for values in self._held[name].values()):
+            self._held.add(relation.name, relation.columns, none_of(relation))
+            return True
         compute = COMPUTED.get(relation.name) if self._is_on else None
         if compute is None:
             return False

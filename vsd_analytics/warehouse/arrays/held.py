@@ -74,6 +74,12 @@ class Held:
         """Hold other columns of a relation that is a table already."""
         self._columns[name] = rows
 
+    def forget(self, name: str) -> None:
+        """Free the columns of a relation that nothing reads any more."""
+        self._columns.pop(name, None)
+        self._unpublished.pop(name, None)
+        self._stored.pop(name, None)
+
     def __contains__(self, name: str) -> bool:
         return name in self._columns
 
@@ -135,6 +141,12 @@ class Held:
                 values = pc.index_in(values, self._names[ENUMS[name]]).fill_null(-1)
             found[name] = _values(values)
         return found
+
+
+def none_of(relation: Relation) -> Columns:
+    """Return the columns of a relation without rows."""
+    kinds = {"is_": np.bool_, "area_id": object, "floor_id": object}
+    return {c: np.zeros(0, dtype=kinds.get(c, kinds.get(c[:3], np.int64))) for c in relation.columns}
 
 
 def _named(column: str) -> str:

@@ -1,4 +1,4 @@
-"""Facts of where people stood: `exposure`, `crowding`, `floor_cells`, `track_lives`, and no `area_stays`."""
+"""Facts of where people stood: `exposure`, `crowding`, `floor_cells` and `track_lives`."""
 
 from __future__ import annotations
 
@@ -108,16 +108,6 @@ def floor_cells(held: Held, site: SiteTables) -> Columns:
         "violation_records": sums(what == 2, starts),
         "n_tracks": sums(is_new & (track[order] >= 0), starts),
     }
-
-
-def area_stays(held: Held, site: SiteTables) -> Columns | None:
-    """Return `facts/area_stays` without rows where no area asks for visits, else None."""
-    del site
-    if len(held["visit_cells"]["cx"]):
-        return None
-    names = "hour camera_id track_id started_ms ended_ms interval_ms gap_ms n_records before_ms after_ms owned_ms"
-    none = {name: np.zeros(0, dtype=np.int64) for name in names.split()}
-    return {**none, "area_id": np.zeros(0, dtype=object), "is_entry_owned": np.zeros(0, dtype=np.bool_)}
 
 
 def track_lives(held: Held, site: SiteTables) -> Columns:
