@@ -62,7 +62,7 @@ def _people(held: Held, rows: Ints, numbers: Ints, site: SiteTables) -> Columns:
     columns = ("camera_id", "ts_ms", "member", "x_mm", "y_mm", "weight_ms", "is_owned")
     if pairs["is_derived"].all():  # then their numbers are those of their records
         return {c: held["located"][c][numbers] for c in columns}
-    n = int(numbers[-1]) + 1
+    n = int(numbers[-1]) + 1 if len(numbers) else 0
     person = np.concatenate([pairs["_a"][rows], pairs["_b"][rows]])
     of = np.zeros(n, dtype=np.int64)
     of[person] = np.arange(len(person))
