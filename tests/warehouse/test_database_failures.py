@@ -9,7 +9,7 @@ from typing import Any
 
 import duckdb
 import pytest
-from warehouse.small_projects import T0, Person, at, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import T0, Frame, Person, at, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse import analyst_query, compute
@@ -30,7 +30,8 @@ def day_of_walkers(root: Path) -> Any:
         for s in range(120)
         for k, track in enumerate(("ann", "bob", "cid"))
     ]
-    put(site, [*people, *beats(T0, T0 + 120_000)])
+    # an engine that reports pairs itself: who is who in these is worked out by a query
+    put(site, [*people, *beats(T0, T0 + 120_000), Frame(T0 + 121_000, "cam", n_persons=0, n_pairs=0)])
     return site
 
 
@@ -66,9 +67,9 @@ def test_one_crowded_frame_after_two_of_one_person_is_computed(tmp_path: Path) -
 
 def test_facts_computed_the_careful_way_have_the_same_bytes(tmp_path: Path, failing: Callable[..., list[str]]) -> None:
     build(plain := day_of_walkers(tmp_path / "plain"))
-    tried = failing("episode_segments", times=1)
+    tried = failing("pairs", times=1)
     build(careful := day_of_walkers(tmp_path / "careful"))
-    assert tried == ["episode_segments"]
+    assert tried == ["pairs"]
     assert fact_files(careful) == fact_files(plain)
 
 
@@ -77,12 +78,13 @@ def test_a_fact_that_fails_twice_is_reported_with_its_relation_hour_and_camera(
 ) -> None:
     site = make_site(tmp_path)
     put(site, [*crowd(3, T0), *crowd(7, at("2026-11-09 09:30:05")), *beats(T0, T0 + 10_000)])
-    failing("episode_segments", times=2)
+    put(site, [Frame(T0 + 11_000, "cam", n_persons=0, n_pairs=0)])
+    failing("pairs", times=2)
     with pytest.raises(SqlError) as caught:
         build(site)
     error = caught.value
     assert error.code == "E604"
-    assert "episode_segments of the hours 2026-11-09T08:00Z to 2026-11-09T09:00Z" in error.what
+    assert "pairs of the hours 2026-11-09T08:00Z to 2026-11-09T09:00Z" in error.what
     assert "camera cam at 2026-11-09T09:30:05.000+00:00 with 7 records" in str(error.why)
     assert "vsd purge --camera cam --range 2026-11-09T09:00Z..2026-11-09T10:00Z" in str(error.fix)
 

@@ -325,7 +325,7 @@ def _fresh_days(
     paths = {u.number: _day_path(site, root, u) for u in units}
     for batch in _batches([u for u in units if not is_whole(paths[u.number])]):
         check(p for parts in merged_parts(batch).values() for p in parts)
-        rows = day_facts(site, merged_parts(batch), first_day=batch[0].number, last_day=batch[-1].number)
+        rows = day_facts(site, merged_parts(batch))
         inputs = {u.number: u.inputs for u in batch}
         for day, own in slices(rows, "utc_day", inputs):  # without fsync: facts can be computed again
             publish(paths[day], fact_bytes(own, inputs=inputs[day]), is_synced=False)

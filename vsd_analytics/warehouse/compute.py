@@ -12,7 +12,11 @@ from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.store.layout import HOUR_MS, Part
-from vsd_analytics.warehouse.dimensions import params, register_quarters, register_site
+from vsd_analytics.warehouse.arrays.batch import Batch
+from vsd_analytics.warehouse.arrays.camera_days import camera_days as days_of_cameras
+from vsd_analytics.warehouse.arrays.held import ENUMS, Held
+from vsd_analytics.warehouse.arrays.stored import columns_of, id_names, read_records
+from vsd_analytics.warehouse.dimensions import camera_table, params, register_quarters, register_site
 from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.input_fingerprint import dependencies
@@ -23,42 +27,24 @@ if TYPE_CHECKING:
 
 Parts = Mapping[TableName, Sequence[Part]]
 
-_UNUSED = ("quality", "distance_sd_mm")
-"""Stored columns that no fact reads."""
 _INTERVAL_MAX_MS = 1_200_000
 """Longest frame interval: `camera_days` cuts it at 20 minutes, so that an hour depends on its neighbours alone."""
-_ENUMS = {"camera_id": "camera_name", "track_id": "track_name", "track_a": "track_name", "track_b": "track_name"}
-"""Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
-names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
 PAIRS = "pairs"
 """The fact with a row for almost every record, which most others are computed from."""
 _WITH_CAMERAS = ("cameras", "calibrations", "owner_cells", "camera_days")
 
 
-def day_facts(site: Site, parts: Parts, *, first_day: int, last_day: int) -> pa.Table:
-    """Return the rows of the fact `camera_days` of UTC days.
+def day_facts(site: Site, parts: Parts, *, by_queries: bool = False) -> pa.Table:
+    """Return the rows of the fact `camera_days`.
 
     Args:
         site: The project.
-        parts: Stored parts of these days.
-        first_day: First UTC day number.
-        last_day: Last one, inclusive.
-
-    Raises:
-        SqlError: E604, DuckDB fails internally, also with careful settings.
+        parts: Stored parts of whole UTC days.
+        by_queries: Run the query in `sql/` instead of the function that is quicker.
     """
-    try:
-        return _day_facts(site, parts, is_careful=False)
-    except INSIDE:
-        try:
-            return _day_facts(site, parts, is_careful=True)
-        except INSIDE as error:
-            hours = {"first_hour": first_day * 24, "last_hour": last_day * 24 + 23}
-            raise failed_inside(error, relation="camera_days", parts=parts, **hours) from error
-
-
-def _day_facts(site: Site, parts: Parts, *, is_careful: bool) -> pa.Table:
-    with connect(is_careful=is_careful) as con:
+    if not by_queries:
+        return days_of_cameras(parts, camera_table(site))
+    with connect() as con:
         register_site(con, site)
         for table in TABLES:
             rows = f"read_parquet({literal_list(p.path for p in parts[table])}, union_by_name = true)"
@@ -77,6 +63,7 @@ def hour_facts(
     first_hour: int,
     last_hour: int,
     pairs: Sequence[Path] = (),
+    by_queries: bool = False,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
@@ -91,6 +78,7 @@ def hour_facts(
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
         pairs: Files of the fact `pairs` of these hours and their neighbours, to read it; none = compute it.
+        by_queries: Run every query in `sql/`, also of relations that `arrays` computes; else only after DuckDB failed.
 
     Raises:
         SqlError: E604, DuckDB fails internally, also with careful settings.
@@ -108,16 +96,27 @@ def hour_facts(
                 con.register("_camera_days", camera_days)
                 con.execute("create temp table camera_days as select * from _camera_days")
                 name = "stored records"
-                _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
-                for relation in (r for r in relations("staging", "facts").values() if r.name in computed):
+                held = _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
+                batch = None if is_careful or by_queries else Batch(held, params(site))
+                order = [r for r in relations("staging", "facts").values() if r.name in computed]
+                for number, relation in enumerate(order):
                     name = relation.name
+                    is_array = False
                     if name == PAIRS and pairs:
+                        held.publish(())
                         _read_fact(con, relation, pairs, *spans)
-                    else:
+                    elif batch is None or not (is_array := batch.computes(relation)):
+                        held.publish(relation.reads)
                         create(con, relation)
                     if name in facts and name not in yielded:
-                        yield relation, _rows(con, relation, first_hour, last_hour)
+                        hours = (first_hour, last_hour)
+                        yield relation, held.table(relation, *hours) if is_array else _rows(con, relation, *hours)
                         yielded.add(name)
+                    if relation.layer == "facts" and name != PAIRS:
+                        held.forget(name)
+                    for table in {n for n in relation.reads if n.startswith("stored_")}:
+                        if not any(table in later.reads for later in order[number + 1 :]):
+                            held.forget(table)
             return
         except INSIDE as error:
             if is_careful:
@@ -143,7 +142,7 @@ def _read_fact(
     con: duckdb.DuckDBPyConnection, relation: Relation, files: Sequence[Path], first_ms: int, after_ms: int
 ) -> None:
     """Create a fact of the records in [first_ms, after_ms) from its files, as `create` does from stored records."""
-    columns = (f"cast({c} as {_ENUMS[c]}) as {c}" if c in _ENUMS else c for c in relation.columns)
+    columns = (f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c for c in relation.columns)
     con.execute(
         f"create temp table {relation.name} as select {', '.join(columns)} from read_parquet({literal_list(files)}, "
         f"hive_partitioning = false) where ts_ms >= {first_ms:d} and ts_ms < {after_ms:d}"
@@ -161,35 +160,21 @@ def _margin_ms(site: Site) -> int:
 
 def _load(
     con: duckdb.DuckDBPyConnection, tables: Sequence[TableName], parts: Parts, first_ms: int, after_ms: int
-) -> None:
-    """Create `stored_<table>` of the records in [first_ms, after_ms), with enums for the ids of all relations."""
-    views = {f"_parts_{table}": table for table in tables}
-    ids: dict[str, set[str]] = {"camera_name": {f"select camera_id as id from {r}" for r in _WITH_CAMERAS}}
-    for view, table in views.items():
-        rows = _empty(con, table)
-        if parts[table]:  # older parts lack columns that were added later
-            names = literal_list(p.path for p in parts[table])
-            rows = f"(select * from {rows} union all by name select * from read_parquet({names}, union_by_name = true))"
-        con.execute(
-            f"create temp view {view} as select * from {rows} "
-            f"where epoch_ms(ts) >= {first_ms:d} and epoch_ms(ts) < {after_ms:d}"
-        )
-        for column in (c for c in SCHEMAS[table].names if c in _ENUMS):
-            ids.setdefault(_ENUMS[column], set()).add(f"select distinct {column} as id from {view}")
-    for enum, queries in ids.items():
-        every = " union ".join(sorted(queries))
-        con.execute(f"create type {enum} as enum (select id from ({every}) where id is not null order by id)")
-    for relation in _WITH_CAMERAS:
-        con.execute(f"alter table {relation} alter camera_id type camera_name")
-    for view, table in views.items():
-        columns = (f"cast({c} as {_ENUMS[c]}) as {c}" if c in _ENUMS else c for c in SCHEMAS[table].names)
-        wanted = ", ".join(c for c, name in zip(columns, SCHEMAS[table].names, strict=True) if name not in _UNUSED)
-        con.execute(f"create temp table stored_{table} as select {wanted} from {view}")
+) -> Held:
+    """Return the stored records in [first_ms, after_ms), and make the ids of all tables enums."""
+    records = {table: read_records(table, parts[table], first_ms, after_ms) for table in tables}
+    every = " union ".join(f"select camera_id from {relation}" for relation in _WITH_CAMERAS)
+    cameras = (camera for (camera,) in con.execute(every).fetchall())
+    names = id_names(records, cameras)
+    held = Held(con, names, _WITH_CAMERAS)
+    for table, rows in records.items():
+        held.add_stored(f"stored_{table}", rows, columns_of(rows, names))
+    return held
 
 
 def _rows(con: duckdb.DuckDBPyConnection, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
     """Return the rows of a fact in a range of hours, with texts for enums: a file holds no names of other hours."""
-    columns = (f"cast({c} as varchar) as {c}" if c.removeprefix("other_") in _ENUMS else c for c in relation.columns)
+    columns = (f"cast({c} as varchar) as {c}" if c in ENUMS else c for c in relation.columns)
     inside = f"hour between {first_hour:d} and {last_hour:d}"
     return con.sql(f"select {', '.join(columns)} from {relation.name} where {inside}").to_arrow_table()
 

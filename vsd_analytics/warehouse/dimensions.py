@@ -130,7 +130,7 @@ def _has_whole_hours(timezone: str) -> bool:
 def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
     """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
     _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
-    _create(con, "cameras", _camera_table(site))
+    _create(con, "cameras", camera_table(site))
     _create(con, "calibrations", _calibration_table(site))
     _create(con, "owner_cells", owner_cells(site))
     areas = [(a.area_id, i, a.name, a.floor_id, a.is_door, a.served_in) for i, a in enumerate(site.areas)]
@@ -330,7 +330,8 @@ def _quarter_at(day: date, site: Site) -> int:
     return int(midnight.timestamp()) // 900
 
 
-def _camera_table(site: Site) -> pa.Table:
+def camera_table(site: Site) -> pa.Table:
+    """Return the relation `cameras`."""
     rows: list[tuple[Any, ...]] = [
         (c.camera_id, i, c.name, c.floor_id, None if c.hz is None else round(1000 / c.hz))
         for i, c in enumerate(site.cameras)

@@ -1,0 +1,90 @@
+"""`camera_days` from stored parts, one after the other: few columns are read, and only sums are held."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.store.layout import Part
+from vsd_analytics.warehouse.arrays.columns import Bools, Ints, distinct, rounded
+from vsd_analytics.warehouse.arrays.stored import read_columns
+
+DAY_MS = 86_400_000
+_READ: Mapping[TableName, tuple[str, ...]] = {
+    "frames": ("camera_id", "ts", "n_persons", "n_pairs"),
+    "observations": ("camera_id", "ts", "track_id"),
+    "pairs": ("camera_id", "ts", "track_a", "track_b"),
+}
+_LONGEST_MS, _UNKNOWN_MS = 1_200_000, 1000
+
+
+def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) -> pa.Table:
+    """Return `facts/camera_days`.
+
+    Args:
+        parts: Stored parts of whole UTC days.
+        cameras: The relation `cameras`.
+    """
+    intervals = dict(zip(cameras["camera_id"].to_pylist(), cameras["interval_ms"].to_pylist(), strict=True))
+    sums: dict[tuple[int, str], Ints] = defaultdict(lambda: np.zeros(5, dtype=np.int64))
+    instants: dict[tuple[int, str], list[Ints]] = defaultdict(list)
+    for table in TABLES:
+        for part in parts[table]:
+            rows = read_columns(part, table, _READ[table]).combine_chunks()
+            if not rows.num_rows:
+                continue
+            cameras, ts = rows["camera_id"].chunk(0), rows["ts"].cast(pa.int64()).to_numpy()
+            names, day = cameras.dictionary.to_pylist(), ts // DAY_MS
+            group = (day - day.min()) * len(names) + cameras.indices.to_numpy()
+            told = [np.bincount(group[k], minlength=int(group.max()) + 1) for k in _told(table, rows)]
+            for number in np.flatnonzero(np.bincount(group)).tolist():
+                key = (int(day.min()) + number // len(names), names[number % len(names)])
+                if key[1] in intervals:
+                    sums[key] += [of_kind[number] for of_kind in told]
+                    if intervals[key[1]] is None:
+                        instants[key].append(ts[group == number])
+    keys = sorted(sums, key=lambda key: (key[0], key[1].encode()))
+    n_frames, n_persons, n_pairs, n_records, n_tracked = (
+        np.array([sums[key] for key in keys], dtype=np.int64).reshape(-1, 5).T
+    )
+    intervals_ms = [_interval_ms(intervals[camera], instants[day, camera]) for day, camera in keys]
+    return pa.table(
+        {
+            "utc_day": pa.array([day for day, _ in keys], pa.int64()),
+            "camera_id": pa.array([camera for _, camera in keys], pa.string()),
+            "interval_ms": pa.array(intervals_ms, pa.int64()),
+            "has_heartbeat": n_frames > 0,
+            "has_persons": n_persons > 0,
+            "has_tracks": 2 * n_tracked >= n_records,
+            "sends_pairs": n_pairs > 0,
+        }
+    )
+
+
+def _told(table: TableName, rows: pa.Table) -> tuple[Bools, ...]:
+    """Return which rows are of frames, of people, of pairs, records, and records with track ids."""
+    every, none = np.ones(rows.num_rows, dtype=np.bool_), np.zeros(rows.num_rows, dtype=np.bool_)
+
+    def known(column: str) -> Bools:
+        found: Bools = pc.is_valid(rows[column]).to_numpy()
+        return found
+
+    if table == "frames":
+        return every, known("n_persons"), known("n_pairs"), none, none
+    if table == "observations":
+        return none, every, none, every, known("track_id")
+    return none, none, every, every, known("track_a") & known("track_b")
+
+
+def _interval_ms(of_camera: int | None, instants: Sequence[Ints]) -> int:
+    """Return the frame interval: that of vsd.toml, else the median time between frames, else a second."""
+    found = _UNKNOWN_MS if of_camera is None else of_camera
+    if of_camera is None:
+        steps = np.diff(distinct(np.concatenate(instants)))
+        found = int(rounded(np.median(steps, keepdims=True))[0]) if len(steps) else _UNKNOWN_MS
+    return min(found, _LONGEST_MS)

@@ -1,0 +1,187 @@
+"""The relations of one batch: arrays beside a DuckDB connection, converted when the other side first reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns
+from vsd_analytics.warehouse.sqlfiles import Relation
+
+if TYPE_CHECKING:
+    import duckdb
+
+ENUMS = {
+    **dict.fromkeys(("camera_id", "other_camera_id"), "camera_name"),
+    **dict.fromkeys(("track_id", "track_a", "track_b", "other_track_a", "other_track_b"), "track_name"),
+    **dict.fromkeys(("first_other_id", "last_other_id"), "track_name"),
+}
+"""Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
+names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""
+_INT32 = frozenset(
+    [
+        *("x_mm", "y_mm", "distance_mm", "min_distance_mm", "cx", "cy", "n_ends"),
+        *(f"{n}{c}_{side}_mm" for n in ("", "next_") for c in "xy" for side in "ab"),
+    ]
+)
+
+
+class Held:
+    """Relations of one batch.
+
+    Args:
+        con: The connection with the small tables of the site.
+        names: Names by enum type, in order.
+        with_cameras: Those of the small tables that have cameras.
+    """
+
+    def __init__(
+        self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array], with_cameras: Iterable[str]
+    ) -> None:
+        self._con, self._names, self._with_cameras = con, names, tuple(with_cameras)
+        self._columns: dict[str, Columns] = {}
+        self._unpublished: dict[str, tuple[str, ...]] = {}
+        self._stored: dict[str, pa.Table] = {}
+        self._has_enums = False
+
+    @property
+    def n_names(self) -> dict[str, int]:
+        """The number of names by enum type."""
+        return {enum: len(known) for enum, known in self._names.items()}
+
+    def __getitem__(self, name: str) -> Columns:
+        """Return the columns of a relation, read from DuckDB where it is a table there only."""
+        if name not in self._columns:
+            self._columns[name] = self._read(self._con.sql(f"select * from {name}").to_arrow_table())
+        return self._columns[name]
+
+    def add(self, name: str, columns: Iterable[str], rows: Columns) -> None:
+        """Hold a relation; `columns` are those that queries may read."""
+        self._columns[name] = rows
+        self._unpublished[name] = tuple(columns)
+
+    def add_stored(self, name: str, rows: pa.Table, columns: Columns) -> None:
+        """Hold a stored table; queries read its rows as they are."""
+        self._columns[name] = columns
+        self._stored[name] = rows
+
+    def replace(self, name: str, rows: Columns) -> None:
+        """Hold other columns of a relation that is a table already."""
+        self._columns[name] = rows
+
+    def forget(self, name: str) -> None:
+        """Free the columns of a relation that nothing reads any more."""
+        self._columns.pop(name, None)
+        self._unpublished.pop(name, None)
+        self._stored.pop(name, None)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._columns
+
+    def publish(self, names: Iterable[str]) -> None:
+        """Create the tables of those relations that are arrays only, for queries that read them, and the enum types."""
+        if not self._has_enums:
+            self._create_enums()
+        for name in names:
+            if name in self._stored:
+                self._create(
+                    name, self._stored.pop(name), lambda c: f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c
+                )
+            if name not in self._unpublished:
+                continue
+            columns = self._unpublished.pop(name)
+            rows = self._columns[name]
+            self._create(name, pa.table({c: _array(c, rows[c]) for c in columns}), _named)
+
+    def table(self, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
+        """Return the rows of a held fact in a range of hours, with texts for ids; the rows are in order of hours."""
+        rows = self._columns[relation.name]
+        first, after = np.searchsorted(rows["hour"], [first_hour, last_hour + 1])
+        found = {}
+        for column in relation.columns:
+            values = rows[column][first:after]
+            enum = ENUMS.get(column)
+            if values.dtype == object or enum is None:
+                found[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)
+            else:
+                names = self._names[enum]
+                found[column] = names.take(_array(column, values)) if len(names) else pa.nulls(len(values), pa.string())
+        return pa.table(found)
+
+    def names_of(self, enum: str) -> pa.Array:
+        """Return the names of an enum type, in order."""
+        return self._names[enum]
+
+    def _create_enums(self) -> None:
+        self._has_enums = True
+        for enum, known in self._names.items():
+            self._con.register(f"_{enum}", pa.table({"id": known}))
+            self._con.execute(f"create type {enum} as enum (select id from _{enum})")
+            self._con.execute(f"create temp table {enum}s as select cast(id as {enum}) as id from _{enum}")
+            self._con.unregister(f"_{enum}")
+        for relation in self._with_cameras:
+            self._con.execute(f"alter table {relation} alter camera_id type camera_name")
+
+    def _create(self, name: str, rows: pa.Table, expression: Callable[[str], str]) -> None:
+        self._con.register(f"_{name}", rows)
+        columns = ", ".join(map(expression, rows.column_names))
+        self._con.execute(f"create temp table {name} as select {columns} from _{name}")
+        self._con.unregister(f"_{name}")
+
+    def _read(self, table: pa.Table) -> Columns:
+        found = {}
+        for name in table.column_names:
+            values = table[name]
+            if name in ENUMS and not pa.types.is_dictionary(values.type):
+                values = pc.index_in(values, self._names[ENUMS[name]]).fill_null(-1)
+            found[name] = _values(values)
+        return found
+
+
+def none_of(relation: Relation) -> Columns:
+    """Return the columns of a relation without rows."""
+    kinds = {"is_": np.bool_, "area_id": object, "floor_id": object}
+    return {c: np.zeros(0, dtype=kinds.get(c, kinds.get(c[:3], np.int64))) for c in relation.columns}
+
+
+def _named(column: str) -> str:
+    enum = ENUMS.get(column)
+    return column if enum is None else f"(select list(id order by id) from {enum}s)[{column} + 1] as {column}"
+
+
+def _array(column: str, values: NDArray[Any]) -> pa.Array:
+    """Return a column for Arrow: nulls for unknown ids and numbers."""
+    if values.dtype == np.bool_:
+        return pa.array(values)
+    if ENUMS.get(column) is not None:
+        return pa.array(values.astype(np.int32, copy=False), mask=values < 0)
+    if values.dtype.kind == "f":
+        return pa.array(values, mask=np.isnan(values))
+    is_unknown = values == NULL
+    mask = is_unknown if is_unknown.any() else None
+    if column in _INT32:
+        return pa.array(
+            np.where(is_unknown, 0, values).astype(np.int32) if mask is not None else values.astype(np.int32), mask=mask
+        )
+    return pa.array(values, mask=mask)
+
+
+def _values(column: pa.ChunkedArray) -> NDArray[Any]:
+    """Return a column of DuckDB as an array."""
+    kind, found = column.type, column
+    if pa.types.is_dictionary(kind):
+        codes = pa.chunked_array([chunk.indices for chunk in column.chunks], type=kind.index_type)
+        found = codes.cast(pa.int32()).fill_null(-1)
+    elif pa.types.is_integer(kind):
+        found = column.cast(pa.int64()).fill_null(NULL)
+    elif pa.types.is_boolean(kind):
+        found = column.fill_null(False)
+    elif not pa.types.is_floating(kind):
+        return np.asarray(column.to_pylist(), dtype=object)
+    values: NDArray[Any] = found.to_numpy()
+    return values

@@ -1,0 +1,90 @@
+"""`pairs` of engines that report people only: who is within `pair_max_m` of whom."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, beside, grouped_by, order_by, run_of, take
+from vsd_analytics.warehouse.arrays.held import Held
+from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of
+from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+
+_CROWD = 40
+
+
+def pairs(held: Held, site: SiteTables) -> Columns | None:
+    """Return `facts/pairs`, in order of hour, camera, instant and members; None where an engine reports pairs itself.
+
+    `_frame` is the row of `instants`; `_a` and `_b` number the persons, `_row_a` and `_row_b` are rows of `located`.
+    """
+    if (
+        "stored_pairs" not in held
+        or len(held["stored_pairs"]["ts_ms"])
+        or np.any(held["stored_frames"]["n_pairs"] != NULL)
+    ):
+        return None
+    located = held["located"]
+    placed = np.flatnonzero(located["x_mm"] != NULL)
+    frame, x, y = (located[c][placed] for c in ("_frame", "x_mm", "y_mm"))
+    reach = int(site.params["pair_max_mm"])
+    is_crowded = np.bincount(frame, minlength=1)[frame] > _CROWD
+    few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
+    many = many[order_by(frame[many], x[many])]
+    found: list[tuple[Ints, Ints, Ints]] = []
+    # up to 40 people are compared each with each; of more, those in a strip
+    for rows, of, along in ((few, frame[few], np.zeros_like(few)), (many, frame[many], x[many])):
+        for one, other in beside(of, along, reach):
+            a, b = rows[one], rows[other]
+            square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
+            near = np.flatnonzero(square <= reach * reach)
+            found.append((a[near], b[near], square[near]))
+    one, other, square = (np.concatenate([few[:0], *(f[i] for f in found)]) for i in range(3))
+    a, b = placed[np.minimum(one, other)], placed[np.maximum(one, other)]
+    hour = located["ts_ms"][a] // HOUR_MS
+    order = order_by(hour, a, b) if len(many) else order_by(hour)  # people were compared in order
+    a, b, hour, square = a[order], b[order], hour[order], square[order]
+    camera, ts = located["camera_id"][a], located["ts_ms"][a]
+    x_a, y_a, x_b, y_b = (located[c][side] for side in (a, b) for c in ("x_mm", "y_mm"))
+    return {
+        "hour": hour,
+        "camera_id": camera,
+        "ts_ms": ts,
+        "member_a": located["member"][a],
+        "member_b": located["member"][b],
+        "track_a": located["track_id"][a],
+        "track_b": located["track_id"][b],
+        "x_a_mm": x_a,
+        "y_a_mm": y_a,
+        "x_b_mm": x_b,
+        "y_b_mm": y_b,
+        "distance_mm": np.sqrt(square).astype(np.int64),
+        "weight_ms": located["weight_ms"][a],
+        "is_owned": site.floors.is_owned(camera, ts, x_a + x_b, y_a + y_b, 2),
+        "is_derived": np.ones(len(a), dtype=np.bool_),
+        "_frame": located["_frame"][a],
+        "_a": a,
+        "_b": b,
+        "_row_a": a,
+        "_row_b": b,
+    }
+
+
+def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
+    """Return pairs that a query computed in the order and with the further columns of those that are arrays."""
+    frame = frame_of(instants, pairs["camera_id"], pairs["ts_ms"])
+    order = order_by(pairs["hour"], frame, pairs["member_a"], pairs["member_b"])
+    pairs, frame = take(pairs, order), frame[order]
+    member = np.concatenate([pairs["member_a"], pairs["member_b"]])
+    low = int(member.min()) if len(member) else 0
+    span = int(member.max()) - low + 1 if len(member) else 1
+    first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"]) + 1))
+    row = np.where(member > 0, np.tile(first[frame], 2) + member - 1, -1)
+    n = len(frame)
+    found = {**pairs, "_frame": frame, "_row_a": row[:n], "_row_b": row[n:]}
+    if pairs["is_derived"].all():
+        return {**found, "_a": row[:n], "_b": row[n:]}
+    persons = np.tile(frame, 2) * span + (member - low)
+    order, starts = grouped_by(persons)
+    number = np.zeros(2 * n, dtype=np.int64)
+    number[order] = run_of(starts, 2 * n)
+    return {**found, "_a": number[:n], "_b": number[n:]}

@@ -1,0 +1,98 @@
+"""The stored records of one batch as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from vsd_analytics.schema import SCHEMAS, TableName
+from vsd_analytics.store.layout import Part
+from vsd_analytics.warehouse.arrays.columns import NULL, Columns
+from vsd_analytics.warehouse.arrays.held import ENUMS
+
+UNUSED = ("quality", "distance_sd_mm")
+"""Stored columns that no fact reads."""
+
+
+def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_ms: int) -> pa.Table:
+    """Return the stored records of a table in [first_ms, after_ms), ids as dictionaries of all their names.
+
+    Args:
+        table: The table.
+        parts: Its parts; older ones may lack columns that were added later.
+        first_ms: First instant, UTC milliseconds.
+        after_ms: The instant after the last one.
+    """
+    wanted = [f.name for f in SCHEMAS[table] if f.name not in UNUSED]
+    read = [_within(read_columns(part, table, wanted), first_ms, after_ms) for part in parts]
+    return pa.concat_tables([_schema(table, wanted).empty_table(), *read]).unify_dictionaries().combine_chunks()
+
+
+def read_columns(part: Part, table: TableName, columns: Collection[str]) -> pa.Table:
+    """Return some columns of a part, ids as dictionaries; columns that an older part lacks are unknown."""
+    schema = _schema(table, columns)
+    ids = [name for name in columns if name in ENUMS]
+    rows = pq.ParquetFile(part.path, read_dictionary=ids).read(columns=list(columns), use_threads=False)
+    return pa.table({f.name: _column(rows, f) for f in schema}, schema=schema)
+
+
+def _schema(table: TableName, columns: Collection[str]) -> pa.Schema:
+    fields = (f for f in SCHEMAS[table] if f.name in columns)
+    text = pa.dictionary(pa.int32(), pa.string())
+    return pa.schema([f.with_type(text) if f.name in ENUMS else f for f in fields])
+
+
+def _within(rows: pa.Table, first_ms: int, after_ms: int) -> pa.Table:
+    ts = rows["ts"].cast(pa.int64())
+    if not len(ts) or (pc.min(ts).as_py() >= first_ms and pc.max(ts).as_py() < after_ms):
+        return rows
+    return rows.filter(pc.and_(pc.greater_equal(ts, first_ms), pc.less(ts, after_ms)))
+
+
+def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
+    if field.name not in rows.column_names:
+        return pa.nulls(rows.num_rows, field.type)
+    values = rows[field.name]
+    if pa.types.is_dictionary(field.type) and not pa.types.is_dictionary(values.type):
+        values = values.cast(pa.string()).dictionary_encode()
+    return values.cast(field.type)
+
+
+def id_names(records: Mapping[TableName, pa.Table], cameras: Iterable[str]) -> dict[str, pa.Array]:
+    """Return the names of each enum type in order: cameras of site and records, and tracks of the records."""
+    found: dict[str, set[str]] = {"camera_name": set(cameras), "track_name": set()}
+    for rows in records.values():
+        for column in (c for c in rows.column_names if c in ENUMS):
+            for chunk in rows[column].chunks:
+                found[ENUMS[column]].update(chunk.dictionary.to_pylist())
+    # texts of Arrow are compared by their bytes, as those of DuckDB
+    return {enum: pa.array(sorted(n, key=str.encode), pa.string()) for enum, n in found.items()}
+
+
+def columns_of(rows: pa.Table, names: Mapping[str, pa.Array]) -> Columns:
+    """Return stored records as columns: `ts` as UTC milliseconds in `ts_ms`, ids as numbers of their names."""
+    found: Columns = {}
+    for column in rows.column_names:
+        values = rows[column].combine_chunks() if rows.num_rows else rows[column]
+        if column in ENUMS:
+            found[column] = _codes(rows[column], names[ENUMS[column]])
+        elif column == "ts":
+            found["ts_ms"] = rows[column].cast(pa.int64()).to_numpy()
+        elif pa.types.is_floating(rows.schema.field(column).type):
+            found[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
+        else:
+            found[column] = rows[column].cast(pa.int64()).fill_null(NULL).to_numpy()
+    return found
+
+
+def _codes(column: pa.ChunkedArray, names: pa.Array) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
+    found = [np.zeros(0, dtype=np.int32)]
+    for chunk in column.chunks:
+        at = pc.index_in(chunk.dictionary, names).fill_null(-1).to_numpy().astype(np.int32)
+        codes = chunk.indices.fill_null(len(at)).to_numpy()
+        found.append(np.append(at, np.int32(-1))[codes])
+    return np.concatenate(found)
