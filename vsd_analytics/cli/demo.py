@@ -12,8 +12,8 @@ from vsd_analytics.cli.project import Project, pass_project
 if TYPE_CHECKING:
     from pathlib import Path
 
-HISTORY_WEEKS: Final = 12
-"""Weeks with which a change can be compared and next week be forecast."""
+WEEKS: Final = {"shop": 2, "canteen": 12}
+"""Weeks made without `--weeks`. Twelve are enough to compare a change and to forecast; of the shop they take minutes."""
 
 
 @click.command()
@@ -28,9 +28,7 @@ HISTORY_WEEKS: Final = 12
 @click.option(
     "--weeks",
     type=click.IntRange(1, 104),
-    default=2,
-    show_default=True,
-    help="Weeks to make; with eight or more there is a history.",
+    help="Weeks to make; 8 or more are a history. Default: 2 of the shop, 12 of the canteen.",
 )
 @click.option(
     "--reports",
@@ -50,15 +48,23 @@ HISTORY_WEEKS: Final = 12
 @click.option("--open", "is_opened", is_flag=True, help="Open the report in a browser.")
 @pass_project
 def demo(
-    project: Project, folder: str, place: str, weeks: int, reports: str, last_week: str, seed: int, is_opened: bool
+    project: Project,
+    folder: str,
+    place: str,
+    weeks: int | None,
+    reports: str,
+    last_week: str,
+    seed: int,
+    is_opened: bool,
 ) -> None:
-    """Make a demo shop with four cameras and two weeks of made-up people, and its weekly report.
+    """Make a demo shop, or canteen, with made-up people and its weekly report.
 
     The folder is a whole project: vsd.toml, plan, calibrations, engine output, change log. Everything the report
     shows was ingested like real data. truth.json of the shop lists what was planted.
 
-    The canteen takes seconds: a counter, a till with a waiting line, a tray return. Waiting places were marked on the
-    floor before the last week, or four weeks earlier if there are eight or more.
+    The canteen has a counter, a till with a waiting line, and a tray return. Its twelve weeks take half a minute.
+    Waiting places were marked on the floor four weeks before the end, or before the last week if there are fewer than
+    eight.
 
     With eight weeks or more the shop has a history: a slow rise, a redesign, a change that does nothing, a week mostly
     lost and a holiday.
@@ -67,7 +73,7 @@ def demo(
     Example:
       vsd demo
       vsd demo my-demo --weeks 12 --reports all
-      vsd demo canteen --place canteen --weeks 10
+      vsd demo vsd-canteen --place canteen
     """
     import time
     from pathlib import Path
@@ -78,6 +84,7 @@ def demo(
     from vsd_analytics.simulate.demo import ingest_demo
 
     root = Path(folder)
+    weeks = WEEKS[place] if weeks is None else weeks
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         raise UsageError(
             f"{folder} is not empty",
@@ -114,9 +121,10 @@ def demo(
     for path in pages:
         click.echo(f"  {path}   {path.stat().st_size / 1000:.0f} KB   open it in any browser")
     click.echo(f"  Next: cd {folder} && vsd coverage --week {last_week}")
-    if is_shop and weeks < HISTORY_WEEKS:
-        longer = f"vsd demo {folder}-history --weeks {HISTORY_WEEKS}"
-        click.echo(f"  Before and after of a change, and forecasts, need more weeks: {longer}")
+    if is_shop and weeks < WEEKS["canteen"]:
+        click.echo(
+            "  Before and after of a change, and forecasts, need more weeks: vsd demo vsd-canteen --place canteen"
+        )
     if is_opened:
         click.launch(str(pages[-1]))
 
