@@ -89,15 +89,15 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
                 for i in range(scene.n_people)
                 if x0 * 1000 <= places[i][0] <= x1 * 1000 and rng.random() > 0.05
             ]
-            told = scene.sends_pairs and camera != "cam"
+            has_pairs = scene.sends_pairs and camera != "cam"
             if scene.has_beats:
                 seq = number - (40 if scene.falling_numbers and number > 70 else 0)
-                yield Frame(at, camera, n_persons=len(seen), n_pairs=0 if told else None, seq=seq)
+                yield Frame(at, camera, n_persons=len(seen), n_pairs=0 if has_pairs else None, seq=seq)
             for k, (track, x, y) in enumerate(seen if scene.sends_persons else ()):
                 is_pixel = scene.sends_pixels and camera == "up"
                 where = {"u": x / 10, "v": y / 10} if is_pixel else {"x": int(x), "y": int(y)}
                 yield Person(at, track, camera=camera, **({} if k == 7 and track else where))
-            for k, (track, x, y) in enumerate(seen[:-1] if told else ()):
+            for k, (track, x, y) in enumerate(seen[:-1] if has_pairs else ()):
                 other, x2, y2 = seen[k + 1]
                 xy = (int(x), int(y), int(x2), int(y2)) if k % 3 else (None,) * 4
                 yield Pair(at, track, other, int(np.hypot(x - x2, y - y2)), camera, xy, (k, k + 1))

@@ -41,11 +41,11 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
             cameras, ts = rows["camera_id"].chunk(0), rows["ts"].cast(pa.int64()).to_numpy()
             names, day = cameras.dictionary.to_pylist(), ts // DAY_MS
             group = (day - day.min()) * len(names) + cameras.indices.to_numpy()
-            told = [np.bincount(group[k], minlength=int(group.max()) + 1) for k in _told(table, rows)]
+            counts = [np.bincount(group[k], minlength=int(group.max()) + 1) for k in _kinds(table, rows)]
             for number in np.flatnonzero(np.bincount(group)).tolist():
                 key = (int(day.min()) + number // len(names), names[number % len(names)])
                 if key[1] in intervals:
-                    sums[key] += [of_kind[number] for of_kind in told]
+                    sums[key] += [of_kind[number] for of_kind in counts]
                     if intervals[key[1]] is None:
                         instants[key].append(ts[group == number])
     keys = sorted(sums, key=lambda key: (key[0], key[1].encode()))
@@ -66,7 +66,7 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     )
 
 
-def _told(table: TableName, rows: pa.Table) -> tuple[Bools, ...]:
+def _kinds(table: TableName, rows: pa.Table) -> tuple[Bools, ...]:
     """Return which rows are of frames, of people, of pairs, records, and records with track ids."""
     every, none = np.ones(rows.num_rows, dtype=np.bool_), np.zeros(rows.num_rows, dtype=np.bool_)
 

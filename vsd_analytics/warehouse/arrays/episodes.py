@@ -123,7 +123,7 @@ def _middle(
 def _place(
     held: Held, records: Columns, rows: Ints, frames_on: int, n_half_intervals: int, site: SiteTables
 ) -> tuple[Floats, Floats, Floats]:
-    """Return how far off a frame is and where b stands in it seen from a; NaN where it is too far off or lacks one."""
+    """Return how far off a frame is, and the place of a less that of b in it; NaN where too far off or unknown."""
     frames, located = held["instants"], held["located"]
     frame = records["_frame"][rows]
     other = np.clip(frame + frames_on, 0, len(frames["ts_ms"]) - 1)

@@ -141,7 +141,7 @@ def _agreeing(seen: Columns, near: Columns) -> tuple[Ints, Ints, Ints]:
     """Return the runs of two cameras that fit each other best in some second, and in how many seconds they do."""
     camera, run = (seen[c][near["p"]] for c in ("camera_id", "_run"))
     other_camera, other = (seen[c][near["q"]] for c in ("camera_id", "_run"))
-    # a pair of tracks is seen once in a second, so that its row stands for both
+    # a pair of tracks is seen once in a second, so that its row says both
     is_best = _is_best(near["square_mm2"], (near["p"], other_camera), (other, run))
     is_best &= _is_best(near["square_mm2"], (near["q"], camera), (run, other))
     run, other = run[is_best], other[is_best]
