@@ -26,6 +26,7 @@ timezone = "Europe/Rome"
 [[floor]]
 id = "ground"
 name = "Ground"
+capacity = 9
 [[camera]]
 id = "cam-1"
 name = "Entrance"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 WEEKS: Final = {"shop": 2, "canteen": 12}
-"""Weeks made without `--weeks`. Twelve are enough to compare a change and to forecast; of the shop they take minutes."""
+"""Weeks made without `--weeks`. Twelve are enough to compare a change and to forecast; of the shop they take long."""
 
 
 @click.command()

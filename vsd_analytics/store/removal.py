@@ -290,14 +290,18 @@ def _unseal(seals: Seals, intent: Intent) -> None:
 
 
 def _reduced(seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None) -> UnitSeal:
-    """Return the seal of a unit's facts without the rows of a camera (None = without any row)."""
+    """Return the seal of a unit's facts without the rows of a camera (None = without any row).
+
+    A fact that names no camera is a sum over all: nobody can subtract one of them, so no row remains.
+    """
     facts = {}
     for relation, digest in unit.facts.items():
         data = seals.fact_path(relation, hour, digest).read_bytes()
         rows = pq.read_table(pa.BufferReader(data))
-        rest = rows if camera_id is not None else rows.slice(0, 0)
-        for name in (n for n in rows.column_names if n.endswith("camera_id")):  # a row may be about two cameras
-            rest = rest.filter(pc.not_equal(rest[name], camera_id)) if camera_id is not None else rest
+        named = [n for n in rows.column_names if n.endswith("camera_id")]  # a row may be about two cameras
+        rest = rows if camera_id is not None and named else rows.slice(0, 0)
+        for name in named if camera_id is not None else ():
+            rest = rest.filter(pc.not_equal(rest[name], camera_id))
         if rest.num_rows < rows.num_rows:
             rest = rest.combine_chunks().replace_schema_metadata(None)  # the seal holds the inputs it was computed from
             data = parquet_bytes(rest, compression="zstd", write_page_checksum=True).to_pybytes()
