@@ -169,6 +169,16 @@ def test_a_camera_that_sent_in_the_last_hour_or_is_not_due_yet_is_not_silent(tmp
     assert card(site, SATURDAY, 10, change=without(SATURDAY, 10, "cam-2")).silent == ()
 
 
+def test_a_camera_that_began_in_the_running_hour_is_not_silent(tmp_path: Path) -> None:
+    def begin(hours: pd.DataFrame) -> None:
+        began = of(hours, day=SATURDAY, hour=11, camera="cam-2")
+        hours.loc[of(hours, camera="cam-2") & ~began, ["recorded_s", "recorded_open_s"]] = 0.0
+
+    site = site_of(tmp_path)
+    assert card(site, SATURDAY, 11, 5, change=begin).silent == ()
+    assert [c.camera_id for c in card(site, SATURDAY, 11, change=begin).silent] == ["cam-2"], "11:05 has not come"
+
+
 def test_an_unknown_floor_is_refused(tmp_path: Path) -> None:
     with planted(site_of(tmp_path), n_weeks=14) as warehouse, pytest.raises(UsageError, match="no floor has the id"):
         today(warehouse, datetime(2026, 11, 14, 12, tzinfo=warehouse.site.zone), floor_id="cellar")

@@ -11,6 +11,7 @@ from datetime import date, datetime, timedelta
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.slots import Floats, Slots, load_slots, open_hours
@@ -92,7 +93,7 @@ class DayLevel:
 
 @dataclass(frozen=True, slots=True)
 class SilentCamera:
-    """A camera that recorded nothing in the last open hour that is over.
+    """A camera that recorded nothing in the last open hour that is over, nor in the hour that has begun.
 
     Attributes:
         camera_id: The camera.
@@ -175,7 +176,8 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
 
     A day's usual range is the prediction interval of `stats.usual` from the same hours of the same weekday in the weeks
     before; days that did not record all these hours are left out. Both days are judged together: each range has half of
-    the error that `confidence` allows. What was recorded after `at` is not read.
+    the error that `confidence` allows. What was recorded after `at` is not read, but for one question: a camera that
+    recorded anything in the hour that has begun is not silent.
 
     Args:
         warehouse: From `first_day(at)`, or from wherever records begin, to the day of `at`.
@@ -219,7 +221,7 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
                 share=settings.forecast_share,
             )
         ),
-        silent=_silent(slots, n_over=n_over),
+        silent=_silent(slots, n_over=n_over, is_sending=_recorded_in_hour_of(loaded, at)),
         n_cameras=len(slots.camera_ids),
         forecast_state=seen.state,
         forecast_reason=seen.reason,
@@ -321,7 +323,14 @@ def _hours(
     )
 
 
-def _silent(slots: Slots, *, n_over: int) -> tuple[SilentCamera, ...]:
+def _recorded_in_hour_of(slots: Slots, at: datetime) -> NDArray[np.bool_]:
+    """Return which cameras recorded something in the hour that has begun at `at`, shape (n_cameras,)."""
+    if at.replace(minute=0, second=0, microsecond=0) == at:
+        return np.zeros(len(slots.camera_ids), dtype=np.bool_)
+    return np.asarray(slots.recorded_h[:, -1, at.weekday() * HOURS + at.hour] > 0)
+
+
+def _silent(slots: Slots, *, n_over: int, is_sending: NDArray[np.bool_]) -> tuple[SilentCamera, ...]:
     open_now = np.flatnonzero(slots.open_h[-1, :n_over] > 0)
     if not len(open_now):
         return ()
@@ -329,10 +338,10 @@ def _silent(slots: Slots, *, n_over: int) -> tuple[SilentCamera, ...]:
     last_open = HISTORY_WEEKS * SLOTS + int(open_now[-1])
     first = slots.monday - timedelta(weeks=HISTORY_WEEKS)
     found = []
-    for camera_id, recorded_h in zip(
-        slots.camera_ids, slots.recorded_h.reshape(len(slots.camera_ids), -1), strict=True
+    for camera_id, recorded_h, sends in zip(
+        slots.camera_ids, slots.recorded_h.reshape(len(slots.camera_ids), -1), is_sending, strict=True
     ):
-        if recorded_h[last_open] > 0:
+        if sends or recorded_h[last_open] > 0:
             continue
         recorded = np.flatnonzero(recorded_h[:last_open] > 0)
         last = int(recorded[-1]) if len(recorded) else None
