@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.compare_text import change, figure, level, percent, ratio, table
+from vsd_analytics.cli.compare_text import ENCOUNTERS, change, figure, level, percent, ratio, table
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
@@ -21,6 +21,7 @@ from vsd_analytics.site.instants import parse_range, parse_week
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure
     from vsd_analytics.figures.compare import Comparison, PlaceChange
+    from vsd_analytics.stats.estimates import RateEstimate
 
 
 @click.command()
@@ -45,8 +46,8 @@ def compare(
     """Compare two periods over the same hours, or the weeks before and after a change of the log.
 
     A and B are ISO weeks, `last`, `last-2`, or ranges of days. Days are paired by weekday, and only camera-hours that
-    were recorded in both count. Prints violation rate, risk per person-hour, people, and which of them made
-    the change.
+    were recorded in both count. Prints violations per open hour, time too close, people, encounters per person-hour,
+    and which of them made the change.
 
     With --change N, compares the area of entry N of the log before and after, relative to areas that were left
     alone (difference in differences), so that a change of the whole site does not look like an effect. Beside it: a
@@ -152,16 +153,19 @@ def _place(place: PlaceChange) -> list[str]:
     split = place.split
     rows = [
         ("", "A", "B", "B against A", "verdict"),
-        ("how often: violations per open hour", level(place.often_a), level(place.often_b), *change(split.often)),
-        ("how risky: violations per person-hour", level(place.risky_a), level(place.risky_b), *change(split.risky)),
+        ("violations per open hour", level(place.often_a), level(place.often_b), *change(split.often)),
+        ("share of time too close", _share_level(place.close_share_a), _share_level(place.close_share_b),
+         *change(place.close_share)),
+        ("person-minutes too close per open hour", level(place.burden_a), level(place.burden_b), *change(place.burden)),
         ("people in view", figure(split.people.rate_a), figure(split.people.rate_b), *change(split.people)),
-    ]
+        (ENCOUNTERS, level(place.risky_a), level(place.risky_b), *change(split.risky)),
+    ]  # fmt: skip
     lines = table(rows)
     if split.people_share is not None and split.people.change is not None and split.risky.change is not None:
         lines += [
             "",
             f"Of the change {percent(split.often.change)}: people {percent(split.people.change)}, "
-            f"risk per person-hour {percent(split.risky.change)}. {_share(split.people_share)}",
+            f"encounters per person-hour {percent(split.risky.change)}. {_share(split.people_share)}",
         ]
     return lines
 
@@ -190,19 +194,36 @@ def _share(people: float) -> str:
     if people < 0:
         return "People moved the other way."
     if people > 1:
-        return "Risk moved the other way."
+        return "Encounters per person-hour moved the other way."
     return f"People explain {people:.0%} of it."
 
 
+def _share_level(rate: RateEstimate) -> str:
+    """Return a share with its interval in percent, or why there is none."""
+    if rate.rate is None:
+        return level(rate)
+    between = "" if rate.lo is None or rate.hi is None else f" ({100 * rate.lo:.3g}% to {100 * rate.hi:.3g}%)"
+    return f"{100 * rate.rate:.3g}%{between}"
+
+
 def _areas(places: Sequence[PlaceChange]) -> list[str]:
-    rows = [("area", "how often A", "B", "B against A", "verdict", "people", "how risky", "verdict")]
+    heads = (
+        "violations per open hour: A",
+        "B",
+        "B against A",
+        "verdict",
+        "share of time too close",
+        "verdict",
+        "people",
+    )
+    rows: list[tuple[str, ...]] = [("area", *heads)]
     reasons = []
     for place in places:
-        often, risky = place.split.often, place.split.risky
+        often, close = place.split.often, place.close_share
         levels = (figure(place.often_a.rate), figure(place.often_b.rate))
-        changed = (change(often)[0], verdict_text(often.verdict), percent(place.split.people.change), change(risky)[0])
-        rows.append((place.name, *levels, *changed, verdict_text(risky.verdict)))
-        unknown = [(word, e.reason) for word, e in (("how often", often), ("how risky", risky)) if e.reason]
+        changed = (change(often)[0], verdict_text(often.verdict), change(close)[0], verdict_text(close.verdict))
+        rows.append((place.name, *levels, *changed, percent(place.split.people.change)))
+        unknown = [(word, e.reason) for word, e in (("violations", often), ("time too close", close)) if e.reason]
         reasons += [f"{place.name}, {word}: {reason_text(why)}" for word, why in unknown]
     return [*table(rows), *reasons]
 
