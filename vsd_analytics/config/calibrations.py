@@ -199,11 +199,11 @@ def view_of_planes(table: TableReader, camera: Camera) -> tuple[tuple[float, flo
     planes = planes_in_force(camera.planes, max(starts, default=None))
     view = view_with_planes(planes, calibration=latest, picture_px=camera.picture_px)
     if view.geom_type == "Polygon" and not view.is_empty:
-        return tuple((round(x, 2), round(y, 2)) for x, y in view.exterior.coords[:-1])
+        return tuple((round(x, 3), round(y, 3)) for x, y in view.exterior.coords[:-1])
     around = [[round(x, 1), round(y, 1)] for x, y in view.convex_hull.exterior.coords[:-1]]
     table.missing(
         "view",
         str(around),
-        why="its planes lie apart on the floor plan, so what it sees has no single outline; the line below is around it",
+        why="its planes lie apart on the plan: what it sees has no single outline; the line is around all of it",
     )
     return None

@@ -113,9 +113,9 @@ def locate_on_planes(
 ) -> Seen:
     """Return where people are on the floor plan, and the pairs nearer than a distance.
 
-    The distance of two people is that in space: on a ramp it is along the ramp. Where a plane does not state its height,
-    two people on it are as far apart as on the plan, and somebody on it has no pair with people on another plane: that
-    distance is unknown. The camera's own calibration has height 0.
+    The distance of two people is that in space: on a ramp it is along the ramp. Where a plane does not state its
+    height, two people on it are as far apart as on the plan, and somebody on it has no pair with people on another
+    plane: that distance is unknown. The camera's own calibration has height 0.
 
     Args:
         people: As detected.
