@@ -40,11 +40,10 @@ def check_people(
     """
     from dataclasses import replace
 
-    from vsd_analytics.engine.body import feet
     from vsd_analytics.engine.camera_model import camera_of_homography
     from vsd_analytics.engine.camera_moves import check_camera
     from vsd_analytics.engine.people_calibration_file import StatedCamera, read_stated_camera
-    from vsd_analytics.engine.plane_method import NO_PLANE, plane_numbers
+    from vsd_analytics.engine.plane_method import off_planes
     from vsd_analytics.engine.sightings import BOX
     from vsd_analytics.geometry.stated_errors import beside
 
@@ -60,9 +59,7 @@ def check_people(
             return None
         known = StatedCamera(model, BOX.depth_m, None)
     from_ms = None if latest.valid_from is None else round(latest.valid_from.timestamp() * 1000)
-    since = replace(people, ts_ms=ts_ms).between(from_ms, None)
-    if camera.planes:
-        since = since.rows(plane_numbers(camera.planes, feet(since)) == NO_PLANE)
+    since = off_planes(replace(people, ts_ms=ts_ms).between(from_ms, None), camera.planes)
     return check_camera(since, known.camera, depth_m=known.depth_m, size_px=size_px, usual=known.usual_turn)
 
 

@@ -1,6 +1,6 @@
 """People of a picture with several planes: each by the homography of the plane in whose polygon the foot point lies.
 
-A homography maps one plane. Through the floor's, somebody on a stage 60 cm high appears farther away than the stage: by
+A homography maps one plane. By the floor's, somebody on a stage appears farther away than the stage: by
 height / (lens height - height) of the distance from the camera. So each plane has its own, to metres of the same floor
 plan, and distances between planes are in space, where their heights are stated.
 """
@@ -66,6 +66,11 @@ def plane_numbers(planes: Sequence[Plane], uv: Array) -> NDArray[np.intp]:
         inside = shapely.intersects_xy(shapely.Polygon(plane.polygon_px), *np.nan_to_num(uv).T)
         number[inside & known] = i
     return number
+
+
+def off_planes(people: People, planes: Sequence[Plane]) -> People:
+    """Return the people who stand on none of some planes: they tell something about the camera's own calibration."""
+    return people.rows(plane_numbers(planes, feet(people)) == NO_PLANE) if planes else people
 
 
 def standing(
