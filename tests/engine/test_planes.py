@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import duckdb
 import numpy as np
 import pytest
 import shapely
-from engine.simulated_people import SIZE, SimulatedCamera
+from engine.simulated_people import SIZE, SimulatedCamera, boxes_only, simulate
 from engine.vsd_in_a_shop import Vsd, shop, write_boxes
 from numpy.typing import NDArray
 from site_text import site_text
@@ -140,6 +142,33 @@ def test_with_planes_people_are_where_they_stand_and_with_one_homography_metres_
     assert f1(close_pairs(flat, 2.0), true) < 0.85
     assert done["left_out"] == {}
     assert done["engine"].startswith("vsd-people planes ")
+
+
+def test_the_example_of_the_docs_is_this_scene(tmp_path: Path) -> None:
+    write_planes(tmp_path)
+    page = (Path(__file__).parents[2] / "docs/engine.md").read_text(encoding="utf-8")
+    example = next(block for block in page.split("```toml\n")[1:] if "[[plane]]" in block).partition("```")[0]
+    assert tomllib.loads(example) == tomllib.loads((tmp_path / "calibration/cam-1.toml").read_text())
+
+
+def test_the_camera_itself_is_calibrated_from_the_people_outside_its_planes(tmp_path: Path, vsd: Vsd) -> None:
+    walk = boxes_only(simulate(CAMERA, seed=4, n_tracks=40, seconds=15))
+    dwarfs = walk.frame % 3 == 0
+    people = replace(walk, box=np.where(dwarfs[:, None], walk.box * (1, 0.2, 1, 0.2), walk.box))
+    outside = people.rows(people.box[:, 3] > 220)
+    found = []
+    for seen, is_plane in ((outside, False), (people, True)):
+        if is_plane:
+            (tmp_path / "calibration/far.csv").write_text("u,v,x,y\n0,0,0,9\n1920,0,9,9\n1920,220,9,8\n0,220,0,8\n")
+            corners = "[[0, 0], [1920, 0], [1920, 220], [0, 220]]"
+            plane = f'[[plane]]\nid = "far"\npolygon_px = {corners}\npoints = "calibration/far.csv"\n'
+            (tmp_path / "calibration/cam-1.toml").write_text(plane)
+        source = write_boxes(tmp_path / "people.csv", seen)
+        code, printed, err = vsd("calibrate", "cam-1", "--from-people", str(source), "--json")
+        assert code == 0, err
+        found.append(json.loads(printed)["tilt_deg"])
+    assert len(outside) < len(people)
+    assert found[0] == found[1]
 
 
 def test_a_distance_along_a_ramp_or_over_a_step_is_that_in_space(tmp_path: Path, calibrated: Vsd) -> None:

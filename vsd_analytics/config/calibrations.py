@@ -121,7 +121,7 @@ def _plane(entry: TableReader, *, timezone: str) -> Plane | None:
     plane_id = entry.id("id", example='"ramp"')
     corners = entry.points("polygon_px", least=3, example=_POLYGON_PX)
     if "polygon_px" not in entry.values:
-        entry.missing("polygon_px", _POLYGON_PX, why="pixels; whoever has the feet in it stands on this plane")
+        entry.missing("polygon_px", _POLYGON_PX, why="pixels; whoever has the feet in it is on this plane")
     if not _KINDS.keys() & entry.values.keys():
         entry.missing("points", '"calibration/ramp.csv"', instead="homography")
     calibration = _calibration(entry, timezone=timezone, from_key="from", is_plane=True)

@@ -27,7 +27,7 @@ NO_PLANE = -1
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """What each person stands on.
+    """What each person has under the feet.
 
     Attributes:
         uv: Foot points in pixels, shape (n, 2); NaN where unknown.

@@ -44,7 +44,7 @@ class Plane:
 
     Attributes:
         plane_id: Identifier within the camera.
-        polygon_px: Corners in the picture, pixels; whoever has the foot point in it stands on this plane.
+        polygon_px: Corners in the picture, pixels; whoever has the foot point in it is on this plane.
         calibration: Its homography to metres of the floor plan; it begins to hold at its `valid_from`.
         height_m: (a, b, c): at (x, y) of the plan its height above the floor is a + b x + c y; None = not stated.
     """
