@@ -6,9 +6,11 @@ import json
 import tomllib
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import date
 from itertools import combinations
 from pathlib import Path
 
+import cv2
 import duckdb
 import numpy as np
 import pytest
@@ -18,11 +20,12 @@ from engine.vsd_in_a_shop import Vsd, shop, write_boxes
 from numpy.typing import NDArray
 from site_text import site_text
 
+from vsd_analytics.api.floor_view import picture_view
 from vsd_analytics.config.project import load_site
 from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.people import N_JOINTS, People
 from vsd_analytics.engine.plane_method import locate_on_planes
-from vsd_analytics.errors import ConfigError
+from vsd_analytics.errors import ConfigError, UsageError
 from vsd_analytics.site.model import Calibration, Plane
 
 Array = NDArray[np.float64]
@@ -284,6 +287,18 @@ def test_what_the_camera_sees_is_the_outline_of_its_planes(tmp_path: Path, calib
     assert shapely.contains_xy(view, *np.array([(0, 8), (-2, 12), (3, 12), (0, 15.8)]).T).all()
     assert not shapely.contains_xy(view, [0, 0], [17, 19]).any(), "the stage hides the floor behind it"
     assert shapely.contains_xy(view, 0, 21)
+
+
+def test_no_map_is_drawn_over_a_picture_of_several_planes(tmp_path: Path, calibrated: Vsd) -> None:
+    write_planes(tmp_path)
+    site = load_site(tmp_path)
+    picture = tmp_path / "scene.png"
+    cv2.imwrite(str(picture), np.full((1080, 1920, 3), 200, dtype=np.uint8))
+    seen = replace(site, cameras=(replace(site.cameras[0], picture=picture),))
+    with pytest.raises(UsageError, match="cannot be drawn over the picture"):
+        picture_view(seen, "cam-1", floor=site.floors[0], until=date(2026, 11, 9))
+    flat = replace(seen, cameras=(replace(seen.cameras[0], planes=()),))
+    assert picture_view(flat, "cam-1", floor=site.floors[0], until=date(2026, 11, 9)).camera.picture == picture
 
 
 def test_planes_that_lie_apart_need_a_view_and_the_message_has_its_line(tmp_path: Path) -> None:
