@@ -24,6 +24,7 @@ from vsd_analytics.api.floor_view import picture_view
 from vsd_analytics.config.project import load_site
 from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.people import N_JOINTS, People
+from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.plane_method import locate_on_planes
 from vsd_analytics.errors import ConfigError, UsageError
 from vsd_analytics.site.model import Calibration, Plane
@@ -277,6 +278,32 @@ def test_a_safe_space_is_drawn_on_the_plane_of_its_person(planes: Callable[..., 
     alone = locate(people, homography=CAMERA.homography(), picture_px=SIZE, within_m=2.5, name="floor")
     assert alone.spaces is not None
     assert np.abs(alone.spaces.ellipses() - true)[2].max() > 20
+
+
+def test_the_stated_error_of_a_plane_goes_with_the_distances_on_it(planes: Callable[..., tuple[Plane, ...]]) -> None:
+    def stated_error(used: Calibration) -> StatedError | None:
+        h = np.array(used.homography)
+        return StatedError(h, np.repeat(h[None], 5, axis=0), SIZE) if used.calibration_id == "stage" else None
+
+    feet = np.concatenate([seen_at([(-1, 12), (-2, 12)], "ramp"), seen_at([(1, 12), (2, 12)], "stage")])
+    people = boxes(feet, np.zeros(4, dtype=np.int64), list("abcd"))
+    both = planes("ramp", "stage")
+    seen = locate_on_planes(
+        people, planes=both, calibration=None, picture_px=SIZE, within_m=2.5, stated_error=stated_error
+    )
+    assert list(zip(seen.a.tolist(), seen.b.tolist(), strict=True)) == [(0, 1), (0, 2), (2, 3)]
+    assert seen.sd_m is not None
+    assert np.isfinite(seen.sd_m).tolist() == [False, False, True]
+    alone = locate(
+        people.rows(np.array([2, 3])),
+        homography=both[1].calibration.homography,
+        picture_px=SIZE,
+        within_m=2.5,
+        name="stage",
+        error=stated_error(both[1].calibration),
+    )
+    assert alone.sd_m is not None
+    assert seen.sd_m[2] == pytest.approx(alone.sd_m[0])
 
 
 def test_what_the_camera_sees_is_the_outline_of_its_planes(tmp_path: Path, calibrated: Vsd) -> None:
