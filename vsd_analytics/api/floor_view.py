@@ -82,6 +82,9 @@ def picture_view(site: Site, camera_id: str, *, floor: Floor, until: date) -> Pi
     if camera.picture is None or not known:
         lacks = "picture" if camera.picture is None else "calibration"
         raise UsageError(f"{camera.name} has no {lacks}", fix=f"name its {lacks} in vsd.toml")
+    if camera.planes:
+        why = "its picture shows several planes, and the map is of one"
+        raise UsageError(f"a map cannot be drawn over the picture of {camera.name}", why=why, fix='over="plan"')
     return PictureView(camera, known[-1])
 
 

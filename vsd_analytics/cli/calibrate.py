@@ -195,10 +195,12 @@ def _from_people(
     from vsd_analytics.engine.people_calibration import calibrate_from_people
     from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.engine.plane_method import off_planes
     from vsd_analytics.geometry.stated_errors import beside
 
-    picture_px = _picture_px(calibration.camera_called(project.site, camera_id), size)
-    seen = read_people(people, size_px=picture_px)
+    camera = calibration.camera_called(project.site, camera_id)
+    picture_px = _picture_px(camera, size)
+    seen = off_planes(read_people(people, size_px=picture_px), camera.planes)
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
     found = calibrate_from_people(seen, size_px=picture_px)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
     from vsd_analytics.engine.seen import Seen
-    from vsd_analytics.site.model import Calibration, Camera
+    from vsd_analytics.site.model import Calibration, Camera, Plane
 
 NO_CLOCK = "2000-01-01T00:00:00Z"
 """Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
@@ -240,36 +240,70 @@ def _calibrated(
     from dataclasses import replace
 
     from vsd_analytics.engine.floor_method import locate
-    from vsd_analytics.engine.tracker import tracked
+    from vsd_analytics.engine.plane_method import locate_on_planes, standing
+    from vsd_analytics.engine.tracker import tracked, tracked_at
     from vsd_analytics.errors import UsageError
-    from vsd_analytics.warehouse.dimensions import calibration_spans
 
-    if not camera.calibrations:
+    if not camera.calibrations and not camera.planes:
         raise UsageError(
             f"camera {camera.camera_id!r} has no calibration",
             why="--method people measures in metres on the floor",
             fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
         )
     timed, parts = replace(people, ts_ms=ts_ms), []
-    for from_ms, to_ms, used in calibration_spans(camera):
+    settings = project.site.settings
+    for from_ms, to_ms, used, planes in _grounds(camera):
         part = timed.between(from_ms, to_ms)
         if not len(part.frames):
             continue
         when, part = part.ts_ms, replace(part, ts_ms=None) if people.ts_ms is None else part
         assert when is not None
-        if is_tracked:
-            part = tracked(part, homography=used.homography, picture_px=picture_px, ts_ms=when)
-        seen = locate(
-            part,
-            homography=used.homography,
-            picture_px=picture_px,
-            within_m=project.site.settings.pair_max_m,
-            distance_m=project.site.settings.distance_m,
-            name=used.calibration_id,
-            error=_stated_error(used),
-        )
+        if planes:
+            if is_tracked:
+                on = standing(part, planes=planes, calibration=used, picture_px=picture_px)
+                part = tracked_at(part, on.xy, on.floor_per_px, ts_ms=when)
+            seen = locate_on_planes(
+                part,
+                planes=planes,
+                calibration=used,
+                picture_px=picture_px,
+                within_m=settings.pair_max_m,
+                distance_m=settings.distance_m,
+                stated_error=_stated_error,
+            )
+        else:
+            assert used is not None
+            if is_tracked:
+                part = tracked(part, homography=used.homography, picture_px=picture_px, ts_ms=when)
+            seen = locate(
+                part,
+                homography=used.homography,
+                picture_px=picture_px,
+                within_m=settings.pair_max_m,
+                distance_m=settings.distance_m,
+                name=used.calibration_id,
+                error=_stated_error(used),
+            )
         parts.append((seen, when))
     return parts
+
+
+def _grounds(camera: Camera) -> list[tuple[int, int, Calibration | None, tuple[Plane, ...]]]:
+    """Return the spans of UTC milliseconds in which a camera has the same calibration and planes, and these."""
+    from datetime import UTC, datetime
+    from itertools import pairwise
+
+    from vsd_analytics.geometry.plane_views import plane_starts, planes_in_force
+    from vsd_analytics.warehouse.dimensions import FOREVER_MS, calibration_spans, in_force
+
+    changes = {from_ms for from_ms, _, _ in calibration_spans(camera)}
+    changes |= {round(start.timestamp() * 1000) for start in plane_starts(camera.planes)}
+    found = []
+    for from_ms, to_ms in pairwise([*sorted(changes | {-FOREVER_MS}), FOREVER_MS]):
+        at = None if from_ms == -FOREVER_MS else datetime.fromtimestamp(from_ms / 1000, UTC)
+        used = in_force(camera, from_ms)
+        found.append((from_ms, to_ms, used[0] if used else None, planes_in_force(camera.planes, at)))
+    return found
 
 
 def _monoloco(

@@ -88,7 +88,7 @@ joins the first by itself.""",
     "E129": """\
 The calibrations of a camera contradict each other.
 A camera has homography or points, not both; each of its calibrations begins at another instant (calibrated_from in
-vsd.toml, from in calibration/CAMERA.toml), and one without an instant holds since ever.
+vsd.toml, from in calibration/CAMERA.toml), and one without an instant holds since ever. So do planes of one id.
 Fix: take one of the two out, or give it a later instant.""",
     "E130": """\
 This platform is not supported. The program runs on Linux and macOS with a local disk.

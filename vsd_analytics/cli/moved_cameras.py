@@ -27,7 +27,7 @@ _NO_ROLL_DEG: Final = 0.5
 def check_people(
     camera: Camera, people: People, *, ts_ms: NDArray[np.int64], size_px: tuple[int, int] | None
 ) -> CameraCheck | None:
-    """Return the moves of a camera since its latest calibration, by the people it saw.
+    """Return the moves of a camera since its latest calibration, by the people it saw outside its planes.
 
     Args:
         camera: The camera.
@@ -43,6 +43,7 @@ def check_people(
     from vsd_analytics.engine.camera_model import camera_of_homography
     from vsd_analytics.engine.camera_moves import check_camera
     from vsd_analytics.engine.people_calibration_file import StatedCamera, read_stated_camera
+    from vsd_analytics.engine.plane_method import off_planes
     from vsd_analytics.engine.sightings import BOX
     from vsd_analytics.geometry.stated_errors import beside
 
@@ -58,7 +59,7 @@ def check_people(
             return None
         known = StatedCamera(model, BOX.depth_m, None)
     from_ms = None if latest.valid_from is None else round(latest.valid_from.timestamp() * 1000)
-    since = replace(people, ts_ms=ts_ms).between(from_ms, None)
+    since = off_planes(replace(people, ts_ms=ts_ms).between(from_ms, None), camera.planes)
     return check_camera(since, known.camera, depth_m=known.depth_m, size_px=size_px, usual=known.usual_turn)
 
 

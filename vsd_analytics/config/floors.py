@@ -1,31 +1,26 @@
-"""Floors, cameras with their calibrations, areas and fixtures of `vsd.toml`."""
+"""Floors, cameras, areas and fixtures of `vsd.toml`."""
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Mapping
-from datetime import UTC, date, datetime, time
-from itertools import pairwise
+from dataclasses import replace
+from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any, get_args
 from zoneinfo import ZoneInfo
 
-from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader, nearest
-from vsd_analytics.config.toml_lines import read_toml
+from vsd_analytics.config.calibrations import read_calibrations, view_of_planes
+from vsd_analytics.config.polygons import BOX_MAX_M2, is_simple
+from vsd_analytics.config.reader import DATE, Form, TableReader, nearest
 from vsd_analytics.config.values import parse_instant, parse_picture_px, zone
-from vsd_analytics.errors import CalibrationError
-from vsd_analytics.geometry.calibration_files import load_calibration
 from vsd_analytics.geometry.picture_size import picture_size
-from vsd_analytics.site.model import Area, Calibration, Camera, Fixture, FixtureKind, Floor, Point
+from vsd_analytics.site.model import Area, Camera, Fixture, FixtureKind, Floor, Point
 
 PLAN_SUFFIXES = (".svg", ".png", ".jpg", ".jpeg")
-HISTORY_FOLDER = "calibration"
 
 _POLYGON = "[[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]"
 _CORNER_MAX_M = 1e6  # as far as coordinate_max_m may reach
-_BOX_MAX_M2 = 250_000.0  # polygons are counted in cells of 0.25 m: beyond, the unit is wrong, or memory ends
 _PICTURE_PX: Form = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
-_KINDS = {"homography": '"calibration/cam-1.txt"', "points": '"calibration/cam-1.csv"'}
 
 
 def read_floors(root: TableReader) -> dict[str, Floor]:
@@ -68,7 +63,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
         camera_id = _unique(table, table.id("id", example='"cam-1"'), cameras, kind="camera")
         name = table.text("name", example='"Entrance"', required=True)
         floor_id = _floor(table, floors)
-        calibrations = _calibrations(table, camera_id, timezone=timezone)
+        calibrations, planes = read_calibrations(table, camera_id, timezone=timezone)
         picture = _picture(table, "picture")
         camera = Camera(
             camera_id=camera_id or "",
@@ -82,7 +77,10 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
             engine_ids=table.texts("engine_ids", example='["entrance-left"]'),
             view=_polygon(table, "view"),
             has_clock="clock" in table.values,
+            planes=planes,
         )
+        if planes and "view" not in table.values:
+            camera = replace(camera, view=view_of_planes(table, camera))
         table.close()
         if camera_id is not None:
             cameras[camera_id] = camera
@@ -307,29 +305,16 @@ def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[P
         return None
     xs, ys = zip(*points, strict=True)
     box_m2 = (max(xs) - min(xs)) * (max(ys) - min(ys))
-    if max(map(abs, (*xs, *ys))) > _CORNER_MAX_M or box_m2 > _BOX_MAX_M2:
+    if max(map(abs, (*xs, *ys))) > _CORNER_MAX_M or box_m2 > BOX_MAX_M2:
         table.fault(
             key,
             f"{table.label} {key} is too large: {box_m2:g} m2 from corner to corner",
             code="E128",
-            why=f"at most {_BOX_MAX_M2:,.0f} m2, and no corner beyond {_CORNER_MAX_M:,.0f} m; corners are in metres",
+            why=f"at most {BOX_MAX_M2:,.0f} m2, and no corner beyond {_CORNER_MAX_M:,.0f} m; corners are in metres",
             fix="give the corners in floor metres, not millimetres or pixels; split a very large area",
         )
         return None
-    from shapely import Polygon
-    from shapely.validation import explain_validity
-
-    shape = Polygon(points)
-    if not shape.is_valid or shape.area <= 0:
-        table.fault(
-            key,
-            f"{table.label} {key} crosses or touches itself, or has no area",
-            code="E128",
-            why=explain_validity(shape).replace("[", " at (").replace("]", ")").replace("Valid Geometry", "no area"),
-            fix="list the corners once, in the order in which you would walk around it",
-        )
-        return None
-    return points
+    return points if is_simple(table, key, points) else None
 
 
 def _check_engine_ids(tables: Iterable[TableReader]) -> None:
@@ -347,84 +332,3 @@ def _check_engine_ids(tables: Iterable[TableReader]) -> None:
                     why="records of one engine id belong to one camera",
                     fix="name each engine id at one camera",
                 )
-
-
-# calibrations -------------------------------------------------------------------------------------------------------
-
-
-def _calibrations(table: TableReader, camera_id: str | None, *, timezone: str) -> tuple[Calibration, ...]:
-    """Return the camera's calibrations, from its own keys and from calibration/<camera>.toml, by date."""
-    own = _calibration(table, timezone=timezone, from_key="calibrated_from")
-    found = [own] if own else []
-    history = table.folder / HISTORY_FOLDER / f"{camera_id}.toml"
-    if camera_id is not None and history.is_file():
-        found += _history(history, table=table, timezone=timezone)
-    found.sort(key=lambda c: (c.valid_from is not None, c.valid_from or datetime.min.replace(tzinfo=UTC)))
-    for one, other in pairwise(found):
-        if one.valid_from == other.valid_from:
-            since = one.valid_from.isoformat() if one.valid_from else "the beginning"
-            table.fault(
-                next((kind for kind in _KINDS if kind in table.values), "id"),
-                f"{table.label} has two calibrations from {since}",
-                code="E129",
-                why=f"one is {_shown(one, table.folder)}, the other {_shown(other, table.folder)}",
-                fix=f"keep one of the two in vsd.toml or calibration/{camera_id}.toml, or give one a later date",
-            )
-    return tuple(found)
-
-
-def _history(path: Path, *, table: TableReader, timezone: str) -> list[Calibration]:
-    """Return the `[[calibration]]` entries of a camera's own file; mistakes carry that file's lines."""
-    name = path.relative_to(table.folder).as_posix()
-    text, problem = read_toml(path, name=name)
-    if problem is not None:
-        table.mistakes.take([problem])
-        return []
-    apart = Mistakes(text)
-    root = TableReader(tomllib.loads(text.text), path=(), label=name, mistakes=apart, folder=table.folder)
-    found = []
-    for entry in root.each("calibration"):
-        if not _KINDS.keys() & entry.values.keys():
-            entry.missing("homography", f'"calibration/{path.stem}.txt"')
-        found.append(_calibration(entry, timezone=timezone, from_key="from"))
-        entry.close()
-    root.close()
-    table.mistakes.take(apart.all)
-    return [calibration for calibration in found if calibration is not None]
-
-
-def _calibration(table: TableReader, *, timezone: str, from_key: str) -> Calibration | None:
-    """Return the calibration a table names by `homography` or `points`, if any."""
-
-    def instant(value: Any) -> datetime:
-        return parse_instant(value, timezone=timezone)
-
-    valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=instant, form=DATE)
-    make = f"take this line out and make it: vsd calibrate {table.values.get('id', 'CAMERA')} --points FILE.csv"
-    files = {kind: table.file(kind, example=example, fix=make) for kind, example in _KINDS.items()}
-    named = table.values.keys() & files.keys()
-    if len(named) == 2:
-        table.fault("points", f"{table.label} has both homography and points", code="E129", fix="keep one of the two")
-        return None
-    if not named and "calibrated_from" in table.values:
-        what = f"{table.label} has calibrated_from without homography or points"
-        table.fault("calibrated_from", what, code="E129", fix="name the calibration, or take this line out")
-    for kind, path in files.items():
-        if path is not None:
-            try:
-                return load_calibration(path, kind=kind, valid_from=valid_from)
-            except CalibrationError as error:
-                _note(table, kind, error)
-    return None
-
-
-def _note(table: TableReader, key: str, error: CalibrationError) -> None:
-    """Note what is wrong in a calibration file at the line that names it."""
-    line = f"line {error.where.line}: {error.where.text}" if error.where and error.where.line else None
-    why = "; ".join(part for part in (error.why, line) if part)
-    table.fault(key, f"{table.label}: {error.what}", code=error.code, why=why or None, fix=error.fix)
-
-
-def _shown(calibration: Calibration, folder: Path) -> str:
-    source = calibration.source or folder
-    return source.relative_to(folder).as_posix() if source.is_relative_to(folder) else str(source)

@@ -250,6 +250,9 @@ def _pictures(site: Site) -> Finding:
 
 def _calibration(camera: Camera, *, now: datetime) -> Finding:
     subject = f"calibration of {camera.camera_id}"
+    if not camera.calibrations and camera.planes:
+        n = len({plane.plane_id for plane in camera.planes})
+        return Finding(subject, "ok", f"{n} {'plane' if n == 1 else 'planes'}, for vsd engine run")
     if not camera.calibrations:
         return Finding(subject, "note", "none: its engine must send floor metres (x_m, y_m) or distances")
     latest = camera.calibrations[-1]

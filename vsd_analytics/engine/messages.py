@@ -31,7 +31,8 @@ def frame_messages(seen: Seen, *, camera: str, ts_ms: NDArray[np.int64]) -> Iter
     `seq` is the frame number where the file has one. Persons have the detector's track ids. Where pairs are sent and
     there is no track id, the id is `frame-index`: it names the person within its frame and never joins two frames.
     Methods without metres send pairs in every frame; with metres, pairs are sent where all persons of the file have
-    ids, and derived by the reader otherwise.
+    ids, and derived by the reader otherwise. With several planes, pairs are always sent and pixels never: a reader
+    would map them by the camera's one homography, and would take places one above the other as near.
 
     Args:
         seen: What was found.
@@ -40,7 +41,7 @@ def frame_messages(seen: Seen, *, camera: str, ts_ms: NDArray[np.int64]) -> Iter
     """
     people = seen.people
     has_ids = all(track is not None for track in people.track)
-    sends_pairs = seen.xy is None or has_ids
+    sends_pairs = seen.xy is None or seen.has_planes or has_ids
     of_person = np.searchsorted(people.frame, people.frames)
     of_pair = np.searchsorted(people.frame[seen.a], people.frames)
     person_end = np.r_[of_person[1:], len(people)]
@@ -65,7 +66,7 @@ def _person(seen: Seen, row: int, name: str | None) -> dict[str, Any]:
     person: dict[str, Any] = {} if name is None else {"id": name}
     if seen.xy is not None and np.isfinite(seen.xy[row]).all():
         person |= {"x_m": round(float(seen.xy[row, 0]), _DIGITS_M), "y_m": round(float(seen.xy[row, 1]), _DIGITS_M)}
-    if np.isfinite(seen.uv[row]).all():
+    if np.isfinite(seen.uv[row]).all() and not seen.has_planes:
         person |= {"u_px": round(float(seen.uv[row, 0]), _DIGITS_PX), "v_px": round(float(seen.uv[row, 1]), _DIGITS_PX)}
     return person
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vsd_analytics.engine.people import Array
-from vsd_analytics.geometry.homography import as_matrix, project, to_floor
+from vsd_analytics.geometry.homography import as_matrix, to_floor
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class SafeSpaces:
     """Discs around people on the floor plane.
 
     Attributes:
-        homography: 3x3, pixels to floor plane, whatever its unit.
+        homography: 3x3, pixels to floor plane, whatever its unit; shape (n, 3, 3) where people are on several planes.
         centre: Floor positions, shape (n, 2); NaN where unknown.
         radius: In the unit of the plane, shape (n,); NaN where unknown.
         radius_m: Metres that a radius means.
@@ -44,11 +44,18 @@ class SafeSpaces:
         centre, radius = (self.centre, self.radius) if rows is None else (self.centre[rows], self.radius[rows])
         angle = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
         ring = centre[:, None] + radius[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-        back = as_matrix(np.linalg.inv(self.homography))
-        depth = ring @ back[2, :2] + back[2, 2]  # has the sign of the disc's middle as far as the camera sees
-        is_ahead = depth * (centre @ back[2, :2] + back[2, 2])[:, None] > 0
-        seen = project(back, ring.reshape(-1, 2)).reshape(ring.shape)
-        return np.asarray(np.where(is_ahead[..., None], seen, np.nan))
+        has_one = self.homography.ndim == 2
+        h = self.homography if has_one or rows is None else self.homography[rows]
+        back = np.asarray(np.linalg.inv(np.where(np.isfinite(h), h, np.eye(3))), dtype=np.float64)
+        middle, edge = (_mapped(back, points) for points in (centre[:, None], ring))
+        is_ahead = edge[..., 2:] * middle[..., 2:] > 0  # depth has the sign of the middle's as far as the camera sees
+        return np.asarray(np.where(is_ahead, edge[..., :2] / edge[..., 2:], np.nan))
+
+
+def _mapped(matrix: Array, points: Array) -> Array:
+    """Return the homogeneous images of points (n, k, 2) by one map or n of them, shape (n, k, 3)."""
+    whole = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
+    return np.asarray(whole @ np.swapaxes(matrix, -1, -2))
 
 
 def safe_spaces(

@@ -30,6 +30,7 @@ class Seen:
         left_out: Persons that do not count, by reason.
         sd_m: Standard deviation of the distances, shape (m,); None where it is unknown.
         spaces: Safe space of each person; None where nothing maps the floor to the picture.
+        has_planes: People are on several planes, so no reader can derive places from pixels, or distances from places.
     """
 
     people: People
@@ -43,3 +44,4 @@ class Seen:
     left_out: dict[str, int]
     sd_m: Array | None = None
     spaces: SafeSpaces | None = None
+    has_planes: bool = False

@@ -51,9 +51,20 @@ def tracked(
     """
     uv = feet(people)
     xy = to_floor(homography, uv, picture_px=picture_px)
+    return tracked_at(people, xy, floor_per_px(homography, uv, picture_px=picture_px), ts_ms=ts_ms)
+
+
+def tracked_at(people: People, xy: Array, per_px: Array, *, ts_ms: NDArray[np.int64]) -> People:
+    """Return the people with track ids, as `tracked`, from places on the floor.
+
+    Args:
+        people: As detected.
+        xy: Floor metres, shape (n, 2).
+        per_px: Derivative of the places by pixels, metres per pixel, shape (n, 2, 2).
+        ts_ms: UTC milliseconds of each of `people.frames`.
+    """
     outline = people.outline
     sd_px = np.maximum(FOOT_PX, FOOT_SHARE * (outline[:, 3] - outline[:, 1]))
-    per_px = floor_per_px(homography, uv, picture_px=picture_px)
     covariance = per_px @ np.swapaxes(per_px, 1, 2) * (sd_px**2)[:, None, None]
     numbers = follow(xy, covariance, np.searchsorted(people.frames, people.frame), ts_ms / 1000)
     return with_ids(people, numbers, ts_ms=ts_ms)

@@ -97,12 +97,15 @@ def view_polygon(camera: Camera, *, calibration: Calibration | None, bounds: Bou
     return view if bounds is None else _as_polygon(view.intersection(shapely.box(*bounds)))
 
 
-def seen_floor(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Polygon:
+def seen_floor(
+    homography: ArrayLike, *, picture_px: tuple[int, int], without: BaseGeometry | None = None
+) -> BaseGeometry:
     """Return the floor seen in a picture: its part below the horizon, mapped, within `VIEW_REACH_M`.
 
     Args:
         homography: 3x3, pixels to metres.
         picture_px: Width and height of the picture.
+        without: Part of the picture that shows something else; then the floor seen may have several parts.
     """
     import shapely
 
@@ -114,7 +117,10 @@ def seen_floor(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Polygon
     w_corners, w_nearest = (sign * (uv @ h[2, :2] + h[2, 2]) for uv in (corners, nearest))
     ground = _cut(corners, w_corners - w_nearest[0] / NEAREST_TO_FARTHEST)
     reach = shapely.Point(*project(h, nearest, sign=sign)[0]).buffer(VIEW_REACH_M, quad_segs=32)
-    return _as_polygon(shapely.Polygon(project(h, ground, sign=sign)).intersection(reach))
+    if without is None:
+        return _as_polygon(shapely.Polygon(project(h, ground, sign=sign)).intersection(reach))
+    rest = shapely.Polygon(ground).difference(without)
+    return shapely.make_valid(shapely.transform(rest, lambda uv: project(h, uv, sign=sign))).intersection(reach)
 
 
 def _cut(polygon: Array, height: Array) -> Array:

@@ -39,6 +39,23 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True)
+class Plane:
+    """A part of a camera's picture with a homography of its own: a ramp, a stage, a floor behind a step.
+
+    Attributes:
+        plane_id: Identifier within the camera.
+        polygon_px: Corners in the picture, pixels; whoever has the foot point in it is on this plane.
+        calibration: Its homography to metres of the floor plan; it begins to hold at its `valid_from`.
+        height_m: (a, b, c): at (x, y) of the plan its height above the floor is a + b x + c y; None = not stated.
+    """
+
+    plane_id: str
+    polygon_px: tuple[Point, ...]
+    calibration: Calibration
+    height_m: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Camera:
     """A camera, or any sensor that acts as one.
 
@@ -52,8 +69,10 @@ class Camera:
         hz: Processed frames per second; None = median frame interval of the day.
         clock: IANA zone of times without an offset.
         engine_ids: What the engine calls this camera.
-        view: Polygon in floor metres of what it sees; None = taken from homography and picture size.
+        view: Polygon in floor metres of what it sees; None = taken from homography and picture size. With planes, their
+            outline where the site states none.
         has_clock: Whether the site states `clock`; else times without an offset are doubtful.
+        planes: Parts of its picture with homographies of their own, for `vsd engine run`; the first that matches wins.
     """
 
     camera_id: str
@@ -67,6 +86,7 @@ class Camera:
     engine_ids: tuple[str, ...] = ()
     view: tuple[Point, ...] | None = None
     has_clock: bool = False
+    planes: tuple[Plane, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

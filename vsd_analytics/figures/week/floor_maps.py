@@ -165,7 +165,7 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...], uncertain: tuple
     camera = data.cameras[0]
     until = data.monday + data.span
     calibrations = [c for c in camera.calibrations if c.valid_from is None or c.valid_from.date() < until]
-    if camera.picture is None or not calibrations:
+    if camera.picture is None or not calibrations or camera.planes:  # no one homography draws a floor of several planes
         return None
     uri, size = picture_image(camera.picture)
     full = camera.picture_px or size

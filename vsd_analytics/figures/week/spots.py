@@ -254,7 +254,9 @@ def _evidence(
         recorded = row.recorded_share
     until = data.midnight(data.monday + data.span)
     valid = [c for c in camera.calibrations if c.valid_from is None or c.valid_from < until]
-    error_m = _error_m(valid[-1], week.xy) if valid else None
+    used = [*valid[-1:], *(plane.calibration for plane in camera.planes)]
+    errors_m = [_error_m(calibration, week.xy) for calibration in used]
+    error_m = max((e for e in errors_m if e is not None), default=None) if None not in errors_m else None
     lost = open_h = 0.0
     usual_hours = range(0) if usual is None else range(usual.first_hour, usual.last_hour + 1)
     for day in records[camera_id].days:

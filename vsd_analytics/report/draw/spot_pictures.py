@@ -197,7 +197,7 @@ class _View:
 def _view(data: WeekData, camera: Camera, band: MapBand, at: Point) -> _View | None:
     """Return how a camera's picture shows a spot; None when it does not."""
     calibration, size = in_force(data, camera), camera.picture_px
-    if calibration is None or camera.picture is None or size is None:
+    if calibration is None or camera.planes or camera.picture is None or size is None:  # planes: no one homography
         return None
     view = view_polygon(camera, calibration=calibration)
     fine = float(ground_resolution(calibration.homography, [at], picture_px=size)[0])
