@@ -110,6 +110,17 @@ def test_init_with_an_impossible_answer_writes_nothing(vsd: Vsd, tmp_path: Path,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "hours", ["09:00-11:00", "9:00-10:00 10:15-11:00", "09:00-10:00, 10:15-11:00", "mon-sun 09:00-10:00, 10:15-11:00"]
+)
+def test_hours_without_days_are_those_of_every_day(vsd: Vsd, tmp_path: Path, hours: str) -> None:
+    assert vsd("init", "--no-input", "--opening", hours)[0] == 0
+    opening = load_site(tmp_path).opening
+    assert opening is not None
+    assert len(set(opening)) == 1
+    assert (opening[6][0][0], opening[6][-1][1]) == (540, 660)
+
+
 def test_init_asks_again_after_an_impossible_answer(vsd: Vsd, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import io
 

@@ -219,6 +219,13 @@ def test_a_missing_id_is_reported_with_the_column_that_looks_like_one(tmp_path: 
     assert (without.codes, without.n_new) == (["W225"], 360)
 
 
+def test_ids_of_rows_are_replaced_by_the_column_that_names_tracks(tmp_path: Path) -> None:
+    rows = [f"{s.at.isoformat()},{i},{s.track},{s.x_m},{s.y_m}" for i, s in enumerate(walks())]
+    taken = take(tmp_path, "ts,track_id,oid,x_m,y_m", rows)
+    assert taken.codes == ["W225"]
+    assert taken.fix.endswith("--map track_id=oid")
+
+
 def test_ids_of_rows_are_no_tracks(tmp_path: Path) -> None:
     rows = [f"{s.at.isoformat()},{i},{s.x_m},{s.y_m}" for i, s in enumerate(walks())]
     assert take(tmp_path, "ts,track_id,x_m,y_m", rows).codes == ["W225"]

@@ -79,6 +79,7 @@ def test_one_bad_source_does_not_stop_the_others(tmp_path: Path) -> None:
     paths = [tmp_path / n for n in ("none.csv", "empty.csv", "folder", "odd.txt")]
     found = ingest(site, [*paths, messages(tmp_path / "a.jsonl")], IngestOptions(), now=NOW)
     assert [s.error and s.error.code for s in found.sources] == ["E201", "E202", "E202", "E204", None]
+    assert "or write an adapter: docs/plugins.md" in str(found.sources[3].error and found.sources[3].error.fix)
     assert found.fold.tables["frames"].n_new == 3
 
 

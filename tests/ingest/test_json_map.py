@@ -17,8 +17,9 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.frame_rows import FrameRows
+from vsd_analytics.ingest.json_guess import guessed_mapping
 from vsd_analytics.ingest.json_map import JsonMap, message_paths, value_at
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.live.batches import ReceivedMessage
@@ -269,6 +270,58 @@ def test_a_file_is_understood_mapped_saved_and_ingested(tmp_path: Path, capsys: 
     assert run(cli, [*vsd, "check", str(path), *right]) == 0
     assert run(cli, [*vsd, "ingest", str(path)]) == 0
     assert "by profile acme  90 person records, 30 frames" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("message", "path", "says"),
+    [
+        ({"device": 1, "people": []}, "objs", "the message has no key 'objs'; its keys: t, device, people"),
+        ({"data": {"a\x1b[2J": 1}}, "data.people", "data has no key 'people'; its keys: a?[2J"),
+        ({"data": {}}, "data.people", "data has no key 'people'; it is empty"),
+        (
+            {str(i): 0 for i in range(12)},
+            "p",
+            "the message has no key 'p'; its keys: t, 0, 1, 2, 3, 4, 5, 6, 7, 8, ...",
+        ),
+        ({"k" * 500: 0}, "p", f"the message has no key 'p'; its keys: t, {'k' * 40}"),
+        ({"p": None}, "p", "there is no list of persons at 'p', but null"),
+        ({"p": "none"}, "p.a", "there is no list of persons at 'p.a', but null"),
+        ({"p": "none"}, "p", "there is no list of persons at 'p', but 'none'"),
+    ],
+)
+def test_a_message_without_the_list_says_which_keys_it_has(message: Any, path: str, says: str) -> None:
+    with pytest.raises(BadRowError) as caught:
+        read({"t": 1_762_675_200, **message}, persons=path)
+    assert caught.value.args == ("bad-message", says)
+
+
+def test_the_fix_of_an_unreadable_message_names_its_source_and_mapping(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    more = '[[source]]\nid = "acme"\nfiles = "acme*"\nformat = "json"\npersons = "objs"\n'
+    more += 'map = { ts = "t", x_m = "x", y_m = "y" }\n'
+    (tmp_path / "vsd.toml").write_text(site_text("cam-1", more=more), encoding="utf-8")
+    for name in ("acme.jsonl", "other.jsonl"):
+        (tmp_path / name).write_text('{"device": "d", "t": 1795100000, "people": []}\n', encoding="utf-8")
+    vsd = ["-C", str(tmp_path), "--now", NOW.isoformat()]
+    says = """compare it with [[source]] 'acme': persons = "objs", map = { ts = "t", x_m = "x", y_m = "y" }"""
+    assert run(cli, [*vsd, "ingest", str(tmp_path / "acme.jsonl")]) == 1
+    assert says in capsys.readouterr().err
+    for command in (["list"], ["list", "--json"], ["replay"]):
+        run(cli, [*vsd, "quarantine", *command])
+        assert (json.dumps(says)[1:-1] if "--json" in command else says) in capsys.readouterr().out
+    given = ["--persons", "nobody", "--map", "ts=t,x_m=x,y_m=y"]
+    run(cli, [*vsd, "ingest", str(tmp_path / "other.jsonl"), *given])
+    assert 'compare it with the mapping: persons = "nobody", map' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["oid", "objectId", "object_id", "obj_id", "tid", "trackId", "personId", "id"])
+def test_the_proposed_mapping_of_messages_names_the_track(tmp_path: Path, name: str) -> None:
+    """A name and a class beside it are no tracks."""
+    path = tmp_path / "a.json"
+    person = {"type": "person", "name": "walker", name: 7, "x": 1, "y": 2}
+    path.write_text(json.dumps({"t": 1_762_675_200, "objs": [person]}), encoding="utf-8")
+    assert guessed_mapping(Source(path)) == f"--persons objs --map ts=t,track_id={name},x_m=x,y_m=y"
 
 
 @pytest.mark.parametrize("box", [[50, 60, 40, 90], [50, 60, 50, 60]])

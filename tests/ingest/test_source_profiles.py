@@ -160,6 +160,7 @@ def test_check_saves_what_was_said_and_leaves_the_file_as_it_is(tmp_path: Path) 
     ]
     said = vsd(root, "check", str(file), *options, "--where", "art = 'person' and conf >= 0.4", "--save", "tills")
     assert "saved in vsd.toml" in said.output, said.output
+    assert "it is for files named till-*.csv\n" in said.output
     after = (root / "vsd.toml").read_bytes()
     assert after.startswith(before)
     assert b"\n" not in after.replace(b"\r\n", b"")
@@ -176,6 +177,22 @@ def test_check_saves_what_was_said_and_leaves_the_file_as_it_is(tmp_path: Path) 
     }
     assert vsd(root, "ingest", str(table(tmp_path / "till-2025-11-11.csv"))).exit_code == 0
     assert len(stored(root)) == 40
+
+
+@pytest.mark.parametrize(
+    ("name", "wider"),
+    [("shop.csv", "shop*.csv"), ("shop.csv.gz", "shop*.csv.gz"), ("export", "export*"), ("shop-2.csv", None)],
+)
+def test_a_pattern_without_numbers_has_a_wider_one(name: str, wider: str | None) -> None:
+    assert NewProfile("a", name).wider_pattern == wider
+
+
+def test_saving_a_profile_says_which_files_it_is_for_and_how_to_widen_it(tmp_path: Path) -> None:
+    root = project(tmp_path / "p")
+    renames = "ts=tag+zeit,track_id=nr,x_m=ost,y_m=nord"
+    options = ["--map", renames, "--unit", "mm", "--camera", "cam-2", "--zone", "UTC", "--where", "art = 'person'"]
+    said = vsd(root, "check", str(table(tmp_path / "shop.csv")), *options, "--save", "shop")
+    assert 'it is for files named shop.csv; for others of its kind, widen it there: files = "shop*.csv"' in said.output
 
 
 @pytest.mark.parametrize(

@@ -174,6 +174,27 @@ def test_a_missing_column_is_named_with_the_nearest_one_found(
         assert header[found.error.where.column - 1 :].startswith(near)  # type: ignore[operator]
 
 
+@pytest.mark.parametrize(
+    ("header", "proposed"),
+    [
+        ("time,cam,person,x_cm,y_cm,conf", "ts=time,camera_id=cam,track_id=person,x_m=x_cm,y_m=y_cm"),
+        ("conf,Sensor,detection,trackId,ts,worldX,worldY", "camera_id=Sensor,track_id=trackId,x_m=worldX,y_m=worldY"),
+        ("time,id,x1,y1,x2,y2", "ts=time,track_id=id,left=x1,top=y1,right=x2,bottom=y2"),
+        ("date,time,oid,x_m,y_m", "ts=date+time,track_id=oid"),
+        ("when,camera_id,track_id,x_m,y_m", "ts=when"),
+        ("time,view,track_a,track_b,distance_m", "ts=time,camera_id=view"),
+    ],
+)
+def test_the_first_refusal_of_a_table_names_every_column_that_is_recognised(
+    tmp_path: Path, header: str, proposed: str
+) -> None:
+    cells = ",".join("2026-11-09" if n == "date" else "x" for n in header.split(","))
+    found = read_table(tmp_path / "a.csv", f"{header}\n{cells}\n")
+    assert found.error is not None
+    assert found.error.code == "E203"
+    assert str(found.error.fix).split("   ")[0] == f"--map {proposed}"
+
+
 def test_a_table_without_camera_needs_one_to_be_named(tmp_path: Path) -> None:
     found = read_table(tmp_path / "a.csv", "ts,x_m,y_m\n1794214800,1,2\n", IngestOptions())
     assert found.error is not None

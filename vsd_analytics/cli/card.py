@@ -57,13 +57,15 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
     if card.confidence is not None:
         lines.append(("", f'{card.confidence[:40]} can be a limit: --where "{card.confidence[:40]} >= 0.4"'))
     if card.floor_m is not None:
-        lines.append(("floor", _extent(card.floor_m, "x", "y", digits=1, unit=" m") + _beside(card.floor_bounds_m)))
+        floor = _extent(card.floor_m, "x", "y", digits=1, unit=" m") + _trimmed(card)
+        lines.append(("floor", floor + _beside(card.floor_bounds_m)))
     if card.pixels is not None:
         size = "" if card.picture_px is None else f"; picture {card.picture_px[0]} x {card.picture_px[1]} px"
         digits = 0 if max(map(abs, card.pixels)) > 10 else 2
-        lines.append(("picture", _extent(card.pixels, "u", "v", digits=digits, unit=" px") + size))
+        lines.append(("picture", _extent(card.pixels, "u", "v", digits=digits, unit=" px") + _trimmed(card) + size))
     if card.cameras:
-        lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items())))
+        of = "" if card.is_whole else f", in the first {count(card.n_records, 'record')}"
+        lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items()) + of))
     if card.n_ids:
         lasting = "" if card.life_s is None else f"; half of them last {card.life_s:,.1f} s or longer"
         lines.append(("ids", f"{card.n_ids:,}{lasting}"))
@@ -86,6 +88,11 @@ def _unit(unit: str | None) -> str:
 def _extent(extent: Extent, across: str, up: str, *, digits: int, unit: str) -> str:
     least, most, low, high = (f"{value:,.{digits}f}" for value in extent)
     return f"{across} {least} to {most}{unit}, {up} {low} to {high}{unit}"
+
+
+def _trimmed(card: SourceCard) -> str:
+    """Return what an extent leaves out, so that a row outside it does not look like a mistake."""
+    return " (without 1 % at each end, at least one row)" if card.n_records > 1 else ""
 
 
 def _beside(bounds: Extent | None) -> str:

@@ -71,5 +71,9 @@ def _save(project: Project, name: str, file_name: str, kind: str, given: dict[st
         "engine": options.engine,
         "persons": options.persons,
     }
-    written = save_source(project.site, NewProfile(name, file_name, stated))
+    profile = NewProfile(name, file_name, stated)
+    written = save_source(project.site, profile)
     project.say(f"saved in vsd.toml:\n{written.rstrip()}")
+    wider = profile.wider_pattern
+    also = "" if wider is None else f'; for others of its kind, widen it there: files = "{wider}"'
+    project.say(f"it is for files named {profile.pattern}{also}")

@@ -24,6 +24,7 @@ Fix: --map ours=theirs, or [ingest.map] in vsd.toml; a headerless file needs --c
     "E204": """\
 No known format fits the file, or the one that was named does not.
 Fix: name the format with --format; for tables, check that it is text in UTF-8 with a header line, or a Parquet file.
+JSON messages of any engine are read by --persons and --map; for anything else, write an adapter: docs/plugins.md.
 vsd check FILES shows what was recognised.""",
     "E205": """\
 The file is damaged: compressed data or a Parquet file that ends early, or an archive that cannot be opened.

@@ -29,7 +29,7 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
         source: The file.
         has_card: Print also what was understood of it.
     """
-    from vsd_analytics.ingest.reasons import FIXES, UNKNOWN_FIELD
+    from vsd_analytics.ingest.reasons import UNKNOWN_FIELD, fix_of
 
     n = source.n_records
     if not source.error or n:
@@ -65,7 +65,7 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
             code="W210",
             where=Where(source.source, example.line, example.text or None),
             why=example.detail[:300],
-            fix=FIXES.get(reason),
+            fix=fix_of(reason, format=source.format, mapping=source.mapping, sources=project.site.sources),
         )
         click.echo(render_error(warning, word="warning"), err=True)
     if source.error is not None:

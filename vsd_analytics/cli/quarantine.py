@@ -59,10 +59,10 @@ def list_(project: Project, /, reason: str | None, source: str | None, limit: in
 
     found = summarise(project.site.root / "quarantine", reason=reason, source=source, n_examples=limit)
     if as_json:
-        emit_json({"reasons": [_summary_dict(s) for s in found]})
+        emit_json({"reasons": [_summary_dict(s, _fix(project, s)) for s in found]})
     else:
         for summary in found:
-            _print_summary(summary)
+            _print_summary(summary, _fix(project, summary))
         if not found:
             click.echo("nothing is in quarantine" + (" that fits" if reason or source else ""))
     return 1 if found else 0
@@ -119,21 +119,28 @@ def replay(
     if as_json:
         emit_json(_replay_dict(result, is_dry_run=dry_run))
     else:
-        _print_replay(result, is_dry_run=dry_run)
+        _print_replay(project, result, is_dry_run=dry_run)
     return 1 if result.n_left else 0
 
 
-def _summary_dict(summary: ReasonSummary) -> dict[str, Any]:
-    from vsd_analytics.ingest.reasons import FIXES
+def _fix(project: Project, summary: ReasonSummary) -> str | None:
+    from vsd_analytics.ingest.reasons import fix_of
 
+    first = summary.first
+    if first is None:
+        return fix_of(summary.reason)
+    return fix_of(summary.reason, format=first.format, mapping=first.options, sources=project.site.sources)
+
+
+def _summary_dict(summary: ReasonSummary, fix: str | None) -> dict[str, Any]:
     return {
         "reason": summary.reason,
         "kept": summary.n_stored,
         "counted_not_kept": summary.n_not_kept,
         "replayable": summary.n_replayable,
         "sources": dict(summary.sources.most_common()),
-        "fix": FIXES.get(summary.reason),
-        "mend": FIXES.get(summary.reason),
+        "fix": fix,
+        "mend": fix,
         "examples": [
             {
                 "source": e.source,
@@ -148,9 +155,7 @@ def _summary_dict(summary: ReasonSummary) -> dict[str, Any]:
     }
 
 
-def _print_summary(summary: ReasonSummary) -> None:
-    from vsd_analytics.ingest.reasons import FIXES
-
+def _print_summary(summary: ReasonSummary, fix: str | None) -> None:
     counted = f", and {summary.n_not_kept:,} counted but not stored" if summary.n_not_kept else ""
     line = f"{summary.reason}: {summary.n_stored:,} stored{counted}; {summary.n_replayable:,} can be replayed"
     click.echo(plain(line))
@@ -160,8 +165,8 @@ def _print_summary(summary: ReasonSummary) -> None:
         click.echo(f"               and {len(summary.sources) - _SOURCES_SHOWN:,} more sources")
     for entry in summary.examples:
         _print_example(entry)
-    if fix := FIXES.get(summary.reason):
-        click.echo(f"     fix: {fix}")
+    if fix is not None:
+        click.echo(f"     fix: {plain(fix)}")
 
 
 def _print_example(entry: QuarantineEntry) -> None:
@@ -196,14 +201,15 @@ def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
     }
 
 
-def _print_replay(result: ReplayResult, *, is_dry_run: bool) -> None:
-    from vsd_analytics.ingest.reasons import FIXES
+def _print_replay(project: Project, result: ReplayResult, *, is_dry_run: bool) -> None:
+    from vsd_analytics.ingest.quarantine_writer import ReasonSummary, summarise
 
+    left = {s.reason: s for s in summarise(project.site.root / "quarantine", n_examples=0)} if result.n_bad else {}
     _print_counts("left out", result.n_dropped, "")
     for reason, n in sorted(result.n_bad.items()):
         click.echo(plain(f"    still bad: {n:,} {reason}"))
-        if fix := FIXES.get(reason):
-            click.echo(f"         fix: {fix}")
+        if fix := _fix(project, left.get(reason, ReasonSummary(reason))):
+            click.echo(f"         fix: {plain(fix)}")
     _print_counts("cannot be replayed", result.n_not_replayable, "; fix and ingest their file again")
     _print_counts("counted, not stored", result.n_not_kept, "; ingest their file again")
     for error in result.errors:

@@ -88,17 +88,25 @@ def check_opening(words: str) -> None:
 def parse_opening_words(words: str) -> dict[str, str | list[str]]:
     """Return the table `opening` of words such as "mon-sat 08:00-21:00, sun 10:00-13:00 15:00-18:00".
 
+    Hours alone, such as "09:00-11:00", are those of every day; behind days they are more hours of these.
+
     Raises:
         UsageError: They are not days followed by spans (E101).
     """
-    table: dict[str, str | list[str]] = {}
+    spans_of: dict[str, list[str]] = {}
+    days = "mon-sun"
     for part in re.split(r"[,;]", words):
-        days, *spans = part.split() or [""]
-        if days in table:
+        first, *spans = part.split() or [""]
+        if ":" in first:  # hours without days belong to the days before them
+            spans_of.setdefault(days, []).extend([first, *spans])
+            continue
+        days = first
+        if days in spans_of:
             raise _unreadable(f"{days!r} stands twice", "name each day once: mon-sat 08:00-21:00, sun 10:00-18:00")
-        table[days] = spans[0] if len(spans) == 1 else spans
         if not spans:
             raise _unreadable(f"{part.strip()!r} is no day with its hours", "mon-sat 08:00-21:00, sun 10:00-18:00")
+        spans_of[days] = spans
+    table: dict[str, str | list[str]] = {d: spans[0] if len(spans) == 1 else spans for d, spans in spans_of.items()}
     _, mistakes = parse_opening(table)
     if mistakes:
         error: OpeningError = mistakes[0][1]

@@ -97,6 +97,14 @@ class NewProfile:
         literal = re.sub(r"([\[*?])", r"[\1]", self.file_name)
         return re.sub(r"\d+(?:[-_.:T ]\d+)*", "*", literal)
 
+    @property
+    def wider_pattern(self) -> str | None:
+        """Return the pattern that also fits `shop-2.csv` where `shop.csv` has no number; None = `pattern` fits it."""
+        if re.search(r"\d", self.file_name):
+            return None
+        front, dot, back = self.pattern.partition(".")
+        return f"{front}*{dot}{back}"
+
     def text(self) -> str:
         """Return the lines of `vsd.toml`."""
         keys = {"id": self.profile_id, "files": self.pattern, **self.values}

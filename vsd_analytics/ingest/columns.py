@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
@@ -12,8 +10,8 @@ from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.cell_values import is_number
+from vsd_analytics.ingest.column_guess import completed, nearest_name, proposed_columns, renames_option
 from vsd_analytics.ingest.table_file import Header
-from vsd_analytics.ingest.telling_names import named_like, place_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import parse_where
 from vsd_analytics.schema import TableName
@@ -79,31 +77,28 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         kind: Table that the user named, or None to decide by the columns.
 
     Raises:
-        InputError: E203 naming the column that is missing and the nearest one found, or the column whose name states
-            another unit than `--unit`; E207 frame numbers without a rate.
+        InputError: E203 naming the column that is missing, with a `--map` of all columns that are recognised; or the
+            column whose name states another unit than `--unit`; E207 frame numbers without a rate.
         UsageError: E101, `--where` is not understood.
     """
     found = _found(source, options, header)
     place: tuple[str, ...] = _PAIR
     if kind is None:
         kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
+    proposed = proposed_columns(header, found, kind=kind)
     if "ts" not in found and "frame" not in found:
-        dates, times = named_like(header.names, "date"), named_like(header.names, "time")
-        joined = f"--map {shlex.quote(f'ts={dates[0]}+{times[0]}')}" if dates and times else None
-        raise _missing(source, "ts", header, "without a time nothing can be counted by hour", fix=joined)
+        raise _missing(source, "ts", header, "without a time nothing can be counted by hour", proposed)
     if kind == "pairs":
         if "distance_m" not in found and not {"x_a_m", "y_a_m", "x_b_m", "y_b_m"} <= set(found):
-            raise _missing(source, "distance_m", header, "a pair needs a distance or both positions")
+            raise _missing(source, "distance_m", header, "a pair needs a distance or both positions", proposed)
         for column in ("track_a", "track_b"):
             if column not in found:
-                raise _missing(source, column, header, "without it pairs cannot be distinguished")
+                raise _missing(source, column, header, "without it pairs cannot be distinguished", proposed)
     else:
         place = max(PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
         lacking = [c for c in place if c not in found]
         if lacking:
-            why = "without a position no distance can be measured"
-            fix, near = _place_fix(header, found, lacking[0])
-            raise _missing(source, lacking[0], header, why, fix=fix, near=near)
+            raise _missing(source, lacking[0], header, "without a position no distance can be measured", proposed)
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
         raise InputError(
@@ -114,35 +109,14 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             fix="add --fps 25 --start 2026-11-09T08:00:00+01:00",
         )
     if "camera_id" not in found and options.camera is None:
-        like = named_like(header.names, "camera")
-        raise _missing(
-            source, "camera_id", header, "the site has several cameras, and nothing says which one saw this",
-            fix=f"--map {shlex.quote(f'camera_id={like[0]}')}" if like else "--camera ID",
-        )  # fmt: skip
+        why = "the site has several cameras, and nothing says which one saw this"
+        raise _missing(source, "camera_id", header, why, proposed)
     wanted = {*(("ts", TIME_OF_DAY) if "ts" in found else ("frame",)), "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
     names = {ours: header.names[i] for ours, i in theirs.items()}
     where = () if options.where is None else parse_where(options.where)
     compared = {c.column: _their_column(source, c.column, header) for c in where}
     return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
-
-
-def _place_fix(header: Header, found: Mapping[str, int], lacking: str) -> tuple[str | None, str | None]:
-    """Return the option that names the columns of the place, and the one that is meant by the lacking column.
-
-    Both axes are named at once, and a box as a box, never as metres.
-    """
-    place = place_like(header.names) if header.line is not None or header.text is None else {}
-    theirs = {ours: name for ours, name in place.items() if ours not in found or header.names[found[ours]] != name}
-    if not theirs or any("," in name or "=" in name for name in theirs.values()):
-        return None, None
-    note = ""
-    if set(theirs) == set(_FLOOR) and all(unit_in_name(name) is None for name in theirs.values()):
-        note = "   (metres; of the picture: u_px=...,v_px=...; another unit: --unit mm)"
-    elif set(theirs) == {"left", "top", "width", "height"}:
-        note = f"   (the upper left corner; a centre: center_x={theirs['left']},center_y={theirs['top']})"
-    mapped = ",".join(f"{ours}={name}" for ours, name in theirs.items())
-    return f"--map {shlex.quote(mapped)}{note}", theirs.get(lacking)
 
 
 def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:
@@ -169,7 +143,7 @@ def _their_column(source: Source, name: str, header: Header) -> int:
         for wanted in (name, name.lower()):
             if wanted in names:
                 return names.index(wanted)
-    near = _nearest(name, [n for n in header.names[:1000] if len(n) <= 100])
+    near = nearest_name(name, [n for n in header.names[:1000] if len(n) <= 100])
     raise InputError(
         f"{source.file_name} has no column {name!r}, which --where compares",
         code="E203",
@@ -226,10 +200,9 @@ def _missing(
     column: str,
     header: Header,
     why: str,
+    proposed: Mapping[str, str] | None = None,
     *,
     ours: str | None = None,
-    fix: str | None = None,
-    near: str | None = None,
 ) -> InputError:
     shown = [n for n in header.names if not n.startswith("_")]
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
@@ -241,15 +214,14 @@ def _missing(
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
-    # a column with one of our names is not another one under a wrong name, so it is no suggestion
-    free = shown if ours is not None else [n for n in shown if n.lower() not in FILE_COLUMNS]
-    near = _nearest(column, [n for n in free[:1000] if len(n) <= 100]) if fix is None else near
+    renames = completed(proposed or {}, ours or column, header, wanted=column)
+    near = renames.get(ours or column)
     at = header.text.find(near) + 1 if header.text and near else 0
-    if fix is None and header.line is None and header.text is not None:
+    if header.line is None and header.text is not None:
         fix = f"name it in --columns: {column}, at its place in the order of the file's columns"
-    if fix is None:
-        named = shlex.quote(f"{ours or column}={near or 'THEIR_NAME'}")
-        fix = f"--map {named}      (or in vsd.toml, under [ingest.map])"
+    else:
+        chosen = ["--camera ID"] if column == "camera_id" and near is None else []
+        fix = " ".join([*chosen, *filter(None, [renames_option(renames)])])
     return InputError(
         f"{source.file_name} has no column {column!r}",
         code="E203",
@@ -257,12 +229,3 @@ def _missing(
         why=f"{why}; {found}",
         fix=fix,
     )
-
-
-def _nearest(column: str, names: Sequence[str]) -> str | None:
-    lower = {n.lower(): n for n in reversed(names)}
-    close = difflib.get_close_matches(column.lower(), lower, n=1, cutoff=0.3)
-    if close:
-        return lower[close[0]]
-    stem = column.lower().split("_")[0]
-    return next((n for n in names if n.lower() in column.lower() or stem in n.lower()), None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
@@ -16,7 +17,7 @@ from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.instants import utc_to_local
 from vsd_analytics.ingest.sample import Sample
 from vsd_analytics.ingest.table_head import TableHead
-from vsd_analytics.ingest.telling_names import OBJECTS, PERSON, VAGUE, letters, named_like
+from vsd_analytics.ingest.telling_names import OBJECTS, PERSON, VAGUE, ids_like, letters, named_like
 from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
 from vsd_analytics.site.model import Camera, Site
 
@@ -365,11 +366,11 @@ def _ids(case: Case) -> Iterator[Doubt]:
     if sample.is_pairs or not sample.n:
         return
     why = "a violation needs the same two people for 3 seconds; records, person-hours and maps are not concerned"
+    like = [] if case.head is None else ids_like(case.head.ignored)
+    named = f"--map {shlex.quote('track_id=' + (like[0] if like else '...'))}"
     if case.head is not None and not sample.has_ids:
-        like = [c for c in named_like(case.head.ignored, "id") if c not in named_like(case.head.ignored, "class")]
-        like.sort(key=lambda column: letters(column) in ("name", "object", "obj"))
         what = "there are no track ids: violations cannot be counted"
-        fix = f"--map track_id={like[0]}" if like else "export the tracker's ids, and map them: --map track_id=..."
+        fix = named if like else "export the tracker's ids, and map them: --map track_id=..."
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
@@ -377,7 +378,7 @@ def _ids(case: Case) -> Iterator[Doubt]:
         n_frames = sample.rows["ts_ms"].nunique()
         if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
             what = f"{len(n_records):,} track ids, and nearly each has one record: they do not last"
-            yield Doubt("W225", what, why, "map the id of the track, not of the detection or row: --map track_id=...")
+            yield Doubt("W225", what, why, f"map the id of the track, not of the detection or row: {named}")
 
 
 def _pixels(case: Case) -> Iterator[Doubt]:

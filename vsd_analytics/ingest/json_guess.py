@@ -10,9 +10,8 @@ from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.json_map import leaves
 from vsd_analytics.ingest.json_messages import messages
-from vsd_analytics.ingest.telling_names import letters, named_like, place_like
+from vsd_analytics.ingest.telling_names import ids_like, named_like, place_like, time_like
 
-_TIMES: Final = ("ts", "timestamp", "time", "datetime", "utc", "epoch", "date", "at", "t")
 _DEPTH: Final = 4
 _PLAIN: Final = re.compile(r"[\w.\-]+")
 """Names that mean themselves to a shell, to which the proposal is copied."""
@@ -41,12 +40,12 @@ def guessed_mapping(source: Source) -> str | None:
 
 def _mapping(message: Mapping[str, Any], person: Mapping[str, Any]) -> dict[str, str] | None:
     of_message, of_person = ([path for path, _ in leaves(thing)] for thing in (message, person))
-    time = next((p for name in _TIMES for p in of_message if letters(p.rpartition(".")[2]) == name), None)
+    time = time_like(of_message)
     place = place_like(of_person) or _by_last_part(of_person)
     if time is None or not place or not all(_PLAIN.fullmatch(path) for path in (time, *place.values())):
         return None
     cameras = [path for path in named_like(of_message, "camera") if _PLAIN.fullmatch(path)]
-    ids = [path for path in named_like(of_person, "id") if _PLAIN.fullmatch(path)]
+    ids = [path for path in ids_like(of_person) if _PLAIN.fullmatch(path)]
     more = {**({"camera_id": cameras[0]} if cameras else {}), **({"track_id": ids[0]} if ids else {})}
     return {"ts": time, **more, **place}
 

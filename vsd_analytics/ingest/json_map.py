@@ -34,6 +34,8 @@ KEY: Final = "@key"
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _HEAD_MESSAGES: Final = 500
 _LEAF_DEPTH: Final = 4
+_KEYS_MAX: Final = 10
+_KEY_CHARS: Final = 40
 _ABSENT: Final = object()
 
 
@@ -173,10 +175,29 @@ def _persons(message: Mapping[str, Any], path: str | None) -> list[tuple[str | N
     elif isinstance(found, list):
         people = [(None, person) for person in found]
     else:
-        raise BadRowError("bad-message", f"there is no list of persons at {path[:80]!r}, but {str(found)[:40]!r}")
+        raise BadRowError("bad-message", _no_list(message, path, found))
     if any(not isinstance(person, dict | list) for _, person in people):
         raise BadRowError("bad-message", f"a person at {path[:80]!r} is neither an object nor a list")
     return people
+
+
+def _no_list(message: Mapping[str, Any], path: str, found: Any) -> str:
+    """Return what is at the path of the persons, or which keys there are where it ends."""
+    thing: Any = message
+    front, rest = "", path
+    while isinstance(thing, dict) and rest not in thing:
+        name, _, after = rest.partition(".")
+        if name not in thing:
+            keys = [_shown(key) for key in islice(thing, _KEYS_MAX)] + ["..."] * (len(thing) > _KEYS_MAX)
+            there = f"its keys: {', '.join(keys)}" if keys else "it is empty"
+            return f"{_shown(front) or 'the message'} has no key {rest[:80]!r}; {there}"
+        thing, front, rest = thing[name], f"{front}.{name}".lstrip("."), after
+    what = "null" if found is None else repr(str(found)[:40])
+    return f"there is no list of persons at {path[:80]!r}, but {what}"
+
+
+def _shown(key: str) -> str:
+    return "".join(letter if letter.isprintable() else "?" for letter in key[:_KEY_CHARS])
 
 
 def _seen(paths: MessagePaths, key: str | None, person: Any, options: IngestOptions, camera: str | None) -> SeenPerson:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
@@ -75,6 +75,7 @@ class SourceResult:
         card: What was understood of it; None when nothing could be read.
         is_new_shape: Whether the project has imported no file with such columns before.
         import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
+        mapping: `persons` and `map` that it was read by.
     """
 
     source: str
@@ -91,6 +92,7 @@ class SourceResult:
     card: SourceCard | None = None
     is_new_shape: bool = False
     import_id: str = ""
+    mapping: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +159,9 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
-        fix=named if mapping is None else f"say where its values are, probably: {mapping}",
+        fix=f"{named}; or write an adapter: docs/plugins.md"
+        if mapping is None
+        else f"say where its values are, probably: {mapping}",
     )
 
 
@@ -248,7 +252,8 @@ class _Ingest:
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
         options = self.options
-        result = SourceResult(self.source.name, options.format or "")
+        read_by = {"persons": options.persons, "map": options.map}
+        result = SourceResult(self.source.name, options.format or "", mapping=read_by)
         folder = None if self.is_dry_run else self.site.root / "quarantine"
         quarantine = Quarantine(folder, source=self.source.name, at=self.now)
         try:

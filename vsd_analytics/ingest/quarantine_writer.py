@@ -224,6 +224,7 @@ class ReasonSummary:
         n_replayable: Entries that can be tried again.
         sources: Records, stored or only counted, by source.
         examples: The first entries.
+        first: The first entry, also where no examples are asked for; None = there are only counts.
     """
 
     reason: str
@@ -232,6 +233,7 @@ class ReasonSummary:
     n_replayable: int = 0
     sources: Counter[str] = field(default_factory=Counter)
     examples: list[QuarantineEntry] = field(default_factory=list)
+    first: QuarantineEntry | None = None
 
 
 def summarise(
@@ -255,6 +257,7 @@ def summarise(
             summary.n_not_kept += entry.n_not_kept
             if not entry.n_not_kept:
                 summary.n_stored += 1
+                summary.first = summary.first or entry
                 summary.n_replayable += entry.can_be_replayed
                 if len(summary.examples) < n_examples:
                     summary.examples.append(entry)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from vsd_analytics.site.model import SourceProfile
 
 TOO_MANY: Final = "too-many"
 """A frame with more persons or pairs than `persons_max` or `pairs_max`."""
@@ -40,3 +43,32 @@ FIXES: Final[Mapping[str, str]] = {
     "wrong-number-of-fields": "check the delimiter and decimal commas of these lines",
 }
 """What to do, by reason; the details of adapters' own reasons say it themselves."""
+
+_MAPPING_CHARS: Final = 300
+
+
+def fix_of(
+    reason: str,
+    *,
+    format: str | None = None,
+    mapping: Mapping[str, Any] | None = None,
+    sources: Sequence[SourceProfile] = (),
+) -> str | None:
+    """Return what to do about a record in quarantine, or None when its detail says it.
+
+    Args:
+        reason: Slug.
+        format: Adapter that read it; None = unknown.
+        mapping: `persons` and `map` that it was read by, for the format "json".
+        sources: The `[[source]]` of vsd.toml, of which the one with this mapping is named.
+    """
+    if reason != "bad-message" or format in (None, "frames"):
+        return FIXES.get(reason)
+    if format != "json":
+        return f"compare it with what engines of the format {format} send (vsd schema frame has our own format)"
+    persons, renames = (mapping or {}).get("persons"), dict((mapping or {}).get("map") or {})
+    source = next((s for s in sources if s.persons == persons and dict(s.map) == renames), None)
+    shown = "" if persons is None else f"persons = {json.dumps(persons)}, "
+    shown += f"map = {{ {', '.join(f'{ours} = {json.dumps(theirs)}' for ours, theirs in renames.items())} }}"
+    by = "the mapping" if source is None else f"[[source]] {source.profile_id!r}"
+    return f"compare it with {by}: {shown if len(shown) <= _MAPPING_CHARS else shown[:_MAPPING_CHARS] + '...'}"

@@ -21,7 +21,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     ),
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
-        "tracknumber trackno objectid objid object obj who name uid uuid subject subjectid pedestrian pedestrianid "
+        "tracknumber trackno objectid objid oid object obj who name uid uuid subject subjectid pedestrian pedestrianid "
         "pedid agent agentid identity globalid"
     ),
     "class": _words(
@@ -73,6 +73,12 @@ _PLACES: Final = (
 )
 """Names of columns that hold a place together, and ours: boxes first."""
 
+_INSTANTS: Final = ("ts", "timestamp", "time", "datetime", "utc", "epoch", "date", "when", "at", "t")
+"""Names of instants, the surest first."""
+
+_FAINT_IDS: Final = ("name", "object", "obj")
+"""Names of ids that often hold a class instead."""
+
 PERSON: Final = _words("person persons people pedestrian pedestrians human humans man woman adult child")
 """Words for what is counted, as classes of detectors name it."""
 
@@ -94,6 +100,26 @@ def is_named_like(name: str, role: Role) -> bool:
 def named_like(names: Iterable[str], role: Role) -> list[str]:
     """Return the names that say that their columns hold this, in their order."""
     return [name for name in names if is_named_like(name, role)]
+
+
+def ids_like(names: Iterable[str]) -> list[str]:
+    """Return the names that say that their columns hold the id of a track, the surest first: `trackId` before `id`."""
+    given = list(names)
+    classes = named_like(given, "class")
+    return sorted((n for n in named_like(given, "id") if n not in classes), key=_faintness)
+
+
+def _faintness(name: str) -> int:
+    last = letters(name.rpartition(".")[2])
+    if last in _FAINT_IDS:
+        return 3
+    return 0 if last.startswith("tr") or last == "tid" else 2 if last in ("id", "uid", "uuid") else 1
+
+
+def time_like(names: Iterable[str]) -> str | None:
+    """Return the name that says most surely that its column holds an instant, or None."""
+    by_letters = {letters(name.rpartition(".")[2]): name for name in reversed(list(names))}
+    return next((by_letters[name] for name in _INSTANTS if name in by_letters), None)
 
 
 def place_like(names: Iterable[str]) -> dict[str, str]:
