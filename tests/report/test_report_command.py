@@ -65,7 +65,7 @@ def test_now_changes_only_when_it_was_made_and_how_old_the_records_are(shop: Sit
     lines = zip(plain.decode().splitlines(), dated.decode().splitlines(), strict=True)
     changed = [after for before, after in lines if before != after]
     privacy, made = changed
-    assert "are older than the 30 days set for this site" in privacy
+    assert "are past the 30 days set here" in privacy
     assert "As of Thursday 24 December 2026, 18:30 (Europe/Rome)" in made
 
 

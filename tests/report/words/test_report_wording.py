@@ -27,7 +27,7 @@ ROOMS = [PACKAGE / room for room in ("figures", "report", "planner", "calibratio
 TEMPLATES = shipped("reports") / "templates"
 OF_THE_WEEK = (
     *("week", "hero", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
-    *("change_maps", "small_maps", "log"),
+    *("change_maps", "small_maps", "log", "waiting"),
     *("planner", "calibrate", "index/index", "index/compare", "index/macros"),
 )
 # Modules whose every sentence is in the catalogue.
