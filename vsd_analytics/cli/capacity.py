@@ -38,12 +38,10 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
       vsd capacity --week last
       vsd capacity --range 2026-11-02..2026-11-15 --json
     """
-    from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
+    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.capacities import capacities
     from vsd_analytics.figures.compare import known_floor
-    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
-    from vsd_analytics.stats.rates import HISTORY_WEEKS
 
     floor = known_floor(project.site, floor_id, [])
     areas = [a for a in project.site.areas if a.floor_id == floor.floor_id]
@@ -53,17 +51,16 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
             why="the use of a capacity is computed only for places that have one",
             fix="add capacity = 40 (people at once) to an [[area]] or a [[floor]] of vsd.toml",
         )
-    first, last = resolve(project, week=week, days=days)
-    # the weeks before tell which cameras see an area, so that one that was silent all the time is named
-    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
-        found = capacities(Period(FloorHours(warehouse, floor=floor), first, last))
-        notes = purged_hours_notes(warehouse)
+    with period_with_history(project, floor, week=week, days=days) as period:
+        found = capacities(period)
+        notes = purged_hours_notes(period.data.warehouse)
+    first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
-        emit_json({"first": first.isoformat(), "last": last.isoformat(), "places": [_as_dict(c) for c in found],
+        emit_json({"first": first, "last": last, "places": [_as_dict(c) for c in found],
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
-        click.echo(plain(_text(found, first=first.isoformat(), last=last.isoformat())))
+        click.echo(plain(_text(found, first=first, last=last)))
     return 0 if any(c.full.rate is not None for c in found) else 1
 
 

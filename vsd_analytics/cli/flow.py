@@ -65,12 +65,10 @@ def flow(
       vsd flow --week last
       vsd flow --range 2026-11-02..2026-11-15 --format json
     """
-    from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
+    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import flow as figures
     from vsd_analytics.figures.compare import known_floor
-    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
-    from vsd_analytics.stats.rates import HISTORY_WEEKS
 
     floor = known_floor(project.site, floor_id, [])
     if not any(a.has_visits for a in project.site.areas if a.floor_id == floor.floor_id):
@@ -79,19 +77,18 @@ def flow(
             why="flow is computed only between areas that ask for visits",
             fix="add visits = true to two [[area]] of vsd.toml or more; door = true where people come and go",
         )
-    first, last = resolve(project, week=week, days=days)
-    # the weeks before tell which cameras see an area, so that one that was silent all the time is named
-    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
-        found = figures.flow(Period(FloorHours(warehouse, floor=floor), first, last))
-        notes = purged_hours_notes(warehouse)
+    with period_with_history(project, floor, week=week, days=days) as period:
+        found = figures.flow(period)
+        notes = purged_hours_notes(period.data.warehouse)
+    first, last = period.first.isoformat(), period.last.isoformat()
     assert found is not None
     below = int(project.site.settings.mask_below)
     if kind == "json":
-        emit_json({"first": first.isoformat(), "last": last.isoformat(), **_as_dict(found, below),
+        emit_json({"first": first, "last": last, **_as_dict(found, below),
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
-        text = _csv(found) if kind == "csv" else _text(found, first=first.isoformat(), last=last.isoformat())
+        text = _csv(found) if kind == "csv" else _text(found, first=first, last=last)
         click.echo(plain(text).rstrip("\n"))
     return 0 if any(to.share.state == "ok" for a in found.areas for to in a.to) else 1
 

@@ -44,12 +44,10 @@ def queue(project: Project, week: str | None, days: str | None, floor_id: str | 
       vsd queue --week last
       vsd queue --range 2026-11-02..2026-11-15 --json
     """
-    from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
+    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.compare import known_floor
-    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
     from vsd_analytics.figures.queues import queues
-    from vsd_analytics.stats.rates import HISTORY_WEEKS
 
     floor = known_floor(project.site, floor_id, [])
     if not any(a.is_queue for a in project.site.areas if a.floor_id == floor.floor_id):
@@ -58,17 +56,16 @@ def queue(project: Project, week: str | None, days: str | None, floor_id: str | 
             why="queues are computed only for areas that are said to be one",
             fix='add queue = true to an [[area]] of vsd.toml, and served_in = "till-1" for its waiting times',
         )
-    first, last = resolve(project, week=week, days=days)
-    # the weeks before tell which cameras see an area, so that one that was silent all the time is named
-    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
-        found = queues(Period(FloorHours(warehouse, floor=floor), first, last))
-        notes = purged_hours_notes(warehouse)
+    with period_with_history(project, floor, week=week, days=days) as period:
+        found = queues(period)
+        notes = purged_hours_notes(period.data.warehouse)
+    first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
-        emit_json({"first": first.isoformat(), "last": last.isoformat(), "areas": [_as_dict(q) for q in found],
+        emit_json({"first": first, "last": last, "areas": [_as_dict(q) for q in found],
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
-        click.echo(plain(_text(found, first=first.isoformat(), last=last.isoformat())))
+        click.echo(plain(_text(found, first=first, last=last)))
     return 0 if all(_is_known(q) for q in found) else 1
 
 

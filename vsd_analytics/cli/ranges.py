@@ -15,6 +15,8 @@ from vsd_analytics.errors import StoreError, VsdError
 from vsd_analytics.site.instants import parse_range, parse_week
 
 if TYPE_CHECKING:
+    from vsd_analytics.figures.panels import Period
+    from vsd_analytics.site.model import Floor
     from vsd_analytics.warehouse.warehouse import Warehouse
 
 
@@ -97,3 +99,17 @@ def warn(notes: Iterable[str]) -> None:
     """Print notes as warnings W310 on standard error."""
     for note in notes:
         click.echo(render_error(VsdError(note, code="W310"), word="warning"), err=True)
+
+
+@contextmanager
+def period_with_history(project: Project, floor: Floor, *, week: str | None, days: str | None) -> Iterator[Period]:
+    """Open the days asked for on one floor, and the weeks before them.
+
+    These weeks tell which cameras see an area, so that a camera that was silent all the time is named.
+    """
+    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
+    from vsd_analytics.stats.rates import HISTORY_WEEKS
+
+    first, last = resolve(project, week=week, days=days)
+    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
+        yield Period(FloorHours(warehouse, floor=floor), first, last)

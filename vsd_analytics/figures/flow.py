@@ -104,7 +104,7 @@ class DoorRoutes:
     """Routes of those who come in by a door.
 
     Attributes:
-        routes: DoorRoutes, most frequent first, others last; empty where nothing is known.
+        routes: Routes, most frequent first, others last; empty where nothing is known.
         following: How well the tracks that begin in a door were followed.
         has_doors: An area of the floor is a door that asks for visits.
     """
@@ -120,7 +120,7 @@ class Flow:
 
     Attributes:
         areas: One for each area that asks for visits, in the order of vsd.toml.
-        routes: DoorRoutes from door to door.
+        routes: Routes from door to door.
         silent_cameras: Cameras of the floor that recorded nothing of the period.
         recorded_share: Recorded share of the opening hours of its cameras.
     """

@@ -45,7 +45,7 @@ class QueueHour:
     Attributes:
         hour: Local hour, 0 to 23.
         people: Mean number of people waiting in it.
-        waits: WaitTimes times of those who entered in it; None without an end of the queue.
+        waits: Waiting times of those who entered in it; None without an end of the queue.
     """
 
     hour: int
