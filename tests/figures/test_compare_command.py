@@ -155,6 +155,14 @@ def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[
         assert told["layout"] == pytest.approx(concentration(hand_map(n), cell_m=0.25, distance_m=2.0), rel=1e-5)
         assert told["close_h"] == pytest.approx(7 * (5 * 40 + n) * 20 / 3600, rel=1e-5)
     assert made["a"]["layout"] != made["b"]["layout"]
+    floor = vsd(project, capsys, "compare", "last-1", "last")[1].splitlines()
+    # six people alone all hour, and pairs of whom both are too close for 20 s
+    close_s = {n: n * 2 * 20 for n in (n_before, n_now)}
+    shares = [f"{s / (6 * 3600 + s):.1%}" for s in close_s.values()]
+    [line] = [line for line in floor if line.startswith("share of time too close")]
+    assert [share in line for share in shares] == [True, True], line
+    [line] = [line for line in floor if line.startswith("person-minutes too close per open hour")]
+    assert [f"{s / 60:.0f}" in line for s in close_s.values()] == [True, True], line
     code, out = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-W46", "--area", "queue")
     assert code == 0
     assert "compared: 7 pairs of days, 7.0 camera-hours recorded in both" in out
