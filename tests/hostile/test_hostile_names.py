@@ -94,7 +94,8 @@ def named_project(root: Path, names: list[str]) -> Lab:
     text += f'[[floor]]\nid = "ground"\nname = {quoted[1]}\n'
     text += "".join(f'[[camera]]\nid = "cam-{i}"\nname = {name}\n' for i, name in enumerate(quoted))
     text += "".join(
-        f'[[area]]\nid = "area-{i}"\nname = {name}\npolygon = [[{i}, 0], [{i + 1}, 0], [{i + 1}, 9], [{i}, 9]]\n'
+        f'[[area]]\nid = "area-{i}"\nname = {name}\nvisits = true\nqueue = true\ncapacity = 1\n'
+        f"polygon = [[{i}, 0], [{i + 1}, 0], [{i + 1}, 9], [{i}, 9]]\n"
         for i, name in enumerate(quoted)
     )
     (lab.project / "vsd.toml").write_text(text, encoding="utf-8")
@@ -120,6 +121,7 @@ def test_a_page_of_hostile_names_has_the_elements_of_a_page_of_tame_ones(tmp_pat
         assert lab.vsd("report", "--week", "2026-W46")[0] == 0
         (page,) = (lab.project / "reports").glob("*.html")
         trees.append(Tree(page.read_text(encoding="utf-8")))
+        assert 'id="waiting"' in page.read_text(encoding="utf-8"), "names of queues and of places with a capacity too"
         labs.append(lab)
         lab.check_places()
     ours, theirs = trees
