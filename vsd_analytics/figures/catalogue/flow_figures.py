@@ -77,9 +77,9 @@ def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
     place: Row = {"area": of.area.area_id, "place": of.area.name}
     why = _hidden(asked, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
     lost = of.following.not_followed
-    is_told = not asked.small(of.following.n, lost.n, lost.of - lost.n)
+    is_printed = not asked.small(of.following.n, lost.n, lost.of - lost.n)
     more: Row = {
-        "not_followed_share": lost.value if is_told else None,
+        "not_followed_share": lost.value if is_printed else None,
         "fits_arrivals": of.inflow.agrees,
     }
     if asked.small(of.following.n) or of.often.rate is None or all(to.share.value is None for to in of.to):
