@@ -79,7 +79,7 @@ def test_who_walks_back_through_the_queue_does_not_wait(tmp_path: Path) -> None:
 
 
 def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(tmp_path: Path) -> None:
-    site = with_queue(tmp_path)
+    site = replace(with_queue(tmp_path), opening=(((480, 540),),) * 7)
     rng = np.random.default_rng(1)
     rows, waits, left, whole = [], [], [], []
     for d in range(7):
@@ -159,6 +159,31 @@ def test_time_without_one_of_the_cameras_counts_as_not_recorded(tmp_path: Path) 
     assert second.mean().rate is None
     assert (8 in first.unrecorded_hours, 8 in second.unrecorded_hours) == (False, True)
     assert second.silent_cameras == ("cam-2",)
+
+
+def test_hours_missed_on_some_days_count_as_on_others_and_hours_never_recorded_have_no_interval(
+    tmp_path: Path,
+) -> None:
+    """Open from 8 to 10: one person waits until 9, then three; the second hour is missed on three of six days."""
+    cameras = (Camera("cam", "Cam", "ground", hz=0.1),)
+    site = replace(with_queue(tmp_path), opening=(((480, 600),),) * 7, cameras=cameras)
+    rows: list[Person | Frame] = []
+    for d in range(6):
+        start = T0 + d * DAY
+        crowd = [f"{d}-{k}" for k in range(3)]
+        for hour in range(1 if d % 2 else 2):
+            here = crowd if hour else crowd[:1]
+            for t in range(start + hour * HOUR, start + (hour + 1) * HOUR, 10_000):
+                rows += [Person(t, track, 1000 * (k + 1), 2000) for k, track in enumerate(here)]
+    put(site, rows)
+    found = queue_of(site, n_days=6)
+    assert found.people.rate == pytest.approx(2.0, rel=0.01), "a plain mean would be 15 / 9"
+    assert found.people.lo is not None
+    with open_days(site, "2026-11-09", "2026-11-14") as warehouse:
+        data = FloorHours(warehouse, floor=site.floors[0])
+        odd = Presence(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1)), QUEUE).mean()
+    assert odd.rate == pytest.approx(1.0, rel=0.01), "of the hour that is known"
+    assert (odd.lo, odd.reason and odd.reason.code) == (None, "present.hours")
 
 
 def test_a_queue_without_an_end_has_people_and_no_waiting_times(tmp_path: Path) -> None:
