@@ -12,7 +12,7 @@ import pytest
 from figures.walkers_between_areas import site_with_areas
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, open_days, put
 
-from vsd_analytics.figures.links import Links, links
+from vsd_analytics.figures.flow import Flow, flow
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.stats.track_links import linked_share
@@ -39,10 +39,12 @@ def passes(site: Site, start_ms: int, name: str, *, unseen_s: int = 0, until_m: 
                 yield Person(at, f"{camera.camera_id}-{name}", x * 1000, y, camera.camera_id)
 
 
-def links_of(site: Site, n_days: int) -> Links:
+def flow_of(site: Site, n_days: int) -> Flow:
     last = FIRST + timedelta(days=n_days - 1)
     with open_days(site, FIRST.isoformat(), last.isoformat()) as warehouse:
-        return links(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
+        found = flow(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
+    assert found is not None
+    return found
 
 
 @pytest.mark.parametrize(
@@ -65,7 +67,8 @@ def test_walkers_over_blind_floor_a_border_or_an_overlap_are_linked(
         for camera in site.cameras:
             rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR, camera=camera.camera_id)
     put(site, rows)  # type: ignore[arg-type]
-    found = links_of(site, 5)
+    whole = flow_of(site, 5)
+    found = whole.links
     (link,) = found.found
     assert (link.origin.area_id, link.to.area_id, link.share.n) == ("bread", "till", 120)
     assert link.share.lo is not None
@@ -88,3 +91,26 @@ def test_who_fits_by_chance_is_taken_off_and_few_people_are_no_link() -> None:
     assert linked_share(rng.poisson(300, 14), rng.poisson(300, 14), left).lo == pytest.approx(0.0, abs=0.1)
     few = linked_share([3, 3], [0, 0], [10, 10])
     assert (few.value, few.reason and few.reason.code) == (None, "flow.few")
+
+
+def test_shares_have_no_interval_where_people_go_on_unseen(tmp_path: Path) -> None:
+    """Half of those who leave the bread go to the wine in view, half over the border to the till: the wine is not all."""
+    site = two_views(tmp_path, 10.0, 10.5)
+    rows: list[object] = []
+    for d in range(5):
+        for k in range(30):
+            start = T0 + d * DAY + k * 100_000
+            if k % 2:
+                rows += passes(site, start, f"{d}-{k}")
+            else:
+                way = [(5, 1), (6, 3), (7, 3), (8, 1), (9, 1), (9, 1)]
+                rows += [Person(start + s * 1000, f"w{d}-{k}", x * 1000, y * 1000) for s, (x, y) in enumerate(way)]
+        for camera in site.cameras:
+            rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR, camera=camera.camera_id)
+    put(site, rows)  # type: ignore[arg-type]
+    found = flow_of(site, 5)
+    (bread,) = [a for a in found.areas if a.area.area_id == "bread"]
+    assert bread.following.reason is not None
+    assert [(to.areas[0].area_id, to.share.lo) for to in bread.to] == [("wine", None)]
+    (link,) = [x for x in found.links.found if x.origin.area_id == "bread"]
+    assert (link.to.area_id, link.share.value) == ("till", pytest.approx(0.5, abs=0.1))

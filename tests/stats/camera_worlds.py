@@ -60,7 +60,7 @@ class Walker:
         start_s: When the first record lies, seconds of the open time.
         x, y: Where at each second, metres.
         way: Areas in the order in which they are entered.
-        stays: Seconds in each area that was entered.
+        stays: Seconds in each area that was entered; "wait" is the time from the till to the exit.
     """
 
     start_s: int
@@ -96,7 +96,10 @@ def walker(start_s: int, rng: np.random.Generator) -> Walker:
         here[is_in(name, x, y)] = name
     named = here[here != ""]
     way = tuple(named[np.append(True, named[1:] != named[:-1])])
-    return Walker(start_s, x, y, way, {name: float((here == name).sum()) for name in set(named)})
+    stays = {name: float((here == name).sum()) for name in set(named)}
+    if "exit" in stays:
+        stays["wait"] = float(np.argmax(here == "exit") - np.argmax(here == "till"))
+    return Walker(start_s, x, y, way, stays)
 
 
 def is_in(name: str, x: Floats, y: Floats) -> NDArray[np.bool_]:

@@ -26,7 +26,6 @@ from warehouse.small_projects import open_days
 
 from vsd_analytics.figures.capacities import capacities
 from vsd_analytics.figures.flow import Flow, flow
-from vsd_analytics.figures.links import links
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
@@ -51,7 +50,7 @@ def truth() -> dict[str, float]:
         "bread 90 %": float(np.quantile([p.stays["bread"] for p in people if "bread" in p.stays], 0.9)),
         "hall median": float(np.median([p.stays["hall"] for p in people if "hall" in p.stays])),
         **{f"{a} to {b}": share_of(people, a, b) for a, b in WAYS},
-        "its wait": float(np.median([p.stays["till"] for p in people if "till" in p.stays])),
+        "its wait": float(np.median([p.stays["wait"] for p in people if "wait" in p.stays])),
     }
     counts = []
     for seed in range(200):  # days without a store: who is at the till at each second
@@ -85,7 +84,6 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
             period = Period(FloorHours(warehouse, floor=made.floors[0]), FIRST, last)
             found = {v.area.area_id: v.dwell for v in visits(period)}
             moves, (queue,), (use,) = flow(period), queues(period), capacities(period)
-            found_links = links(period)
             pieces = warehouse.rows("select area_id, (ended_ms - started_ms) / 1000 as s from visits where is_counted")
             levels = warehouse.rows("select n_people, sum(recorded_open_s)::double as s from count_hours group by all")
     assert moves is not None
@@ -112,7 +110,7 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
     open_s = N_DAYS * 7200.0
     naive["people at the till"] = sum(r["n_people"] * r["s"] for r in levels) / open_s
     naive["till full"] = sum(r["s"] for r in levels if r["n_people"] >= CAPACITY) / open_s
-    linked = next((x.share for x in found_links.found if (x.origin.area_id, x.to.area_id) == ("bread", "till")), None)
+    linked = next((x.share for x in moves.links.found if (x.origin.area_id, x.to.area_id) == ("bread", "till")), None)
     spans["the same by links"] = (None, None, None) if linked is None else (linked.value, linked.lo, linked.hi)
     naive["the same by links"] = naive["bread to till"]
     return spans, naive, queue.recorded_share

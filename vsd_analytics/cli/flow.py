@@ -17,7 +17,6 @@ from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.flow import AreaFlow, Destination, Flow, Route
-    from vsd_analytics.figures.links import Links
     from vsd_analytics.stats.estimates import RateEstimate
     from vsd_analytics.stats.groups import ShareEstimate
 
@@ -75,7 +74,6 @@ def flow(
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import flow as figures
     from vsd_analytics.figures.compare import known_floor
-    from vsd_analytics.figures.links import links
 
     floor = known_floor(project.site, floor_id, [])
     if not any(a.has_visits for a in project.site.areas if a.floor_id == floor.floor_id):
@@ -86,17 +84,16 @@ def flow(
         )
     with period_with_history(project, floor, week=week, days=days) as period:
         found = figures.flow(period)
-        linked = links(period)
         notes = purged_hours_notes(period.data.warehouse)
     first, last = period.first.isoformat(), period.last.isoformat()
     assert found is not None
     below = int(project.site.settings.mask_below)
     if kind == "json":
-        emit_json({"first": first, "last": last, **_as_dict(found, below), "links": links_dict(linked),
+        emit_json({"first": first, "last": last, **_as_dict(found, below), "links": links_dict(found.links),
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
-        text = _csv(found, linked) if kind == "csv" else _text(found, linked, first=first, last=last)
+        text = _csv(found) if kind == "csv" else _text(found, first=first, last=last)
         click.echo(plain(text).rstrip("\n"))
     return 0 if any(to.share.state == "ok" for a in found.areas for to in a.to) else 1
 
@@ -159,7 +156,7 @@ def _as_dict(found: Flow, below: int) -> dict[str, Any]:
     return printed
 
 
-def _csv(found: Flow, linked: Links) -> str:
+def _csv(found: Flow) -> str:
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n")
     write.writerow(_COLUMNS)
@@ -178,14 +175,14 @@ def _csv(found: Flow, linked: Links) -> str:
         s = route.share
         ids = " ".join(a.area_id for a in route.areas) or "other"
         row("route", "", ids, s.value, s.lo, s.hi, None, None, None, reason_text(s.reason))
-    for link in linked.found:
+    for link in found.links.found:
         of_link, ends = link.share, (link.origin.area_id, link.to.area_id)
         limits = (of_link.value, of_link.lo, of_link.hi)
         row("estimated link", *ends, *limits, None, None, None, reason_text(of_link.reason))
     return out.getvalue()
 
 
-def _text(found: Flow, linked: Links, *, first: str, last: str) -> str:
+def _text(found: Flow, *, first: str, last: str) -> str:
     rows = [("from", "to", "share of those who leave", "followed per open hour")]
     for of in found.areas:
         rows.append((of.area.name, "", "", _rate(of.often) + (" leave" if of.often.rate is not None else "")))
@@ -195,7 +192,7 @@ def _text(found: Flow, linked: Links, *, first: str, last: str) -> str:
         lines += [f"{of.area.name}: {line}" for line in _notes(of)]
     if found.silent_cameras:
         lines.append(f"Nothing was recorded by {', '.join(found.silent_cameras)}: flow there is not known")
-    return "\n".join([*lines, *link_lines(linked), "", *_routes(found)])
+    return "\n".join([*lines, *link_lines(found.links), "", *_routes(found)])
 
 
 def _names(to: Destination) -> str:
