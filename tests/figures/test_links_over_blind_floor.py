@@ -94,7 +94,7 @@ def test_who_fits_by_chance_is_taken_off_and_few_people_are_no_link() -> None:
 
 
 def test_shares_have_no_interval_where_people_go_on_unseen(tmp_path: Path) -> None:
-    """Half of those who leave the bread go to the wine in view, half over the border to the till: the wine is not all."""
+    """Half of those who leave the bread go to the wine in view, half over the border to the till."""
     site = two_views(tmp_path, 10.0, 10.5)
     rows: list[object] = []
     for d in range(5):
