@@ -117,10 +117,10 @@ def links(period: Period) -> Links:
     for a, origin in enumerate(asked):
         for b, to in enumerate(asked):
             share = linked_share(
-                counts.forward[a, b], counts.backward[a, b], left[a],
+                counts, a, b, left[a],
                 confidence=settings.confidence, min_days=int(settings.min_days),
             )  # fmt: skip
             is_enough = share.n_links - share.n_chance >= int(settings.mask_below)
-            if a != b and is_enough and (share.lo is None or share.lo > 0):
+            if a != b and is_enough and share.value and (share.lo is None or share.lo > 0):
                 found.append(Link(origin, to, share))
     return Links(tuple(sorted(found, key=lambda link: -(link.share.value or 0.0))), recorded)
