@@ -13,6 +13,7 @@ from report import ingested_worlds as w
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.cli.visits import _as_dict
 from vsd_analytics.figures.catalogue.visit_figures import _long_share
 from vsd_analytics.figures.rates import NOT_RECORDED
 from vsd_analytics.figures.visits import AreaVisits
@@ -81,6 +82,19 @@ def test_a_share_of_long_visits_hides_small_counts_on_either_side(n_long: int, i
     row = _long_share(asked, of)
     assert (row["value"] is not None) is is_shown
     assert (row["lo"] is not None) is is_shown
+    assert (_as_dict(of, 5)["long_share"]["value"] is not None) is is_shown
+
+
+def test_the_json_output_of_the_command_hides_few_visits_and_whoever_was_lost_among_them() -> None:
+    def printed(n: int, n_cut: int) -> dict[str, Any]:
+        cut = np.arange(n) < n_cut
+        found = dwell(np.full(n, 60.0), cut, np.arange(n) % 7, person_s=np.full(7, 500.0), long_s=120.0)
+        return _as_dict(AreaVisits(Area("a", "A", "ground", ()), NOT_RECORDED, found, 120.0, 3, 1.0, ()), 5)
+
+    few = printed(4, 1)
+    assert (few["n_visits"], few["n_cut"], few["n_began_inside"], few["little"]) == (None, None, None, None)
+    assert "4" not in str(few["reason"])
+    assert [printed(n, n_cut)["n_cut"] for n, n_cut in ((40, 4), (40, 5), (40, 36), (40, 0))] == [None, 5, None, 0]
 
 
 def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:

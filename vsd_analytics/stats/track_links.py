@@ -156,8 +156,8 @@ def linked_share(
     With f_b, g_b the shares of ends given a later, and an earlier start that enters b, f and g their sums: an end is a
     person's who went on, p, or is given a start by chance, so f = p + (1 - p) g, p = (f - g) / (1 - g), and
     p_b = f_b - (1 - p) g_b; times ends / people who leave. Limits: jackknife over days, t quantile of D - 1 degrees of
-    freedom; never narrower than Poisson counts. The upper one also holds the case that no start is given by chance: in a
-    crowd, starts given by chance are lacking for those who went on.
+    freedom; never narrower than Poisson counts. The upper one also holds the case that no start is given by chance: in
+    a crowd, starts given by chance are lacking for those who went on.
 
     Args:
         counts: Of all ends.
