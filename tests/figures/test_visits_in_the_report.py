@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from report import ingested_worlds as w
 
+import vsd_analytics
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.cli.visits import _as_dict
@@ -52,6 +53,9 @@ def test_a_report_that_nobody_asked_for_visits_has_none(tmp_path: Path) -> None:
 def test_few_visits_are_held_back_and_no_reason_tells_how_many(tmp_path: Path) -> None:
     few = lambda day, hour: {w.QUEUE: 1} if day < 2 and hour == 10 else {w.DOOR: 20}  # noqa: E731
     found = figures(w.world(tmp_path, ASKING, w.messages(few)))
+    table = vsd_analytics.open(tmp_path).week("2026-W46").visits.df()
+    assert table["what"].tolist() == ["visits", "median dwell", "90 % dwell", "long visits"]
+    assert table["value"].isna().all()
     for metric in ("M35", "M36"):
         assert found[metric]["state"] == "not_enough_data"
         assert found[metric]["reason"] == "fewer than 5 visits were seen"
