@@ -64,7 +64,8 @@ def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
 
     Args:
         frame: Number of each person's frame, in order.
-        x, y: Their places, in the unit of `reach`.
+        x: Where they stand, in the unit of `reach`.
+        y: Likewise.
         reach: Greatest distance.
     """
     is_crowded = np.bincount(frame, minlength=1)[frame] > _CROWD
