@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -15,13 +17,16 @@ from vsd_analytics.warehouse.spread import Spread, Work
 AHEAD = 4
 """Days handed out at once for each core: Spark returns the results of all of them together."""
 
+_RAISED = re.compile(r"^[\w.]*(?:Error|Exception): .*$", re.MULTILINE)
+"""The last line of a traceback of Python within the words of Java."""
+
 
 @contextlib.contextmanager
 def connected(address: str) -> Iterator[Spread]:
     """Connect to a Spark master, and yield what hands out units to its workers; see `workers`."""
     conf = SparkConf().setMaster(address).setAppName("vsd build").set("spark.ui.enabled", "false")
     conf.set("spark.driver.maxResultSize", "0").set("spark.log.level", "ERROR")
-    conf.set("spark.pyspark.python", sys.executable)
+    os.environ.setdefault("PYSPARK_PYTHON", sys.executable)  # else workers take the first python3 they find
     try:
         context = SparkContext(conf=conf)
     except Exception as error:  # py4j and the gateway raise classes of their own
@@ -48,7 +53,7 @@ def _failed(what: str, why: str) -> StoreError:
     return StoreError(
         what,
         code="E316",
-        why=" ".join(why.split())[:300],
+        why=" ".join((_RAISED.search(why) or [why])[0].split())[:300],
         fix="start the master and its workers, with SPARK_SCALA_VERSION=2.13 in their environment where Spark comes "
         "from PyPI, then run the same command again: the days that were done stay",
     )
