@@ -59,21 +59,10 @@ def engine(name: str, n_workers: int, folder: Path) -> Iterator[tuple[str, list[
     port = str(free_port())
     if name == "dask":
         address = f"tcp://127.0.0.1:{port}"
-        command = (sys.executable, "-m", "distributed.cli")
-        master = (
-            *command[:2],
-            "distributed.cli.dask_scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            port,
-            "--no-dashboard",
-        )
-        worker = (
-            *(*command[:2], "distributed.cli.dask_worker", address, "--no-nanny", "--nthreads", "1", "--no-dashboard"),
-            *("--local-directory", str(folder)),
-        )
-        environment = {}
+        cli = f"{sys.executable} -m distributed.cli.dask_"
+        master = tuple(f"{cli}scheduler --host 127.0.0.1 --port {port} --no-dashboard".split())
+        worker = f"{cli}worker {address} --no-nanny --nthreads 1 --no-dashboard --local-directory {folder}".split()
+        environment: dict[str, str] = {}
     else:
         import pyspark
 
@@ -81,10 +70,10 @@ def engine(name: str, n_workers: int, folder: Path) -> Iterator[tuple[str, list[
         address, run = f"spark://127.0.0.1:{port}", str(home / "bin" / "spark-class")
         deploy = "org.apache.spark.deploy"
         master = (run, f"{deploy}.master.Master", "--host", "127.0.0.1", "--port", port, "--webui-port", "0")
-        worker = (
+        worker = [
             *(run, f"{deploy}.worker.Worker", address, "--cores", "1", "--memory", "2g", "--host", "127.0.0.1"),
             *("--webui-port", "0", "--work-dir", str(folder)),
-        )
+        ]
         environment = {"SPARK_HOME": str(home), "SPARK_SCALA_VERSION": "2.13", "SPARK_LOCAL_IP": "127.0.0.1"}
         os.environ["SPARK_LOCAL_IP"] = "127.0.0.1"
     started = [start(*master, **environment)]
@@ -135,7 +124,7 @@ def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--engine", choices=("dask", "spark"), default="dask")
-    parser.add_argument("--records", type=int, default=20_000_000)
+    parser.add_argument("--records", type=int, default=6_000_000)
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
     given = parser.parse_args()
@@ -143,7 +132,7 @@ def main() -> int:
         project, folder = Path(root) / "project", Path(root) / "workers"
         project.mkdir()
         folder.mkdir()
-        site = write_site(project, n_records=given.records)
+        site = write_site(project, n_records=given.records, open_h=1)
         begun, begun_cpu = time.perf_counter(), time.process_time()
         build(site)
         here = time.perf_counter() - begun

@@ -7,6 +7,8 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
 from vsd_analytics.bench import made_up_site
@@ -35,11 +37,7 @@ def three_days(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with three days of one camera, an hour each, without facts."""
     root = tmp_path_factory.mktemp("three") / "project"
     root.mkdir()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(made_up_site, "CAMERAS", 1)
-        patch.setattr(made_up_site, "OPEN_H", 1)
-        site = made_up_site.write_site(root, n_records=60_000)
-    return site.root
+    return made_up_site.write_site(root, n_records=60_000, n_cameras=1, open_h=1).root
 
 
 def copy(project: Path, to: Path) -> Site:
@@ -73,16 +71,13 @@ def test_files_are_byte_for_byte_those_of_a_local_build_also_after_late_records(
     for site in (here, there):  # an hour beside the first one of two days, whose other rows are used again
         store = Store(site.root / "store", site_id=site.site_id)
         for day in (0, 1):
-            late = part_of_second_hour(day)
-            store.append("observations", late)
+            store.append("observations", part_of_second_hour(day))
         store.fold()
     assert build(there, spread=elsewhere).reasons == build(here).reasons
     assert facts(there) == facts(here)
 
 
-def part_of_second_hour(day: int):  # type: ignore[no-untyped-def]
-    import numpy as np
-
+def part_of_second_hour(day: int) -> pa.Table:
     start_ms = made_up_site.FIRST_MS + made_up_site.DAY_MS * day + 3_600_000
     return dict(made_up_site.camera_hour(np.random.default_rng(day), 0, start_ms, most=1000))["observations"]
 
@@ -136,11 +131,13 @@ def test_dask_workers_in_processes_of_their_own_make_the_same_files(three_days: 
     distributed = pytest.importorskip("distributed")
     here, there = copy(three_days, tmp_path / "here"), copy(three_days, tmp_path / "there")
     build(here)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        with workers(cluster.scheduler_address) as spread:
-            assert build(there, spread=spread).reasons == {"new": 3}
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        workers(cluster.scheduler_address) as spread,
+    ):
+        assert build(there, spread=spread).reasons == {"new": 3}
     assert facts(there) == facts(here)
 
 

@@ -28,15 +28,27 @@ FOLD_RECORDS: Final = 5_000_000
 """Records between two folds: what a fold holds in memory."""
 
 
-def write_site(root: Path, *, n_records: int, seed: int = 1) -> Site:
+def write_site(
+    root: Path,
+    *,
+    n_records: int,
+    n_cameras: int = CAMERAS,
+    open_h: int = OPEN_H,
+    interval_s: int = 1,
+    seed: int = 1,
+) -> Site:
     """Write a project whose store holds `n_records` person records, or up to one frame more.
 
     Args:
         root: Its folder, empty.
-        n_records: Person records. Hours are written camera by camera, twelve a day, until there are as many.
+        n_records: Person records. Hours are written camera by camera until there are as many.
+        n_cameras: Cameras.
+        open_h: Hours of a day, from 08:00 UTC on.
+        interval_s: Seconds from frame to frame.
         seed: Of everything drawn; the same seed gives the same bytes.
     """
-    cameras = [f'[[camera]]\nid = "cam-{c:02d}"\nname = "Camera {c}"\nfloor = "hall"\nhz = 1\n' for c in range(CAMERAS)]
+    ids = [f"cam-{c:02d}" for c in range(n_cameras)]
+    cameras = [f'[[camera]]\nid = "{c}"\nname = "{c}"\nfloor = "hall"\nhz = {1 / interval_s}\n' for c in ids]
     (root / "vsd.toml").write_text(
         '[site]\nid = "bench"\nname = "Bench"\ntimezone = "UTC"\nopening = { mon-sun = "08:00-20:00" }\n'
         '[privacy]\npseudonyms = false\n[[floor]]\nid = "hall"\nname = "Hall"\n' + "".join(cameras)
@@ -44,9 +56,9 @@ def write_site(root: Path, *, n_records: int, seed: int = 1) -> Site:
     site = load_site(root, environ={})
     store, rng = Store(root / "store", site_id=site.site_id), np.random.default_rng(seed)
     left, unfolded = n_records, 0
-    for hour, camera in ((h, c) for h in count() for c in range(CAMERAS)):
-        start_ms = FIRST_MS + DAY_MS * (hour // OPEN_H) + 1000 * HOUR_S * (hour % OPEN_H)
-        for table, rows in camera_hour(rng, camera, start_ms, most=left):
+    for hour, camera in ((h, c) for h in count() for c in range(n_cameras)):
+        start_ms = FIRST_MS + DAY_MS * (hour // open_h) + 1000 * HOUR_S * (hour % open_h)
+        for table, rows in camera_hour(rng, camera, start_ms, most=left, interval_s=interval_s):
             store.append(table, rows, engines=["made-up 1"])
             if table == "observations":
                 left, unfolded = left - rows.num_rows, unfolded + rows.num_rows
@@ -59,7 +71,7 @@ def write_site(root: Path, *, n_records: int, seed: int = 1) -> Site:
 
 
 def camera_hour(
-    rng: np.random.Generator, camera: int, start_ms: int, *, most: int
+    rng: np.random.Generator, camera: int, start_ms: int, *, most: int, interval_s: int = 1
 ) -> Iterator[tuple[TableName, pa.Table]]:
     """Yield the frames and person records of one camera and hour; the frame that reaches `most` is the last one."""
     n_lives = HOUR_S // LIFE_S + 2
@@ -71,7 +83,7 @@ def camera_hour(
         place[:, 1::2] = np.where(is_pair[..., None], place[:, ::2] + beside, place[:, 1::2])
     is_here[:, 1::2] = np.where(is_pair, is_here[:, ::2], is_here[:, 1::2])
     phase_s = np.repeat(rng.integers(0, LIFE_S, SLOTS // 2), 2)
-    second = np.arange(HOUR_S)[:, None]
+    second = np.arange(0, HOUR_S, interval_s)[:, None]
     life, age = (second + phase_s) // LIFE_S, (second + phase_s) % LIFE_S / LIFE_S
     slot = np.broadcast_to(np.arange(SLOTS), life.shape)
     is_seen = is_here[life, slot]
@@ -83,7 +95,7 @@ def camera_hour(
     at_m = at_m + rng.normal(0, 0.03, at_m.shape) + [APART_M * camera, 0]
     place_mm = np.round(1000 * at_m)[is_seen].astype(np.int32)
     tracks = pa.array([f"{start_ms // 3_600_000:07x}{camera:02x}{k:07x}" for k in range(n_lives * SLOTS)])
-    ts = start_ms + 1000 * np.arange(len(n_persons))
+    ts = start_ms + 1000 * interval_s * np.arange(len(n_persons))
     yield "frames", _table("frames", camera, ts=ts, n_persons=n_persons)
     yield (
         "observations",
