@@ -116,9 +116,7 @@ def _copy(before: Path, folder: Path) -> Path:
     return folder / before.name
 
 
-def prove(
-    names: list[str], faults: list[str], *, n_at_once: int, every: int = 1, below: str = ""
-) -> Iterator[str]:
+def prove(names: list[str], faults: list[str], *, n_at_once: int, every: int = 1, below: str = "") -> Iterator[str]:
     """Print the table of the jobs, each with how many points of a fault went wrong, and yield what is wrong.
 
     Args:

@@ -179,6 +179,9 @@ Fix: install the same version everywhere and mount the folder alike. What other 
     "E316": """\
 The workers of vsd build --on cannot be used: nobody answers at that address, there are no workers, or they died.
 Fix: start scheduler (or master) and workers, then run the same command again. Without --on it computes here.""",
+    "E317": """\
+Two runs of vsd build --publish wrote to the same bucket at a time, and the other one was first; its facts are current
+there, whole. Fix: run the same command again, which publishes the facts of now.""",
     "E400": """\
 A calibration cannot be used. Fix: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\

@@ -19,8 +19,6 @@ from typing import Any, Protocol
 
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.store.published import link_name
-from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.sources import current_files
 
 CURRENT = "current.json"
 _REFUSED = ("PreconditionFailed", "ConditionalRequestConflict", "412", "409")
@@ -76,7 +74,7 @@ def publish(project: Path, files: Mapping[str, Sequence[Path]], url: str, s3: Bu
 
     Args:
         project: The project folder.
-        files: By fact, its current files (`current_files`).
+        files: By fact, its current files (`warehouse.build.current_files`).
         url: `s3://bucket/prefix`.
         s3: The client.
 
@@ -107,11 +105,6 @@ def publish(project: Path, files: Mapping[str, Sequence[Path]], url: str, s3: Bu
     for key in sorted(there - wanted.keys() - {f"{prefix}/{CURRENT}"}):
         s3.delete_object(Bucket=bucket, Key=key)
     return len(missing)
-
-
-def publish_build(project: Path, result: BuildResult, url: str, s3: Bucket, site: Any) -> int:
-    """Publish the facts of a build of everything stored; see `publish`."""
-    return publish(project, current_files(site, result), url, s3)
 
 
 def _keys(s3: Bucket, bucket: str, prefix: str) -> set[str]:

@@ -27,8 +27,9 @@ def connect(
         is_careful: Run joins in the order they are written: slower, for a query that failed with an internal error.
 
     Returns:
-        The connection. It has the macros `unix_millis` and `array_join`, so that SQL files run on other engines too. Names in queries
-        are relations, never Python variables. What does not fit into memory spills to a private folder (`spill`).
+        The connection. It has the macros `unix_millis` and `array_join`, so that SQL files run on other engines too.
+        Names in queries are relations, never Python variables. What does not fit into memory spills to a private
+        folder (`spill`).
     """
     import duckdb
 

@@ -208,11 +208,15 @@ def _publish(site: Site, result: BuildResult) -> bool:
     """
     if beside.folder(site) is not None:
         return False
-    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in result.paths}
-    files = {name: [*of_day.values(), *sealed[name]] for name, of_day in result.paths.items()}
     with contextlib.suppress(OSError):
-        return publish_links(site.root, files)
+        return publish_links(site.root, current_files(site, result))
     return False
+
+
+def current_files(site: Site, result: BuildResult) -> dict[str, list[Path]]:
+    """Return the fresh and sealed files of each fact, given the build of everything stored."""
+    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in result.paths}
+    return {name: [*of_day.values(), *sealed[name]] for name, of_day in result.paths.items()}
 
 
 def _write_hours(
