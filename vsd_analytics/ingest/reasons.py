@@ -29,8 +29,10 @@ FIXES: Final[Mapping[str, str]] = {
     "no-position": "export x_m y_m, or u_px v_px",
     "no-size": "--size WIDTHxHEIGHT, or picture of the camera in vsd.toml",
     "no-time": "export an ISO time with offset, or unix seconds",
-    "not-a-number": "correct the export; an empty cell is missing, a text or NaN is not",
-    "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds",
+    "not-a-number": "correct the export: a point before decimals (or semicolons between cells), nothing between "
+    "thousands; an empty cell is missing, a text or NaN is not",
+    "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds; other texts: --time-format "
+    '"%d %b %Y %H:%M:%S"; the date in another column: --map ts=DATE+TIME',
     "out-of-range": "check units (metres, pixels) and columns; the limit is coordinate_max_m under [ingest]",
     "retained": "let the engine publish frames without the retain flag",
     "same-person": "export pairs of two different persons",
