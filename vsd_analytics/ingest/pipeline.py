@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 ENGINE_MAX_CHARS = 200
 _NOTHING_SAID = IngestOptions()
 
-_OF_PROFILE = (
+OF_PROFILE = (
     *(
         "format",
         "camera",
@@ -377,7 +377,7 @@ def options_of_profile(site: Site, profile: SourceProfile, options: IngestOption
     Raises:
         UsageError: E101, as `with_site`.
     """
-    stated = {name: getattr(profile, name) for name in _OF_PROFILE}
+    stated = {name: getattr(profile, name) for name in OF_PROFILE}
     missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
     merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.profile_id)
     return with_site(site, merged)

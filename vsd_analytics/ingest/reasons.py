@@ -55,6 +55,7 @@ def fix_of(
     format: str | None = None,
     mapping: Mapping[str, Any] | None = None,
     sources: Sequence[SourceProfile] = (),
+    row: Mapping[str, Any] | str | None = None,
 ) -> str | None:
     """Return what to do about a record in quarantine, or None when its detail says it.
 
@@ -63,7 +64,13 @@ def fix_of(
         format: Adapter that read it; None = unknown.
         mapping: `persons` and `map` that it was read by, for the format "json".
         sources: The `[[source]]` of vsd.toml, of which the one with this mapping is named.
+        row: The raw record, also as JSON, whose camera is named.
     """
+    if reason == "unknown-camera" and row is not None:
+        name = (json.loads(row) if isinstance(row, str) else row).get("camera")
+        if isinstance(name, str) and name.isprintable():
+            known = f"engine_ids = [{json.dumps(name[:80], ensure_ascii=False)}]"
+            return f"add {known} to its [[camera]] in vsd.toml, or describe it in a new one"
     if reason != "bad-message" or format in (None, "frames"):
         return FIXES.get(reason)
     if format != "json":
