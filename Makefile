@@ -44,6 +44,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --people 400 --stored 40
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_changes.py --sites 1000
+	$(BIN)/python tests/stats/prove_spill.py --sites 400
 	$(BIN)/python tests/report/words/prove_words.py --sites 40
 	$(BIN)/python tests/report/prove_flagship.py
 	$(BIN)/python tests/report/words/prove_sceptic.py --sites 20

@@ -152,7 +152,7 @@ levels as (
         floor_id,
         area_id,
         at_ms,
-        lead(at_ms) over place - at_ms as lasts_ms,
+        (lead(at_ms) over place) - at_ms as lasts_ms,
         sum(more_people) over place as n_people,
         sum(more_cameras) over place as n_cameras
     from summed
