@@ -13,8 +13,9 @@ PACKAGE = Path(__file__).resolve().parent.parent / "vsd_analytics"
 
 # From the lowest room to the highest: a module imports from its own room and those before it, inside functions too.
 ROOMS = (
-    *("base", "store", "site", "geometry", "config", "ingest", "stats", "engine", "warehouse", "retention", "figures"),
-    *("report", "planner", "calibration_page", "site_index", "service", "api", "simulate", "live", "doctor", "cli"),
+    *("base", "store", "site", "geometry", "config", "ingest", "stats", "engine", "warehouse", "cluster", "retention"),
+    *("figures", "report", "planner", "calibration_page", "site_index", "service", "api", "simulate", "bench", "live"),
+    *("doctor", "cli"),
 )
 BASE = {"errors", "resources", "result", "schema", "settings", "version"}
 """Modules of no room, which every room may import. `__init__` is the public API and names modules of all rooms."""

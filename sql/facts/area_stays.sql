@@ -87,9 +87,9 @@ inside as (
         gap_ms,
         case when ts_ms - before_ms <= gap_ms then before_ms end as before_ms,
         case when after_ms - ts_ms <= gap_ms then after_ms end as after_ms,
-        coalesce(ts_ms - lag(ts_ms) over stay <= gap_ms, false) as follows,
-        coalesce(lead(ts_ms) over stay - ts_ms <= gap_ms, false) as is_followed,
-        cast(floor(lag(ts_ms) over stay / 3600000) as bigint) as hour_before
+        coalesce(ts_ms - (lag(ts_ms) over stay) <= gap_ms, false) as follows,
+        coalesce((lead(ts_ms) over stay) - ts_ms <= gap_ms, false) as is_followed,
+        cast(floor((lag(ts_ms) over stay) / 3600000) as bigint) as hour_before
     from neighboured
     where area_id is not null
     window stay as (partition by camera_id, track_id, area_id order by ts_ms, member)

@@ -96,7 +96,7 @@ companies as (
         camera_id,
         ts_ms,
         member,
-        array_to_string(list_sort(list(other_id)), chr(1)) as company
+        array_join(array_sort(array_agg(other_id)), chr(1)) as company
     from sides
     group by camera_id, ts_ms, member
 ),
@@ -118,7 +118,7 @@ every_company as (
         camera_id,
         bucket_quarter,
         track_id,
-        cast(first_other_id as varchar) || coalesce(chr(1) || cast(second_other_id as varchar), '') as company,
+        cast(first_other_id as string) || coalesce(chr(1) || cast(second_other_id as string), '') as company,
         violation_ms
     from small_times
     union all

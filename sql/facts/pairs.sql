@@ -188,11 +188,11 @@ named as (
         distance_mm,
         coalesce(
             'track ' || track_a,
-            cast(person_a as varchar) || coalesce(' at ' || cast(x_a_mm as varchar) || ' ' || cast(y_a_mm as varchar), '')
+            cast(person_a as string) || coalesce(' at ' || cast(x_a_mm as string) || ' ' || cast(y_a_mm as string), '')
         ) as name_a,
         coalesce(
             'track ' || track_b,
-            cast(person_b as varchar) || coalesce(' at ' || cast(x_b_mm as varchar) || ' ' || cast(y_b_mm as varchar), '')
+            cast(person_b as string) || coalesce(' at ' || cast(x_b_mm as string) || ' ' || cast(y_b_mm as string), '')
         ) as name_b
     from stored_pairs
 ),

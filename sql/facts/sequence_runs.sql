@@ -119,12 +119,12 @@ neighboured as (
         ts_ms,
         seq,
         lag(hour) over by_time as before_hour,
-        ts_ms - lag(ts_ms) over by_time as silence_ms,
+        ts_ms - (lag(ts_ms) over by_time) as silence_ms,
         lag(seq) over by_time as before_seq,
         min(seq) over (partition by camera_id order by ts_ms range between 60000 preceding and 1 preceding) as least_before,
         max(seq) over (partition by camera_id order by ts_ms range between current row and 60000 following) as most_after,
-        case when lead(ts_ms, 1) over by_time - ts_ms <= 60000 then lead(seq, 1) over by_time else 0 end as after_1_seq,
-        case when lead(ts_ms, 2) over by_time - ts_ms <= 60000 then lead(seq, 2) over by_time else 0 end as after_2_seq
+        case when (lead(ts_ms, 1) over by_time) - ts_ms <= 60000 then lead(seq, 1) over by_time else 0 end as after_1_seq,
+        case when (lead(ts_ms, 2) over by_time) - ts_ms <= 60000 then lead(seq, 2) over by_time else 0 end as after_2_seq
     from unsteady
     window
         by_time as (partition by camera_id order by ts_ms)

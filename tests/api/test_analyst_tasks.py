@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -40,10 +41,10 @@ def test_seven_tasks_take_at_most_five_lines_each() -> None:
 
 
 def test_results_have_real_types_and_the_zone_of_the_site(done: dict[str, Any]) -> None:
-    types = {name: str(done["hours"][name].dtype) for name in ("start", "local_date", "n_violations", "open_s")}
+    types = {name: str(done["hours"][name].dtype) for name in ("start", "local_date", "n_violations", "recorded_share")}
     assert re.fullmatch(r"datetime64\[\w+, Europe/Rome\]", types["start"])
     assert types["local_date"].startswith("datetime64")
-    assert (types["n_violations"], types["open_s"]) == ("Int64", "float64")
+    assert (types["n_violations"], types["recorded_share"]) == ("Int64", "float64")
     assert pd.api.types.is_float_dtype(done["per_sale"]["n"])
     assert len(done["per_sale"]) == 3 * 7
     assert 0 < done["near"]["n_violations"].sum() < done["hours"]["n_violations"].sum()
@@ -66,7 +67,7 @@ def test_whatever_is_typed_at_a_prompt_prints_little(done: dict[str, Any]) -> No
     assert max(len(repr(thing)) for thing in shown) < 2_500
 
 
-@pytest.mark.parametrize("figure", ["groups", "gatherings", "person_time", "coverage", "hours"])
+@pytest.mark.parametrize("figure", ["groups", "gatherings", "episode_figures", "coverage", "hours"])
 def test_a_single_figure_prints_little(done: dict[str, Any], figure: str) -> None:
     week = done["week"]
     warehouse = vsd.open_warehouse(done["site"].site, week.first, week.last)
@@ -90,9 +91,8 @@ print(week.hours.df()["start"].iloc[0])
 
 
 def test_importing_a_room_replaces_no_function() -> None:
-    import vsd_analytics.figures.compare
-    import vsd_analytics.ingest.pipeline
-
+    importlib.import_module("vsd_analytics.figures.compare")
+    importlib.import_module("vsd_analytics.ingest.pipeline")
     assert callable(vsd.compare)
     assert not hasattr(vsd, "nope")
     assert "homography" not in dir(vsd)
@@ -101,5 +101,9 @@ def test_importing_a_room_replaces_no_function() -> None:
 def test_what_looks_natural_ends_in_words_not_in_tracebacks(demo_project: Path) -> None:
     with pytest.raises(vsd.VsdError):
         vsd.open("demo-that-is-not-there")
-    with pytest.raises((vsd.VsdError, TypeError)):
-        vsd.load_site("demo")  # type: ignore[arg-type]
+    with pytest.raises(vsd.VsdError, match=r"vsd\.toml"):
+        vsd.load_site("demo")
+    warehouse = vsd.open_warehouse(vsd.load_site(str(demo_project)), "2026-11-09", "2026-11-12")
+    assert vsd.compare(warehouse, "2026-11-09..2026-11-10", "2026-11-11..2026-11-12").state == "ok"
+    with pytest.raises(vsd.VsdError, match="tomorrow"):
+        vsd.compare(warehouse, "2026-11-09", "tomorrow")

@@ -116,7 +116,7 @@ def _copy(before: Path, folder: Path) -> Path:
     return folder / before.name
 
 
-def prove(names: list[str], faults: list[str], *, n_at_once: int, every: int = 1) -> Iterator[str]:
+def prove(names: list[str], faults: list[str], *, n_at_once: int, every: int = 1, below: str = "") -> Iterator[str]:
     """Print the table of the jobs, each with how many points of a fault went wrong, and yield what is wrong.
 
     Args:
@@ -124,6 +124,7 @@ def prove(names: list[str], faults: list[str], *, n_at_once: int, every: int = 1
         faults: Faults.
         n_at_once: Points tried at the same time.
         every: Try only each so many-th point.
+        below: Try only points whose path has this in it, such as "facts/".
     """
     print(f"| job | {' | '.join([*KINDS, *faults])} |")
     print("|---" * (1 + len(KINDS) + len(faults)) + "|")
@@ -136,7 +137,7 @@ def prove(names: list[str], faults: list[str], *, n_at_once: int, every: int = 1
             cells = [str(Counter(p.kind for p in given.points)[k] or "") for k in KINDS]
             for fault in (FAULTS[f] for f in faults):
                 begun = time.monotonic()
-                points = [p for p in given.points if p.kind in fault.kinds][::every]
+                points = [p for p in given.points if p.kind in fault.kinds and below in p.path][::every]
                 with ThreadPoolExecutor(n_at_once) as pool:
                     found = list(pool.map(partial(_disturb_somewhere, job, given, fault, Path(scratch)), points))
                 n_points += len(points)
@@ -159,13 +160,15 @@ def main() -> int:
     parser.add_argument("--jobs", default=",".join(JOBS), help="jobs, separated by commas")
     parser.add_argument("--faults", default=";".join(FAULTS), help="faults, separated by semicolons")
     parser.add_argument("--every", type=int, default=1, help="try only each so many-th point")
+    parser.add_argument("--below", default="", help="try only points whose path has this in it, such as facts/")
     parser.add_argument("--at-once", type=int, default=2, help="points tried at the same time")
     given = parser.parse_args()
     if (reason := why_not()) is not None:
         print(f"skipped: {reason}")
         return 0
     n_wrong = 0
-    for text in prove(given.jobs.split(","), given.faults.split(";"), n_at_once=given.at_once, every=given.every):
+    names, faults = given.jobs.split(","), given.faults.split(";")
+    for text in prove(names, faults, n_at_once=given.at_once, every=given.every, below=given.below):
         print(f"* {text}", file=sys.stderr, flush=True)
         n_wrong += 1
     return min(n_wrong, 1)

@@ -2,8 +2,9 @@
 
     python tests/packaging/prove_dependencies.py [--python 3.11 ...] [tests ...]
 
-Needs `uv` (PyPI) and the interpreters, of pyenv or on the path; one that is not here is named and left out. Each environment is made
-anew in a temporary folder. Prints a row for each, for docs/upgrade.md. The lowest versions are those of pyproject.toml
+Needs `uv` (PyPI) and the interpreters, of pyenv or on the path; one that is not here is named and left out. Each
+environment is made anew in a temporary folder. Prints a row for each, for docs/upgrade.md.
+The lowest versions are those of pyproject.toml
 (dependencies, and the extras polars, serve and xlsx); what the tests need beside them is the newest.
 """
 
@@ -20,8 +21,24 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 EXTRAS = ".[polars,serve,xlsx]"
-TOOLS = ("pytest", "hypothesis", "jsonschema", "networkx", "httpx", "nbformat", "nbclient", "ipykernel", "pyyaml", "griffe")
-CORE_SUITE = ("tests/warehouse/test_arrays_against_sql.py", "tests/store", "tests/config", "tests/sql/test_sql_cases.py")
+TOOLS = (
+    "pytest",
+    "hypothesis",
+    "jsonschema",
+    "networkx",
+    "httpx",
+    "nbformat",
+    "nbclient",
+    "ipykernel",
+    "pyyaml",
+    "griffe",
+)
+CORE_SUITE = (
+    "tests/warehouse/test_arrays_against_sql.py",
+    "tests/store",
+    "tests/config",
+    "tests/sql/test_sql_cases.py",
+)
 ENVIRONMENTS = (("3.11", "lowest-direct"), ("3.11", "highest"), ("3.12", "highest"), ("3.13", "highest"))
 
 
@@ -91,7 +108,10 @@ def main() -> None:
             has = versions(inside)
             said = (done.stdout.strip().splitlines() or ["nothing"])[-1].strip("= ")
             shown = " | ".join(has[name] for name in ("pandas", "numpy", "pyarrow", "duckdb"))
-            print(f"| {python} | {'lowest' if resolution == 'lowest-direct' else 'newest'} | {said} | {shown} |", flush=True)
+            print(
+                f"| {python} | {'lowest' if resolution == 'lowest-direct' else 'newest'} | {said} | {shown} |",
+                flush=True,
+            )
     raise SystemExit(failed)
 
 

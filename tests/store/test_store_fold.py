@@ -196,6 +196,23 @@ def test_engines_travel_in_the_metadata(tmp_path: Path) -> None:
     assert engines_of(store.parts("frames")[0].path) == ["a 1", "b 2"]
 
 
+def test_days_folded_together_are_the_parts_of_days_folded_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [person(NINE + k * HOUR * 5, track=str(k % 3)) for k in range(40)]
+    folded = []
+    for n_rows in (1_000_000, 8):
+        monkeypatch.setattr(store_module, "SPAN_ROWS", n_rows)
+        store = Store(tmp_path / str(n_rows), site_id="shop")
+        for k in range(0, 40, 4):
+            store.append("observations", table("observations", rows[k : k + 4]), engines=[f"acme {k}"])
+        folded.append(store.fold().tables["observations"])
+    assert folded[0] == folded[1] == TableCounts(40, 0, 0)
+    assert part_names(tmp_path / "1000000") == part_names(tmp_path / "8")
+    engines = [engines_of(part.path) for part in store.parts("observations")]
+    assert engines[:4] == [["acme 0"]] * 3 + [["acme 0", "acme 4"]], "the engines of a part's own day, of no other"
+
+
 def test_foreign_files_are_ignored(tmp_path: Path) -> None:
     _folded(tmp_path, [person()])
     day = next((tmp_path / "observations").rglob("date=*"))

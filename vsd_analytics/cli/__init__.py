@@ -22,7 +22,8 @@ COMMANDS = (
     *("listen", "alarms"),
     *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
     *("compare", "plan", "selfcheck", "forecast"),
-    *("today", "report", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor", "explain"),
+    *("today", "report", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor"),
+    *("bench", "explain"),
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""
 

@@ -171,6 +171,17 @@ Fix: restore the folder sealed from a backup.""",
 An import cannot be taken back, because some hours it brought records of were purged by age. Only sums of these hours
 are stored, and a sum does not say which file it came from.
 Fix: remove the import's cameras from the sums of these hours with the command of the message, then take it back.""",
+    "E315": """\
+A worker of vsd build --on returned other files than the build asked for, so none of them were published.
+Common causes: another version of this program on that machine; the project folder is not the same shared folder, or
+not at the same path.
+Fix: install the same version everywhere and mount the folder alike. What other workers returned before stays.""",
+    "E316": """\
+The workers of vsd build --on cannot be used: nobody answers at that address, there are no workers, or they died.
+Fix: start scheduler (or master) and workers, then run the same command again. Without --on it computes here.""",
+    "E317": """\
+Two runs of vsd build --publish wrote to the same bucket at a time, and the other one was first; its facts are current
+there, whole. Fix: run the same command again, which publishes the facts of now.""",
     "E400": """\
 A calibration cannot be used. Fix: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\

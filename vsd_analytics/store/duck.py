@@ -27,8 +27,9 @@ def connect(
         is_careful: Run joins in the order they are written: slower, for a query that failed with an internal error.
 
     Returns:
-        The connection. It has the macro `unix_millis(ts)`, so that SQL files run on other engines too. Names in queries
-        are relations, never Python variables. What does not fit into memory spills to a private folder (`spill`).
+        The connection. It has the macros `unix_millis` and `array_join`, so that SQL files run on other engines too.
+        Names in queries are relations, never Python variables. What does not fit into memory spills to a private
+        folder (`spill`).
     """
     import duckdb
 
@@ -49,6 +50,7 @@ def connect(
     if connection.execute("select current_setting('enable_progress_bar')").fetchall()[0][0]:
         connection.execute("set enable_progress_bar = false")  # setting it fails in notebooks without ipywidgets
     connection.execute("create macro unix_millis(t) as epoch_ms(t)")
+    connection.execute("create macro array_join(texts, between) as array_to_string(texts, between)")
     return connection
 
 

@@ -43,7 +43,7 @@ def publish_links(project: Path, files: Mapping[str, Sequence[Path]]) -> bool:
     Raises:
         OSError: The disk is full or read-only; the old generation stays.
     """
-    links = {f"{name}/{_name(path)}": path.relative_to(project) for name, paths in files.items() for path in paths}
+    links = {f"{name}/{link_name(path)}": path.relative_to(project) for name, paths in files.items() for path in paths}
     if not all((project / path).exists() for path in links.values()):
         return False
     text = "\n".join(f"{link} {path}" for link, path in sorted(links.items()))
@@ -95,7 +95,7 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path)
 
 
-def _name(path: Path) -> str:
+def link_name(path: Path) -> str:
     """Return the name of a link: date, hour and fingerprint, so that one name always has the same rows."""
     return f"{path.parent.name.removeprefix('date=')}-{path.name}"
 

@@ -240,12 +240,14 @@ class Store:
         done = TableCounts(n_sealed=n_sealed)
         folders: set[Path] = set()
         with connect() as con:
-            for span in _spans(segments):
+            for span in _spans(segments, stored_days=set(list_days(self.root, table, self.site_id))):
                 rows, again, n_read, n_second = self._new_rows(con, table, span)
-                engines = sorted({e for path in span.segments for e in engines_of(path)})
+                engines = {
+                    day: sorted({e for path in paths for e in engines_of(path)}) for day, paths in span.by_day.items()
+                }
                 for root, found in ((self.root, rows), (self.root / AGAIN, again)):
                     for hour, part in _by_hour(found):
-                        data = part_bytes(table, part, engines)
+                        data = part_bytes(table, part, engines[hour // 24])
                         folder = unit_folder(root, table, self.site_id, hour)
                         self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
                         folders.add(folder)
@@ -392,25 +394,48 @@ def _damaged(path: Path, what: str, *, fix: str) -> StoreError:
 
 @dataclass(frozen=True, slots=True)
 class _Span:
-    """UTC hours that are folded together, and the segments that hold records of them."""
+    """UTC hours that are folded together, and for each of their days the segments that hold records of it."""
 
-    segments: Sequence[Path]
+    by_day: Mapping[int, Sequence[Path]]
     first_hour: int
     last_hour: int
 
+    @property
+    def segments(self) -> list[Path]:
+        """Every segment once, in the order of days."""
+        return list(dict.fromkeys(path for paths in self.by_day.values() for path in paths))
 
-def _spans(segments: Sequence[Path]) -> Iterator[_Span]:
-    """Yield the days of a spool; of days with more than SPAN_ROWS rows the single hours, so that memory is bounded."""
+
+def _spans(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[_Span]:
+    """Yield the days of a spool in order, in spans of at most SPAN_ROWS rows, so that memory is bounded.
+
+    New days are folded together. A day that the store has records of is a span of its own, because those records are
+    read too. Of a day with more rows the single hours are spans.
+    """
     found = [(path, _hours_in(path), pq.read_metadata(path).num_rows) for path in segments]
+    n_rows_of = {path: n_rows for path, _, n_rows in found}
+    together: dict[int, list[Path]] = {}
     for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
         hours_of_day = range(day * 24, day * 24 + 24)
-        inside = [(path, hours, n_rows) for path, hours, n_rows in found if not hours.isdisjoint(hours_of_day)]
-        if sum(n_rows for *_, n_rows in inside) <= SPAN_ROWS:
-            yield _Span([path for path, *_ in inside], day * 24, day * 24 + 23)
+        inside = [(path, hours) for path, hours, _ in found if not hours.isdisjoint(hours_of_day)]
+        paths = [path for path, _ in inside]
+        joined = {*paths, *(path for of_day in together.values() for path in of_day)}
+        is_new = stored_days.isdisjoint(range(min(together, default=day), day + 1))
+        if together and not (is_new and sum(n_rows_of[path] for path in joined) <= SPAN_ROWS):
+            yield _of_days(together)
+            together = {}
+        if sum(n_rows_of[path] for path in paths) <= SPAN_ROWS:
+            together[day] = paths
             continue
         for hour in hours_of_day:
-            if paths := [path for path, hours, _ in inside if hour in hours]:
-                yield _Span(paths, hour, hour)
+            if of_hour := [path for path, hours in inside if hour in hours]:
+                yield _Span({day: of_hour}, hour, hour)
+    if together:
+        yield _of_days(together)
+
+
+def _of_days(by_day: Mapping[int, Sequence[Path]]) -> _Span:
+    return _Span(by_day, min(by_day) * 24, max(by_day) * 24 + 23)
 
 
 def _hours_in(segment: Path) -> frozenset[int]:

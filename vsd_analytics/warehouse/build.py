@@ -27,6 +27,7 @@ from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
+from vsd_analytics.warehouse.spread import Spread, publish_days
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit, merged_parts
 
@@ -46,6 +47,7 @@ def build(
     has_lock: bool = False,
     is_trusting: bool = False,
     is_published: bool = False,
+    spread: Spread | None = None,
 ) -> BuildResult:
     """Recompute the stale facts of a range.
 
@@ -61,6 +63,7 @@ def build(
             unless something was stale. Reports use it: they open the files they need later anyway.
         is_published: Swap `published/current` to the facts of everything stored (`store.published`). Needs the whole
             range, and the settings of vsd.toml.
+        spread: Runs units of a day elsewhere (`warehouse.spread`); None = compute everything here.
 
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on its
@@ -76,10 +79,10 @@ def build(
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
-            return _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting)
+            return _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting, spread)
         with removal.reading(store.root):
             with superseded.reading(root):
-                result = _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting)
+                result = _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting, spread)
                 is_published = is_published and first_hour is last_hour is None and _publish(site, result)
             unneeded = list(result.superseded_files)
             if first_hour is None and last_hour is None:
@@ -105,21 +108,29 @@ def _build(
     on_hours: Callable[[int], None] | None,
     on_plan: Callable[[int], None] | None,
     is_trusting: bool,
+    spread: Spread | None,
 ) -> BuildResult:
     root = site.root / "facts"
     first_day, last_day = _days(first_hour, last_hour)
     index, hours, sealed = _range(site, store, first_day, last_day)
     check = _Checker(store)
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
-    days = _fresh_days(site, root, day_units_of, check)
+    days = _fresh_days(site, root, day_units_of, check, spread)
     units = _hour_units(site, index, hours, days)
     files = FactDays(site, units, is_trusting=is_trusting)
-    stale = {day: {n: {u.number for u in files.stale(n, day)} for n in names} for day, names in files.missing.items()}
-    computed = [u for u in units if any(u.number in found for found in stale.get(u.number // 24, {}).values())]
+    stale = _stale(files)
+    computed = _computed(units, stale)
     reasons = Counter(files.reason(u) for u in computed)
     if on_plan is not None:
         on_plan(len(computed))
-    _write_hours(site, files, stale, computed, days, recorded=index.hours(), check=check, on_hours=on_hours)
+    if spread is not None and len(stale) > 1:
+        n_hours = Counter(u.number // 24 for u in computed)
+        wanted = {day: [files.paths[name][day] for name in names] for day, names in stale.items()}
+        publish_days(hour_work, site, wanted, spread, on_day=lambda day: on_hours and on_hours(n_hours[day]))
+    else:
+        _write_hours(site, files, stale, computed, days, recorded=index.hours(), check=check, on_hours=on_hours)
+    for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
+        sweep_temporaries(folder)
     unneeded: tuple[Path, ...] = ()
     of_days = {u.number: _day_path(site, root, u) for u in day_units_of if u.number not in sealed.whole_days}
     paths = {**files.paths, DAY_FACT: of_days}
@@ -147,6 +158,49 @@ def _build(
     )
 
 
+def day_work(site: Site, day: int) -> dict[str, bytes]:
+    """Return the file of the fact `camera_days` of a UTC day by its path below the project: a unit of `spread`."""
+    store = Store(site.root / "store", site_id=site.site_id)
+    index = PartIndex(store, first_hour=day * 24, last_hour=day * 24 + 23)
+    unit = next(u for u in day_units(index, [day * 24], site=site) if u.number == day)
+    parts = merged_parts([unit])
+    _Checker(store)(p for of_table in parts.values() for p in of_table)
+    (_, rows), *_ = slices(day_facts(site, parts), "utc_day", [day])
+    path = _day_path(site, site.root / "facts", unit)
+    return {str(path.relative_to(site.root)): fact_bytes(rows, inputs=unit.inputs)}
+
+
+def hour_work(site: Site, day: int) -> dict[str, bytes]:
+    """Return the missing files of the hourly facts of a UTC day by path below the project: a unit of `spread`.
+
+    Reads the fact `camera_days` of the days around, which must be there.
+    """
+    store, found = Store(site.root / "store", site_id=site.site_id), dict[str, bytes]()
+    index, hours, sealed = _range(site, store, day, day)
+    units_of_days = day_units(index, [*hours, *sealed.hours], site=site)
+    days = _read_days(units_of_days, {u.number: _day_path(site, site.root / "facts", u) for u in units_of_days})
+    units = _hour_units(site, index, hours, days)
+
+    def write(path: Path, data: bytes) -> None:
+        found[str(path.relative_to(site.root))] = data
+
+    files = FactDays(site, units, write=write)
+    stale = _stale(files)
+    computed = _computed(units, stale)
+    _write_hours(site, files, stale, computed, days, recorded=index.hours(), check=_Checker(store), on_hours=None)
+    return found
+
+
+def _stale(files: FactDays) -> dict[int, dict[str, set[int]]]:
+    """Return the stale hours of each missing file, by UTC day and fact."""
+    missing = files.missing.items()
+    return {day: {n: {u.number for u in files.stale(n, day)} for n in names} for day, names in missing}
+
+
+def _computed(units: Iterable[Unit], stale: Mapping[int, Mapping[str, Collection[int]]]) -> list[Unit]:
+    return [u for u in units if any(u.number in found for found in stale.get(u.number // 24, {}).values())]
+
+
 def _publish(site: Site, result: BuildResult) -> bool:
     """Publish the fresh and sealed files of each fact; return whether they are current now.
 
@@ -154,11 +208,15 @@ def _publish(site: Site, result: BuildResult) -> bool:
     """
     if beside.folder(site) is not None:
         return False
-    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in result.paths}
-    files = {name: [*of_day.values(), *sealed[name]] for name, of_day in result.paths.items()}
     with contextlib.suppress(OSError):
-        return publish_links(site.root, files)
+        return publish_links(site.root, current_files(site, result))
     return False
+
+
+def current_files(site: Site, result: BuildResult) -> dict[str, list[Path]]:
+    """Return the fresh and sealed files of each fact, given the build of everything stored."""
+    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in result.paths}
+    return {name: [*of_day.values(), *sealed[name]] for name, of_day in result.paths.items()}
 
 
 def _write_hours(
@@ -202,9 +260,6 @@ def _write_hours(
                     writers[key] = writer
         if on_hours is not None:
             on_hours(len(batch))
-    for day in stale:
-        for name in files.names:
-            sweep_temporaries(files.paths[name][day].parent)
 
 
 def _days(first_hour: int | None, last_hour: int | None) -> tuple[int | None, int | None]:
@@ -319,11 +374,16 @@ class _Checker:
 
 
 def _fresh_days(
-    site: Site, root: Path, units: Sequence[Unit], check: Callable[[Iterable[Part]], None]
+    site: Site, root: Path, units: Sequence[Unit], check: Callable[[Iterable[Part]], None], spread: Spread | None
 ) -> dict[int, _Day]:
     """Return the fact `camera_days` of each UTC day, after computing the stale ones."""
     paths = {u.number: _day_path(site, root, u) for u in units}
-    for batch in _batches([u for u in units if not is_whole(paths[u.number])]):
+    missing = [u for u in units if not is_whole(paths[u.number])]
+    if spread is not None and len(missing) > 1:
+        wanted = {u.number: [paths[u.number]] for u in missing}
+        publish_days(day_work, site, wanted, spread, on_day=lambda day: sweep_temporaries(paths[day].parent))
+        missing = []
+    for batch in _batches(missing):
         check(p for parts in merged_parts(batch).values() for p in parts)
         rows = day_facts(site, merged_parts(batch))
         inputs = {u.number: u.inputs for u in batch}

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -38,6 +38,8 @@ from vsd_analytics.warehouse.input_fingerprint import InputHashes, fact_inputs, 
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import Unit
 
+Write = Callable[[Path, bytes], object]
+
 
 class FactDays:
     """The files of the hourly facts of whole UTC days: which are fresh, and which hours of the others are stale.
@@ -46,9 +48,12 @@ class FactDays:
         site: The project.
         units: All hours of these days whose facts are computed, in order.
         is_trusting: Do not open files whose names are right.
+        write: Takes path and bytes of each file that is made; None = publish it.
     """
 
-    def __init__(self, site: Site, units: Iterable[Unit], *, is_trusting: bool = False) -> None:
+    def __init__(
+        self, site: Site, units: Iterable[Unit], *, is_trusting: bool = False, write: Write | None = None
+    ) -> None:
         self._roots, self._site_id = beside.roots(site), site.site_id
         self.names = [r.name for r in relations("facts").values() if r.unit == "hour"]
         self._inputs_of = {name: fact_inputs(site, [name]) for name in self.names}
@@ -58,7 +63,7 @@ class FactDays:
         self._hashes: dict[tuple[int, tuple[str, ...]], str] = {}
         self._noted: dict[tuple[str, int], dict[Path, dict[int, dict[str, str]]]] = {}
         self._names: dict[int, Mapping[str, frozenset[str]]] = {}
-        self._is_trusting = is_trusting
+        self._is_trusting, self._write = is_trusting, write or _publish
 
     @cached_property
     def paths(self) -> Mapping[str, Mapping[int, Path]]:
@@ -140,7 +145,7 @@ class FactDays:
         for path, noted in self._older(name, day).items():
             same = [h for h in hours if h not in reused and noted.get(h) == hours[h]]
             reused |= dict(slices(pq.ParquetFile(path).read(), "hour", same)) if same else {}
-        return DayWriter(self.paths[name][day], hours, reused)
+        return DayWriter(self.paths[name][day], hours, reused, self._write)
 
     def _are_named(self, day: int) -> bool:
         return all(self.paths[name][day].name in files for name, files in self._listed(day).items())
@@ -179,10 +184,13 @@ class DayWriter:
         path: Its path.
         hours: Input hashes by UTC hour number, of all hours of the file.
         reused: Rows of hours that need not be computed.
+        write: Takes path and bytes of the file, whole.
     """
 
-    def __init__(self, path: Path, hours: Mapping[int, InputHashes], reused: Mapping[int, pa.Table]) -> None:
-        self._path, self._reused = path, dict(reused)
+    def __init__(
+        self, path: Path, hours: Mapping[int, InputHashes], reused: Mapping[int, pa.Table], write: Write
+    ) -> None:
+        self._path, self._reused, self._write = path, dict(reused), write
         self._left = sorted(hours, reverse=True)
         self._file = FactWriter(by_kind(hours))
 
@@ -203,8 +211,13 @@ class DayWriter:
         """Append the rows of the next hours that are reused; publish the file after the last hour of all."""
         while self._left and self._left[-1] in self._reused:
             self._file.add(self._reused.pop(self._left.pop()))
-        if self.is_done:  # whole or not at all; without fsync, because facts can be computed again
-            publish(self._path, self._file.finish(), is_synced=False)
+        if self.is_done:
+            self._write(self._path, self._file.finish())
+
+
+def _publish(path: Path, data: bytes) -> None:
+    """Publish a file whole or not at all; without fsync, because facts can be computed again."""
+    publish(path, data, is_synced=False)
 
 
 def hour_files(path: Path, day: int, hours: Iterable[int]) -> dict[int, bytes]:

@@ -27,21 +27,11 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
     placed = np.flatnonzero(located["x_mm"] != NULL)
     frame, x, y = (located[c][placed] for c in ("_frame", "x_mm", "y_mm"))
     reach = int(site.params["pair_max_mm"])
-    is_crowded = np.bincount(frame, minlength=1)[frame] > _CROWD
-    few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
-    many = many[order_by(frame[many], x[many])]
-    found: list[tuple[Ints, Ints, Ints]] = []
-    # up to 40 people are compared each with each; of more, those in a strip
-    for rows, of, along in ((few, frame[few], np.zeros_like(few)), (many, frame[many], x[many])):
-        for one, other in beside(of, along, reach):
-            a, b = rows[one], rows[other]
-            square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
-            near = np.flatnonzero(square <= reach * reach)
-            found.append((a[near], b[near], square[near]))
-    one, other, square = (np.concatenate([few[:0], *(f[i] for f in found)]) for i in range(3))
+    one, other, square = near(frame, x, y, reach)
     a, b = placed[np.minimum(one, other)], placed[np.maximum(one, other)]
     hour = located["ts_ms"][a] // HOUR_MS
-    order = order_by(hour, a, b) if len(many) else order_by(hour)  # people were compared in order
+    # people of frames without a crowd were compared in order
+    order = order_by(hour, a, b) if np.bincount(frame, minlength=1).max() > _CROWD else order_by(hour)
     a, b, hour, square = a[order], b[order], hour[order], square[order]
     camera, ts = located["camera_id"][a], located["ts_ms"][a]
     x_a, y_a, x_b, y_b = (located[c][side] for side in (a, b) for c in ("x_mm", "y_mm"))
@@ -67,6 +57,30 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
         "_row_a": a,
         "_row_b": b,
     }
+
+
+def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
+    """Return the pairs of persons of one frame within reach of each other: rows of both, and squared distance.
+
+    Args:
+        frame: Number of each person's frame, in order.
+        x: Where they stand, in the unit of `reach`.
+        y: Likewise.
+        reach: Greatest distance.
+    """
+    is_crowded = np.bincount(frame, minlength=1)[frame] > _CROWD
+    few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
+    many = many[order_by(frame[many], x[many])]
+    found: list[tuple[Ints, Ints, Ints]] = []
+    # up to 40 people are compared each with each; of more, those in a strip
+    for rows, of, along in ((few, frame[few], np.zeros_like(few)), (many, frame[many], x[many])):
+        for one, other in beside(of, along, reach):
+            a, b = rows[one], rows[other]
+            square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
+            is_near = np.flatnonzero(square <= reach * reach)
+            found.append((a[is_near], b[is_near], square[is_near]))
+    one, other, square = (np.concatenate([few[:0], *(f[i] for f in found)]) for i in range(3))
+    return one, other, square
 
 
 def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
