@@ -31,12 +31,10 @@ from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, segment_bytes
 from vsd_analytics.store.repeats import AGAIN, brought_again, key_aliases, same_key
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.spans import FoldSpan, hours_in, spans_of
 
 if TYPE_CHECKING:
     import duckdb
-
-SPAN_ROWS = 500_000
-"""Rows folded at once: whole days of quiet sites, single hours of busy ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +238,7 @@ class Store:
         done = TableCounts(n_sealed=n_sealed)
         folders: set[Path] = set()
         with connect() as con:
-            for span in _spans(segments, stored_days=set(list_days(self.root, table, self.site_id))):
+            for span in spans_of(segments, stored_days=set(list_days(self.root, table, self.site_id))):
                 rows, again, n_read, n_second = self._new_rows(con, table, span)
                 engines = {
                     day: sorted({e for path in paths for e in engines_of(path)}) for day, paths in span.by_day.items()
@@ -276,7 +274,7 @@ class Store:
         n_late = 0
         for path in segments:
             left.append(path)
-            if days.isdisjoint(h // 24 for h in _hours_in(path)):
+            if days.isdisjoint(h // 24 for h in hours_in(path)):
                 continue
             with pq.ParquetFile(path) as file:
                 rows = file.read()
@@ -308,7 +306,7 @@ class Store:
             durable.publish(path, data)
 
     def _new_rows(
-        self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span
+        self, con: duckdb.DuckDBPyConnection, table: TableName, span: FoldSpan
     ) -> tuple[pa.Table, pa.Table, int, int]:
         """Return the rows of a span that the table lacks, its repeats, the rows read, and the second sightings.
 
@@ -390,60 +388,6 @@ def _damaged(path: Path, what: str, *, fix: str) -> StoreError:
         why=HASH_DIFFERS,
         fix=fix,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Span:
-    """UTC hours that are folded together, and for each of their days the segments that hold records of it."""
-
-    by_day: Mapping[int, Sequence[Path]]
-    first_hour: int
-    last_hour: int
-
-    @property
-    def segments(self) -> list[Path]:
-        """Every segment once, in the order of days."""
-        return list(dict.fromkeys(path for paths in self.by_day.values() for path in paths))
-
-
-def _spans(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[_Span]:
-    """Yield the days of a spool in order, in spans of at most SPAN_ROWS rows, so that memory is bounded.
-
-    New days are folded together. A day that the store has records of is a span of its own, because those records are
-    read too. Of a day with more rows the single hours are spans.
-    """
-    found = [(path, _hours_in(path), pq.read_metadata(path).num_rows) for path in segments]
-    n_rows_of = {path: n_rows for path, _, n_rows in found}
-    together: dict[int, list[Path]] = {}
-    for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
-        hours_of_day = range(day * 24, day * 24 + 24)
-        inside = [(path, hours) for path, hours, _ in found if not hours.isdisjoint(hours_of_day)]
-        paths = [path for path, _ in inside]
-        joined = {*paths, *(path for of_day in together.values() for path in of_day)}
-        is_new = stored_days.isdisjoint(range(min(together, default=day), day + 1))
-        if together and not (is_new and sum(n_rows_of[path] for path in joined) <= SPAN_ROWS):
-            yield _of_days(together)
-            together = {}
-        if sum(n_rows_of[path] for path in paths) <= SPAN_ROWS:
-            together[day] = paths
-            continue
-        for hour in hours_of_day:
-            if of_hour := [path for path, hours in inside if hour in hours]:
-                yield _Span({day: of_hour}, hour, hour)
-    if together:
-        yield _of_days(together)
-
-
-def _of_days(by_day: Mapping[int, Sequence[Path]]) -> _Span:
-    return _Span(by_day, min(by_day) * 24, max(by_day) * 24 + 23)
-
-
-def _hours_in(segment: Path) -> frozenset[int]:
-    """Return the UTC hour numbers a segment has rows of; not a range, because instants may be years apart."""
-    import numpy as np
-
-    instants = pq.ParquetFile(segment).read(columns=["ts"])["ts"].cast(pa.int64())
-    return frozenset(np.unique(instants.to_numpy() // HOUR_MS).tolist())
 
 
 def _by_hour(rows: pa.Table) -> Iterator[tuple[int, pa.Table]]:
