@@ -45,6 +45,12 @@ _COVERAGE = (
     "select camera_id, local_date, sum(open_s) / 3600 as open_h, sum(recorded_open_s) / 3600 as recorded_h "
     "from camera_hours group by all order by camera_id, local_date"
 )
+_HOTSPOTS = pa.schema(
+    [("floor_id", pa.string()), ("number", pa.int64()), ("area_id", pa.string())]
+    + [(name, pa.float64()) for name in ("x_m", "y_m", "ratio", "ratio_lo", "ratio_hi", "excess_min_per_week")]
+    + [("n_violations", pa.int64()), ("state", pa.string()), ("since", pa.date32())]
+)
+"""Columns of `hotspots`, which a table without rows has too."""
 
 
 class Days:
@@ -270,7 +276,8 @@ class Days:
                     }
                     for spot in found.spots
                 ]
-        return Table(pa.Table.from_pylist(rows), title=f"Hotspots until {self.last}", note="; ".join(notes))
+        found_rows = pa.Table.from_pylist(rows, schema=_HOTSPOTS)
+        return Table(found_rows, title=f"Hotspots until {self.last}", note="; ".join(notes))
 
     def heatmap(self, kind: MapKind = "burden", *, floor_id: str | None = None, cell_m: float = 0.5) -> Heatmap:
         """Return a map of a floor as an array.
