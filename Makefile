@@ -44,6 +44,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --people 400 --stored 40
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_changes.py --sites 1000
+	$(BIN)/python tests/stats/prove_spill.py --sites 400
 	$(BIN)/python tests/report/words/prove_words.py --sites 40
 	$(BIN)/python tests/report/prove_flagship.py
 	$(BIN)/python tests/report/words/prove_sceptic.py --sites 20
@@ -55,6 +56,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
 	$(BIN)/python tests/stats/prove_queue.py --sites 120
+	$(BIN)/python tests/stats/prove_queue_forecast.py --sites 60
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_arrays.py 300
 	$(BIN)/python tests/benchmarks/bench_demo.py

@@ -52,7 +52,7 @@ def pairs_of_bars(
     unit: str = "%",
 ) -> Figure:
     """Draw two horizontal bars for each label, before and after, and the promised limit as a line."""
-    figure = Figure(figsize=(6.8, 0.62 * len(labels) + 1.15), layout="constrained")
+    figure = Figure(figsize=(6.8, 0.62 * len(labels) + 1.3), layout="constrained")
     ax = figure.add_subplot()
     for i, (was, now) in enumerate(zip(before, after, strict=True)):
         for value, offset, colour in ((was, -0.19, BEFORE), (now, 0.19, AFTER)):
@@ -60,10 +60,13 @@ def pairs_of_bars(
                 ax.text(0, i + offset, " no verdict", va="center", color=INK, fontsize=9)
                 continue
             ax.barh(i + offset, value, height=0.36, color=colour)
-            ax.text(value, i + offset, f" {value:g}{unit}", va="center", color=INK, fontsize=9, bbox=ON_WHITE, zorder=3)
+            ax.annotate(
+                f"{value:g}{unit}", (value, i + offset), (5, 0), textcoords="offset points", va="center", color=INK,
+                fontsize=9, bbox=ON_WHITE, zorder=3,
+            )  # fmt: skip
     if bar is not None:
         ax.axvline(bar, color=BAR, linewidth=1.2, linestyle=(0, (4, 3)))
-        ax.text(bar, -0.72, f" promised: at most {bar:g}{unit}", color=BAR, fontsize=9, va="center")
+        ax.text(bar, -0.72, f" our limit: {bar:g} of 100", color=BAR, fontsize=9, va="center")
     ax.set_yticks(range(len(labels)), labels)
     ax.invert_yaxis()
     ax.set_ylim(len(labels) - 0.45, -1.0)
@@ -72,28 +75,33 @@ def pairs_of_bars(
     ax.xaxis.set_visible(False)
     ax.spines[["top", "right", "bottom"]].set_visible(False)
     ax.tick_params(left=False)
-    ax.set_title(title, loc="left", fontsize=11.5, fontweight="bold", color=INK)
-    handles = [mpl.patches.Patch(color=BEFORE, label="before"), mpl.patches.Patch(color=AFTER, label="now")]
+    _titled(figure, title)
+    handles = [mpl.patches.Patch(color=BEFORE, label="earlier method"), mpl.patches.Patch(color=AFTER, label="today")]
     ax.legend(handles=handles, loc="lower right", frameon=False, fontsize=9)
     return figure
+
+
+def _titled(figure: Figure, title: str) -> None:
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11.5, fontweight="bold", color=INK)
 
 
 def false_verdicts(rows: Sequence[Sequence[str]]) -> Figure:
     """Draw how often the floor gets a clear verdict in a week in which nothing changed."""
     worlds = {
-        "independent days": "days independent",
-        "days correlated .4": "days resemble the next",
-        "week sd .05": "weeks differ a little",
-        "days correlated .3, week sd .10": "both, weeks more",
-        "museum": "as in a science museum",
+        "independent days": "days differ by chance",
+        "days correlated .4": "busy days come in a row",
+        "week sd .05": "weeks differ by 5 %",
+        "days correlated .3, week sd .10": "busy days in a row,\nweeks differ by 10 %",
+        "museum": "like a science museum",
     }
     found = [row(rows, f"M0, clear verdict, nothing changes: {name}") for name in worlds]
     return pairs_of_bars(
         list(worlds.values()),
         [number(r[3]) for r in found],
         [number(r[4]) for r in found],
-        title="A clear verdict though nothing changed",
+        title="Of 100 weeks without a change: how many have a clear verdict",
         bar=6,
+        unit="",
     )
 
 
@@ -106,7 +114,7 @@ def a_year(rows: Sequence[Sequence[str]]) -> Figure:
         ["office", "museum"],
         [number(r[3]) for r in found],
         [number(r[4]) for r in found],
-        title="False verdicts in a year: a floor and eight areas, two figures each",
+        title="False verdicts that one site reads in a year",
         unit="",
     )
 
@@ -122,30 +130,35 @@ def weeks_to_tell(rows: Sequence[Sequence[str]]) -> Figure:
             weeks, is_over = number(cell) or 0.0, cell.startswith("over")
             at, colour = i + (k - 1) * 0.27, ("#7fa8d6", "#3f7cc0", "#14427c")[k]
             ax.barh(at, weeks, height=0.24, color=colour, hatch="//" if is_over else None, edgecolor="white")
-            ax.text(
-                weeks, at, f" {effect.replace('-', '−')}: {cell.split(' (')[0]}", va="center", fontsize=9, color=INK
-            )
+            ax.text(weeks, at, f" {_weeks(effect, cell)}", va="center", fontsize=9, color=INK)
     ax.set_yticks(range(len(sites)), sites)
     ax.invert_yaxis()
-    ax.set_xlim(0, 33)
+    ax.set_xlim(0, 38)
     ax.xaxis.set_visible(False)
     ax.spines[["top", "right", "bottom"]].set_visible(False)
     ax.tick_params(left=False)
-    ax.set_title(
-        "Weeks until four of five such changes are clear", loc="left", fontsize=11.5, fontweight="bold", color=INK
-    )
+    _titled(figure, "Weeks after a change until four of five are clear")
     return figure
+
+
+def _weeks(effect: str, cell: str) -> str:
+    """Return an effect and its weeks in words: 30 % less: 2 weeks."""
+    weeks = cell.split(" (", maxsplit=1)[0].replace("over", "more than")
+    return f"{effect[1:-1]} % less: {weeks} week{'' if weeks == '1' else 's'}"
 
 
 def hotspots(rows: Sequence[Sequence[str]]) -> Figure:
     """Draw how often a floor without a special place has a hotspot, and how often a planted one is found."""
     false = {
-        "risk grows with density, nobody differs": "crowded, nobody differs",
-        "couples cross a corridor": "couples in a corridor",
-        "patches, days correlated .8": "places that last for days",
+        "risk grows with density, nobody differs": "false: only crowded",
+        "couples cross a corridor": "false: only couples",
+        "patches, days correlated .8": "false: crowds that last for days",
     }
-    gone = {"planted 2.5, fixed a week ago": "fixed a week ago"}
-    real = {"planted 2.5": "a real one: found", "planted 2.5, days correlated .8": "a real one, days alike"}
+    gone = {"planted 2.5, fixed a week ago": "false: removed a week ago"}
+    real = {
+        "planted 2.5": "real: found",
+        "planted 2.5, days correlated .8": "real, among crowds\nthat last for days: found",
+    }
     worlds = {**false, **gone, **real}
     values = [number(row(rows, name)[2 if name in false else 3]) or 0.0 for name in worlds]
     figure = Figure(figsize=(6.8, 3.3), layout="constrained")
@@ -153,16 +166,14 @@ def hotspots(rows: Sequence[Sequence[str]]) -> Figure:
     colours = [AFTER if name in real else BAR for name in worlds]
     ax.barh(range(len(values)), values, height=0.6, color=colours)
     for i, value in enumerate(values):
-        ax.text(value, i, f" {value:g}%", va="center", fontsize=9, color=INK)
+        ax.text(value, i, f" {value:g} of 100", va="center", fontsize=9, color=INK)
     ax.set_yticks(range(len(worlds)), list(worlds.values()))
     ax.invert_yaxis()
-    ax.set_xlim(0, 112)
+    ax.set_xlim(0, 118)
     ax.xaxis.set_visible(False)
     ax.spines[["top", "right", "bottom"]].set_visible(False)
     ax.tick_params(left=False)
-    ax.set_title(
-        "Floors with a false hotspot, and real ones found", loc="left", fontsize=11.5, fontweight="bold", color=INK
-    )
+    _titled(figure, "Of 100 floors: a false hotspot shown, a real one found")
     return figure
 
 

@@ -44,6 +44,20 @@ def _no_wait_for_the_disk(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread_for_a_query(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let DuckDB use one thread in this process: over a few records, threads cost more than they bring.
+
+    Tests of equal bytes, of faults and of the warehouse use as many as a user does.
+    """
+    from vsd_analytics.store.duck import connect
+
+    with pytest.MonkeyPatch.context() as patch:
+        if not {"faults", "warehouse", "invariances"} & set(request.path.parts):
+            patch.setitem(connect.__kwdefaults__, "threads", 1)
+        yield
+
+
 def _realdata_root() -> Path:
     return Path(os.environ.get("VSD_REALDATA", REPOSITORY.parent / "shared" / "data"))
 

@@ -11,27 +11,38 @@
 --   n_people        people present at once, 0 included, each counted by the camera that owns the place
 --   recorded_ms     milliseconds with so many, in which every camera that counts somebody there in the hour recorded
 -- steps:
+--   gridded   the cell of each record first: DuckDB would join each record with all cells of its floor, then compare
 --   counting  a place without anybody all hour has no row: its cameras' recorded time says for how long
 --   changes   a person stands where seen for the time that the record represents; a camera records for the time its frame covers
 --   levels    running sums over all cameras of a place, so that instants of several cameras need not agree
 -- assumes: an hour depends on its own records alone: a frame's time ends with its hour; a camera that counts nobody in an hour adds 0
-with placed as (
+with gridded as materialized (
     select
         l.camera_id,
-        v.floor_id,
-        v.area_id,
-        l.ts_ms
+        c.floor_id,
+        l.ts_ms,
+        cast(floor(l.x_mm / s.cell_mm) as integer) as cx,
+        cast(floor(l.y_mm / s.cell_mm) as integer) as cy
     from located as l
     cross join params as s
     inner join cameras as c on l.camera_id = c.camera_id
+    where l.is_owned and l.x_mm is not null
+),
+
+placed as (
+    select
+        g.camera_id,
+        g.floor_id,
+        v.area_id,
+        g.ts_ms
+    from gridded as g
     inner join count_cells as v
         on
-            c.floor_id = v.floor_id
-            and cast(floor(l.x_mm / s.cell_mm) as integer) = v.cx
-            and cast(floor(l.y_mm / s.cell_mm) as integer) = v.cy
-            and l.ts_ms >= v.from_ms
-            and l.ts_ms < v.to_ms
-    where l.is_owned and l.x_mm is not null
+            g.floor_id = v.floor_id
+            and g.cx = v.cx
+            and g.cy = v.cy
+            and g.ts_ms >= v.from_ms
+            and g.ts_ms < v.to_ms
     union all
     select
         l.camera_id,

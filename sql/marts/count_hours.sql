@@ -13,16 +13,18 @@
 --   definition   number of people in each area with queue = true, over recorded open time: mean, and the number not exceeded for 90 %
 --                of the time; for the days and by hour of day
 --   unit         people
---   denominator  open hours in which all cameras that see the area recorded
---   needs        positions; 5 recorded days for an interval
+--   denominator  open hours in which all cameras that see the area recorded; they count for the same hours of the week that
+--                were not recorded
+--   needs        positions; 5 recorded days for an interval, with all hours of the day but 5 % of the open time among them
 --   uncertainty  mean as M5; limits of the 90 % quantile where those of the share of time with more people cross 10 %
 --   by           vsd_analytics.figures.queues.queues
 -- figure: M41 Capacity used
 --   definition   of each area or floor with a capacity: share of open time with at least 60 %, at least 100 %, and more than it; people
 --                beyond it on average; person-time by floor for each person, in the levels of service of M33 (areas only)
 --   unit         share of time; people; share of person-time
---   denominator  open hours in which all cameras that see the place recorded
---   needs        positions; 5 recorded days for an interval
+--   denominator  open hours in which all cameras that see the place recorded; they count for the same hours of the week that
+--                were not recorded
+--   needs        positions; 5 recorded days for an interval, with all hours of the day but 5 % of the open time among them
 --   uncertainty  that of M5, over seconds instead of person-seconds
 --   by           vsd_analytics.figures.capacities.capacities
 -- assumes: an hour without a row is 0 people where all cameras recorded, unknown where one did not

@@ -22,8 +22,9 @@
 --                and 90 % quantile of those served, share who leave before; Aalen-Johansen, those who leave are a competing end, lost
 --                tracks censored; beside it Little's law
 --   unit         seconds; share of those who enter
---   denominator  entries that were seen
---   needs        30 entries, 10 of them served; 5 days with entries for an interval
+--   denominator  entries that were seen; they count for the same hours of the week that were not recorded
+--   needs        30 entries, 10 of them served; 5 days with entries for an interval, with all hours of the day but 5 % of the
+--                open time among them
 --   uncertainty  95 % interval by jackknife over days; what lost tracks leave open is inside it
 --   by           vsd_analytics.stats.waiting.waiting
 -- steps:

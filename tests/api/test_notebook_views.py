@@ -88,7 +88,17 @@ def test_a_map_over_a_picture_draws_the_cells_where_the_camera_sees_them(risk: v
     corners = np.concatenate([path.vertices for path in cells.get_paths()])
     assert (corners >= -1).all()
     assert (corners <= np.array([1281, 721])).all()
-    assert cells.get_clim() == (np.nanmin(risk.array), np.nanmax(risk.array)), "the same scale over every camera"
+    assert cells.get_clim() == risk.plot().images[0].get_clim(), "the same scale over every camera and the plan"
+
+
+def test_one_cell_above_all_others_does_not_make_them_pale_and_the_scale_says_so(week: vsd.Days) -> None:
+    burden = week.heatmap("burden")
+    ax = burden.plot()
+    low, high = ax.images[0].get_clim()
+    known = burden.array[np.isfinite(burden.array)]
+    assert low == 0
+    assert 0.95 < (known <= high).mean() < 1
+    assert ax.images[0].colorbar.extend == "max"
 
 
 def test_a_map_over_something_unknown_names_what_there_is(risk: vsd.Heatmap) -> None:

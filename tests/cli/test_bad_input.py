@@ -112,7 +112,7 @@ QUARANTINED: dict[str, tuple[str, str | bytes, str, int, int, str]] = {
     "year 9999": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "9999"), "time-out-of-range", 3, 1, "9999-11-09"),
     "no time": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "next"), "not-a-time", 3, 1, "not a time"),
     "unknown camera": ("a.csv", HEADER + GOOD + GOOD.replace("cam-1", "cam-7"), "unknown-camera", 3, 1, "cam-1, cam-2"),
-    "path for a camera": ("a.csv", HEADER + GOOD.replace("cam-1", "../../x"), "unknown-camera", 2, 0, "engine_ids"),
+    "path for a camera": ("a.csv", HEADER + GOOD.replace("cam-1", "../../x"), "unknown-camera", 2, 0, '["../../x"]'),
     "script for a camera": ("a.jsonl", MESSAGE + _message(camera="<script>"), "unknown-camera", 2, 2, "<script>"),
     "too few fields": ("a.csv", HEADER + GOOD + "1,2\n", "wrong-number-of-fields", 3, 1, "2 fields, 5 expected"),
     "truncated JSON line": ("a.jsonl", MESSAGE + MESSAGE[:40], "bad-json", 2, 2, "truncated"),

@@ -124,11 +124,12 @@ def test_hours_without_days_are_those_of_every_day(vsd: Vsd, tmp_path: Path, hou
 def test_init_asks_again_after_an_impossible_answer(vsd: Vsd, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import io
 
-    answers = "My shop\nEurope/Berln\nEurope/Berlin\nfri 20:00-02:00\nalways\na, b=Back\n\n"
+    answers = "My shop\nEurope/Berln\nEurope/Berlin\nfri 20:00-02:00\nalways\na, b=Back\n\nmiles\nmm\n"
     monkeypatch.setattr("sys.stdin", io.StringIO(answers))
     code, out, err = vsd("init")
     assert code == 0
     assert "Europe/Berlin" in err  # the nearest zone is proposed
+    assert "vsd check FILE --unit mm --save" in err
     assert out.strip() == str(tmp_path / "vsd.toml")  # questions are talk, not result
     site = load_site(tmp_path)
     assert (site.timezone, site.opening, len(site.cameras)) == ("Europe/Berlin", None, 2)

@@ -17,6 +17,7 @@ from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, free_port, write_pr
 
 from vsd_analytics.cli import cli
 from vsd_analytics.config import load_site
+from vsd_analytics.doctor import broker
 from vsd_analytics.doctor.broker import ask, config_faults, examine_config, examine_listener, parse_config
 from vsd_analytics.errors import LiveError
 from vsd_analytics.live.mqtt import recommended_config
@@ -262,3 +263,17 @@ def test_doctor_tells_of_listener_broker_and_configuration(tmp_path: Path, runni
     assert "listener: it never ran" in done.output
     assert f"ok         broker 127.0.0.1:{running.port}: answers (mosquitto" in done.output
     assert f"ok         broker configuration {running.config}" in done.output
+
+
+@pytest.mark.parametrize(
+    ("lines", "is_judged"), [("", True), ("listener 1883 127.0.0.1\n", True), ("listener 1884\nport 0\n", False)]
+)
+def test_the_usual_configuration_is_judged_only_where_its_broker_has_the_port_of_the_site(
+    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lines: str, is_judged: bool
+) -> None:
+    usual = tmp_path / "mosquitto.conf"
+    usual.write_text(f"persistence false\n{lines}")
+    monkeypatch.setattr(broker, "USUAL_CONFIG", usual)
+    monkeypatch.setattr(broker, "_examine_broker", lambda *_, **__: iter(()))
+    found = [f for f in broker.examine_live(site, now=NOW, environ={}) if str(usual) in f.subject + f.detail]
+    assert [f.state == "needs you" for f in found] == [is_judged]

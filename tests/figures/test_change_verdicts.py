@@ -89,6 +89,24 @@ def test_time_that_moved_to_other_areas_at_any_distance_is_no_fall_of_the_floor(
     assert figure.floor.places[-1] is None
 
 
+def test_a_crowd_that_moves_into_one_comparison_area_does_not_make_the_fall_larger_than_it_is(tmp_path: Path) -> None:
+    def rate(area_id: str, day: int) -> float:
+        return 1.0 if day < CHANGE else {"queue": 0.2, "fruit": 5.0}.get(area_id, 1.0)
+
+    figure = found(tmp_path, rate=rate)
+    so_far = figure.running
+    assert so_far is not None
+    assert so_far.lo is not None
+    assert so_far.hi is not None
+    assert so_far.all_hi is not None
+    assert so_far.all_hi < 0.2 < so_far.hi, "the range beside all areas misses what was planted"
+    assert so_far.lo < 0.2
+    assert so_far.theta == pytest.approx(0.2, rel=0.15)
+    assert so_far.verdict == "clear_fall"
+    (caution,) = [c for c in figure.cautions if c.code == "redesign.rests_on"]
+    assert caution.values["area"] == "Fruit"
+
+
 def test_the_slope_that_would_have_shown_is_given_and_a_small_effect_is_cautioned_with_it(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=from_change(1.0))
     assert figure.burden is not None

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats, make_site, open_days, put
 
+from vsd_analytics.cli.queue_advice import forecast_lines
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.figures.people_present import Presence
+from vsd_analytics.figures.queue_forecast import queue_forecasts
 from vsd_analytics.figures.queues import AreaQueue, queues
 from vsd_analytics.site.model import Area, Camera, Site
 
@@ -79,7 +81,7 @@ def test_who_walks_back_through_the_queue_does_not_wait(tmp_path: Path) -> None:
 
 
 def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(tmp_path: Path) -> None:
-    site = with_queue(tmp_path)
+    site = replace(with_queue(tmp_path), opening=(((480, 540),),) * 7)
     rng = np.random.default_rng(1)
     rows, waits, left, whole = [], [], [], []
     for d in range(7):
@@ -161,6 +163,31 @@ def test_time_without_one_of_the_cameras_counts_as_not_recorded(tmp_path: Path) 
     assert second.silent_cameras == ("cam-2",)
 
 
+def test_hours_missed_on_some_days_count_as_on_others_and_hours_never_recorded_have_no_interval(
+    tmp_path: Path,
+) -> None:
+    """Open from 8 to 10: one person waits until 9, then three; the second hour is missed on three of six days."""
+    cameras = (Camera("cam", "Cam", "ground", hz=0.1),)
+    site = replace(with_queue(tmp_path), opening=(((480, 600),),) * 7, cameras=cameras)
+    rows: list[Person | Frame] = []
+    for d in range(6):
+        start = T0 + d * DAY
+        crowd = [f"{d}-{k}" for k in range(3)]
+        for hour in range(1 if d % 2 else 2):
+            here = crowd if hour else crowd[:1]
+            for t in range(start + hour * HOUR, start + (hour + 1) * HOUR, 10_000):
+                rows += [Person(t, track, 1000 * (k + 1), 2000) for k, track in enumerate(here)]
+    put(site, rows)
+    found = queue_of(site, n_days=6)
+    assert found.people.rate == pytest.approx(2.0, rel=0.01), "a plain mean would be 15 / 9"
+    assert found.people.lo is not None
+    with open_days(site, "2026-11-09", "2026-11-14") as warehouse:
+        data = FloorHours(warehouse, floor=site.floors[0])
+        odd = Presence(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1)), QUEUE).mean()
+    assert odd.rate == pytest.approx(1.0, rel=0.01), "of the hour that is known"
+    assert (odd.lo, odd.reason and odd.reason.code) == (None, "present.hours")
+
+
 def test_a_queue_without_an_end_has_people_and_no_waiting_times(tmp_path: Path) -> None:
     site = with_queue(tmp_path, served_in=None)
     put(site, [*customer(T0, 30, "a"), *beats(T0, T0 + HOUR)])
@@ -168,3 +195,35 @@ def test_a_queue_without_an_end_has_people_and_no_waiting_times(tmp_path: Path) 
     assert found.people.rate == pytest.approx(30 / 3600)
     assert found.waiting is None
     assert found.why_no_waits is not None
+
+
+def test_the_forecast_names_the_hours_above_the_limit_and_knows_none_without_four_weeks(tmp_path: Path) -> None:
+    """Open from 8 to 10 on Mondays: one person waits until 9, then four, give or take one, for six weeks."""
+    cameras = (Camera("cam", "Cam", "ground", hz=0.1),)
+    opening = (((480, 600),), *((),) * 6)
+    site = replace(with_queue(tmp_path, queue_limit=3.0), opening=opening, cameras=cameras)
+    rows = [
+        Person(t, f"{w}-{k}", 1000 * k, 2000)
+        for w in range(6)
+        for hour, n in ((0, 1), (1, 4 + w % 3 - 1))
+        for k in range(n)
+        for t in range(T0 + w * 7 * DAY + hour * HOUR, T0 + w * 7 * DAY + (hour + 1) * HOUR, 10_000)
+    ]
+    put(site, rows)
+    monday = FIRST + timedelta(weeks=5)
+    with open_days(site, FIRST.isoformat(), (monday + timedelta(days=6)).isoformat()) as warehouse:
+        data = FloorHours(warehouse, floor=site.floors[0])
+        (found,) = queue_forecasts(data, monday)
+        (early,) = queue_forecasts(data, FIRST + timedelta(weeks=2))
+    quiet, busy = found.people.rows
+    assert (quiet.value, busy.value) == (pytest.approx(1.0, rel=0.1), pytest.approx(4.0, rel=0.2))
+    assert busy.lo is not None
+    assert busy.hi is not None
+    assert busy.lo < 4 < busy.hi
+    assert found.busy is not None
+    assert [(b.hour.hour, b.chance) for b in found.busy] == [(9, "likely" if busy.lo > 3 else "expected")]
+    text = "\n".join(forecast_lines((found,)))
+    assert "Mon 09:00: " in text
+    assert "above 3 people waiting, the limit of vsd.toml" in text
+    assert (early.people.state, early.busy) == ("not_enough_data", None)
+    assert "a forecast needs 4 recorded weeks, has 3" in "\n".join(forecast_lines((early,)))

@@ -16,7 +16,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.doubts import open_share
+from vsd_analytics.ingest.doubts_of_times import open_share
 from vsd_analytics.ingest.pipeline import SourceResult, ingest
 from vsd_analytics.ingest.units import unit_in_name
 

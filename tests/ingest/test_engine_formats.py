@@ -292,3 +292,42 @@ def test_supervision_without_frame_or_time_is_refused(root: Path) -> None:
     error = read(root, "a.csv", data).sources[0].error
     assert error is not None
     assert error.code == "E203"
+
+
+def test_a_person_whose_parent_is_zero_is_a_part_of_nothing(root: Path) -> None:
+    """Some cameras write `Parent="0"` for every object, with the class twice and boxes in pixels."""
+    document = (
+        '<tt:MetadataStream xmlns:tt="http://www.onvif.org/ver10/schema"><tt:VideoAnalytics>'
+        '<tt:Frame UtcTime="2025-11-10T09:00:00Z"><tt:Transformation><tt:Translate x="-1" y="1"/>'
+        '<tt:Scale x="0.001" y="-0.002"/></tt:Transformation><tt:Object ObjectId="2" Parent="0"><tt:Appearance>'
+        '<tt:Shape><tt:BoundingBox left="600" top="100" right="800" bottom="500"/></tt:Shape><tt:Class>'
+        "<tt:ClassCandidate><tt:Type>Human</tt:Type><tt:Likelihood>0.9</tt:Likelihood></tt:ClassCandidate>"
+        '<tt:Type Likelihood="0.9">Person</tt:Type></tt:Class></tt:Appearance></tt:Object></tt:Frame>'
+        "</tt:VideoAnalytics></tt:MetadataStream>"
+    )
+    read(root, "a.xml", document.encode(), size_px=(1000, 500))
+    (row,) = stored(root)["observations"]
+    assert (row["u_px"], row["v_px"]) == (350.0, 250.0)
+
+
+def test_messages_of_single_objects_are_people_of_one_frame_with_a_period(root: Path) -> None:
+    """DeepStream's full payload: the class is a key, untracked people share an id, each message has its own time."""
+    box = {"topleftx": 100, "toplefty": 50, "bottomrightx": 140, "bottomrighty": 150}
+    objects = [
+        {"id": "1", "bbox": box, "vehicle": {"type": "car"}},
+        *({"id": track, "bbox": box, "person": {"age": 0}} for track in ("7", "18446744073709551615")),
+        {"id": "8", "bbox": box, "pose": {"num_joints": 17}, "coordinate": {"x": 0, "y": 0, "z": 0}},
+    ]
+    made = [
+        {"messageid": str(i), "mdsversion": "1.0", "@timestamp": f"2025-11-10T09:00:00.{i}Z", "sensor": {"id": "cam-1"}}
+        for i in range(len(objects))
+    ]
+    found = [{**message, "object": each} for message, each in zip(made, objects, strict=True)]
+    result = read(root, "a.jsonl", b"".join(json.dumps(m).encode() + b"\n" for m in found), period_s=1.0)
+    assert result.sources[0].n_dropped["not a person"] == 1
+    rows = stored(root)["observations"]
+    assert sorted((ms(row), row["u_px"], row["v_px"], row["track_id"] is None) for row in rows) == [
+        (START_MS, 120.0, 150.0, False),
+        (START_MS, 120.0, 150.0, False),
+        (START_MS, 120.0, 150.0, True),
+    ]

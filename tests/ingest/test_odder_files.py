@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from odd_files import STEPS, Odd, stored
 from odder_files import ODDER, ODDER_WORKBOOKS, csv_text
+from oddest_files import ODDEST
 from test_odd_files import by_identity, check, in_store
 from walks import project
 
@@ -27,6 +28,20 @@ def test_an_odder_workbook_is_stored_right_or_refused_with_the_reason(
 ) -> None:
     pytest.importorskip("openpyxl")
     check(odd, tmp_path, capsys)
+
+
+@pytest.mark.parametrize("odd", ODDEST, ids=lambda odd: odd.name)
+def test_a_file_that_looks_right_and_is_not_is_seen_without_a_plan(
+    odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "project")
+    toml = (root / "vsd.toml").read_text().replace('plan = "plan.svg"\nplan_m_per_px = 0.1\n', "")
+    (root / "vsd.toml").write_text(toml.replace("picture_px = [1280, 720]\n", "") + "[privacy]\npseudonyms = false\n")
+    code = run(cli, ["-C", str(root), "--now", "2025-12-01", "ingest", str(odd.write(tmp_path)), *odd.options])
+    said = "".join(capsys.readouterr())
+    assert by_identity(in_store(root)) == by_identity(list(odd.rows or ())), said
+    assert odd.says in said
+    assert code == 0 if odd.rows is not None and not odd.says else code in (1, 2), said
 
 
 @pytest.mark.parametrize(

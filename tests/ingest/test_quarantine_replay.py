@@ -28,7 +28,7 @@ from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.replay import replay
 from vsd_analytics.schema import KEYS, TABLES
 from vsd_analytics.settings import Settings
-from vsd_analytics.site.model import Camera, Site
+from vsd_analytics.site.model import Camera, Site, SourceProfile
 from vsd_analytics.store import Store, durable
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
 
@@ -124,6 +124,17 @@ def test_a_corrected_mapping_reads_lines_again_and_none_twice(tmp_path: Path) ->
     always = replace(fixed, root=tmp_path / "always")
     ingest(always, [path], IngestOptions(), now=NOW)
     assert stored(fixed) == stored(always)
+
+
+def test_a_corrected_source_of_vsd_toml_is_used_and_the_command_wins_over_it(tmp_path: Path) -> None:
+    tills = SourceProfile(profile_id="tills", files=("a.csv",), map={"ts": "local"})
+    site = replace(small_site(tmp_path / "site", settings=PLAIN), sources=(tills,))
+    (tmp_path / "a.csv").write_text("local,utc,camera_id,x_m,y_m\n9h,2026-11-09T09:00:00Z,cam-1,1,2\n")
+    ingest(site, [tmp_path / "a.csv"], IngestOptions(), now=NOW)
+    assert replay(site, is_dry_run=True).n_bad == {"not-a-time": 1}
+    fixed = replace(site, sources=(replace(tills, map={"ts": "utc"}),))
+    assert replay(fixed, options=IngestOptions(map={"ts": "local"}), is_dry_run=True).n_bad == {"not-a-time": 1}
+    assert (replay(fixed).n_solved, len(stored(fixed)["observations"])) == (1, 1)
 
 
 def test_a_mapping_given_on_the_command_line_wins_over_that_of_the_ingest(tmp_path: Path) -> None:

@@ -309,7 +309,7 @@ def test_asked_to_stop_in_the_middle_of_a_large_file_it_stops_and_goes_on_later(
 
 def test_many_small_files_are_each_stored_once(site: Site) -> None:
     world = World(site)
-    n = 1_000
+    n = 300
     for k in range(n):
         (world.folder / f"{k}.jsonl").write_text(message(k))
     site = replace(site, settings=site.settings.with_values({"watch_settle_s": 0.0}))

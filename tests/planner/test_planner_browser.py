@@ -21,7 +21,7 @@ from vsd_analytics.result import Reason
 
 pytestmark = pytest.mark.browser
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-MODES = [(scheme, width) for scheme in ("light", "dark") for width in (1280, 390)]
+MODES = [("light", 1280), ("dark", 390)]
 VIEWS = (
     "",
     "#show=split&cut=30&map=exposure",

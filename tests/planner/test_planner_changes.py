@@ -16,6 +16,7 @@ import pytest
 from planner import dense_floor as dense
 from planner import planted_shop as planted
 
+from vsd_analytics.figures.change_weeks import log_entry, windows_of
 from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
@@ -25,6 +26,7 @@ from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.site.model import Site
+from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 MOVED = planted.MONDAY
@@ -68,6 +70,17 @@ def test_the_verdict_on_a_change_is_that_of_the_weekly_report(known: PlannerData
     [told] = week_report(logged, planted.MONDAY).redesigns
     assert told.state == "ok"
     assert by_text(known, "Display").result == told
+
+
+def test_weeks_compared_begin_with_the_records_whatever_days_are_open(logged: Site) -> None:
+    extent = stored_extent(logged)
+    assert extent is not None
+    entry, last = log_entry(logged, 1), planted.MONDAY + timedelta(days=6)
+    for first in (extent.first_day, extent.first_day - timedelta(days=30)):  # the planner's page opens earlier days
+        with open_warehouse(logged, first, last) as warehouse:
+            windows, _ = windows_of(warehouse, entry, area_id="door", weeks=4)
+        assert windows is not None
+        assert windows.trend[0] >= extent.first_day
 
 
 def test_before_and_after_are_the_hours_that_both_recorded(logged: Site) -> None:

@@ -74,7 +74,7 @@ def files_of(folder: Path, seed: int) -> dict[str, Path]:
     return {name: write(folder / f"{name}.jsonl", some_frames(10 * seed + i)) for i, name in enumerate("ABC")}
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_after_taking_one_import_back_the_store_is_that_of_the_others_alone(tmp_path: Path, seed: int) -> None:
     """Files that overlap and contradict each other come in any order, some twice, by one command or by several."""
     draw = random.Random(seed)
@@ -268,7 +268,7 @@ def test_import_with_sealed_hours_is_refused_until_their_sums_are_removed(tmp_pa
     assert {r.split("'camera_id': '")[1][:5] for r in rows_of(root)["frames"]} == {"cam-2"}
 
 
-@pytest.mark.parametrize("seed", [5, 6])
+@pytest.mark.parametrize("seed", [5])
 def test_crash_anywhere_and_the_same_command_again_is_the_same_end(tmp_path: Path, seed: int) -> None:
     start = make_project(tmp_path / "start")
     a = put(start, *files_of(tmp_path, seed).values())[0]

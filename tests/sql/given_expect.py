@@ -75,7 +75,7 @@ def run(case: Case) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     """Return the rows a case's relation gives and those expected, both sorted, as texts."""
     layer, _, name = case.relation.partition("/")
     relation = relations(layer)[name]
-    with all_inputs() as con:
+    with inputs(relation.name, *relation.reads) as con:
         for table, rows in case.given.items():
             assert table in relation.reads, f"{case.label}: {name} does not read {table}"
             _fill(con, table, rows, case.defaults.get(table, {}))
@@ -88,12 +88,14 @@ def run(case: Case) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     return sorted(tuple(map(_text, row)) for row in found), sorted(tuple(row.values()) for row in case.expect)
 
 
-def all_inputs() -> duckdb.DuckDBPyConnection:
-    """Return a connection on which every input of every relation exists, typed and without rows (dimensions filled)."""
+def inputs(*names: str) -> duckdb.DuckDBPyConnection:
+    """Return a connection on which these relations exist, typed and without rows, and the filled dimensions."""
     con = connect(threads=1)
     register_site(con, site())
     register_quarters(con, first_hour=0, last_hour=5)
     for name, columns in types().items():
+        if name not in names:
+            continue
         con.execute(f"create temp table {name} ({', '.join(f'{c} {t}' for c, t in columns.items())})")
     return con
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from given_expect import all_inputs, all_relations
+from given_expect import all_relations, inputs
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse.sqlfiles import Relation, check_columns, read_relation, relations
@@ -59,7 +59,7 @@ def test_header_names_every_param_used(relation: Relation) -> None:
 
 @by_name
 def test_declared_columns_are_returned_in_order_and_explained(relation: Relation) -> None:
-    with all_inputs() as con:
+    with inputs(*relation.reads) as con:
         check_columns(con, relation)
     assert set(relation.grain) <= set(relation.columns)
     plain = {"camera_id", "floor_id", "local_date"}
@@ -73,7 +73,7 @@ def test_a_wrong_column_is_noticed(tmp_path: Path) -> None:
         "-- name: marts/one\n-- One row.\n-- grain: a\n-- reads: cameras\n-- columns:\n--   b  what\n"
         "-- assumes: nothing\nselect camera_id as a from cameras\n"
     )
-    with all_inputs() as con, pytest.raises(SqlError, match="declared columns differ"):
+    with inputs() as con, pytest.raises(SqlError, match="declared columns differ"):
         check_columns(con, read_relation(folder / "one.sql"))
 
 

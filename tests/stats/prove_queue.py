@@ -3,7 +3,8 @@
     python tests/stats/prove_queue.py --sites 300
 
 Naive: quantiles of whole tracks that were served, the share of whole tracks that left, and people counted in all hours,
-also those in which a camera was dead. The tables are in docs/statistics.md.
+also those in which a camera was dead. Where it is always dead in the same hours, figures are of the other hours and
+have no interval ("unknown"). The tables are in docs/statistics.md.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ OF_PEOPLE: dict[str, NDArray[np.float64]] = {
 
 def of_waits(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | None]:
     """Return estimates, naive values, and whether Little's law agrees."""
-    found = waiting(seen.wait_s, seen.outcome, seen.day)
+    found = waiting(seen.wait_s, seen.outcome, seen.day, weight=seen.stands_for)
     spans: dict[str, Span] = {
         "median": (found.median.value_s, found.median.lo_s, found.median.hi_s),
         "p90": (found.p90.value_s, found.p90.lo_s, found.p90.hi_s),
@@ -50,7 +51,7 @@ def of_waits(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | None
     naive = {"median": np.quantile(whole, 0.5), "p90": np.quantile(whole, 0.9), "left": left / max(left + served, 1)}
     person_s = seen.time_s @ NUMBERS
     little = dwell(seen.wait_s, seen.outcome == CUT, seen.day, person_s=person_s, long_s=120.0).little
-    return spans, {k: float(v) for k, v in naive.items()}, little.agrees
+    return _if_known(spans, seen), {k: float(v) for k, v in naive.items()}, little.agrees
 
 
 def of_numbers(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | None]:
@@ -60,7 +61,12 @@ def of_numbers(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | No
         found = how_often([seen.time_s @ amount], [seen.time_s.sum(axis=1) / HOUR_S])
         unknown = found.rate is None or found.lo is None or found.hi is None or found.rate == 0
         spans[name] = (None, None, None) if unknown else tuple(v / HOUR_S for v in (found.rate, found.lo, found.hi))  # type: ignore[operator, assignment]
-    return spans, of_people(seen.naive_time_s.sum(axis=0)), None
+    return _if_known(spans, seen), of_people(seen.naive_time_s), None
+
+
+def _if_known(spans: dict[str, Span], seen: Seen) -> dict[str, Span]:
+    """Return nothing where hours of the day were never recorded: figures are then said to be of the other hours."""
+    return spans if seen.recorded.stands_for_all else dict.fromkeys(spans, (None, None, None))
 
 
 def row(

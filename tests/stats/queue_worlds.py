@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from vsd_analytics.stats.recorded_hours import RecordedHours, recorded_hours
 from vsd_analytics.stats.waiting import CUT, LEFT, SERVED
 
 Floats = NDArray[np.float64]
@@ -34,6 +35,7 @@ class World:
         unseen: Share of people whose entry nobody saw.
         dead_h: Hours a day in which the camera of the queue's second half records nothing.
         is_dead_busy: These are always the busiest ones, not any.
+        dead_share: Share of the days on which it is dead.
     """
 
     name: str
@@ -47,6 +49,7 @@ class World:
     unseen: float = 0.0
     dead_h: int = 0
     is_dead_busy: bool = False
+    dead_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class Day:
     wait_s: Floats
     left: NDArray[np.bool_]
 
-    def people(self, hours: NDArray[np.int64]) -> Floats:
-        """Return the seconds by number of people waiting (0 to 59) in some hours of the day."""
+    def people(self) -> Floats:
+        """Return the seconds by hour of the day and number of people waiting (0 to 59), shape (n_hours, 60)."""
         ends = self.arrival_s + self.wait_s
         borders = np.arange(len(HOURLY) + 1) * HOUR_S
         at = np.concatenate([self.arrival_s, ends, borders])
@@ -66,8 +69,10 @@ class Day:
         order = np.argsort(at, kind="stable")
         n = more[order].cumsum()[:-1].astype(int)
         lasts, hour = np.diff(at[order]), (at[order][:-1] // HOUR_S).astype(int)
-        used = np.isin(hour, hours)
-        return np.bincount(np.minimum(n[used], 59), weights=lasts[used], minlength=60)
+        open_now = hour < len(HOURLY)
+        found = np.zeros((len(HOURLY), 60))
+        np.add.at(found, (hour[open_now], np.minimum(n[open_now], 59)), lasts[open_now])
+        return found
 
 
 @dataclass(frozen=True)
@@ -76,15 +81,19 @@ class Seen:
 
     Attributes:
         wait_s, outcome, day: Waits with an entry, as `vsd_analytics.stats.waiting.waiting` takes them.
-        time_s: Recorded seconds by day and number of people, shape (n_days, 60).
-        naive_time_s: The same of all hours, without those whom the dead camera did not see.
+        stands_for: How many entries each wait stands for.
+        time_s: Recorded seconds by day and number of people, weighted by the hours they stand for, shape (n_days, 60).
+        naive_time_s: The same of all hours, without those whom the dead camera did not see, shape (60,).
+        recorded: How much each hour counts.
     """
 
     wait_s: Floats
     outcome: NDArray[np.int64]
     day: NDArray[np.int64]
+    stands_for: Floats
     time_s: Floats
     naive_time_s: Floats
+    recorded: RecordedHours
 
 
 def one_day(world: World, rng: np.random.Generator) -> Day:
@@ -111,7 +120,7 @@ def truth(world: World, n_days: int = 2000) -> dict[str, float]:
     rng = np.random.default_rng(0)
     days = [one_day(world, rng) for _ in range(n_days)]
     wait_s, left = (np.concatenate([getattr(d, name) for d in days]) for name in ("wait_s", "left"))
-    time_s = np.sum([d.people(np.arange(len(HOURLY))) for d in days], axis=0)
+    time_s = np.sum([d.people().sum(axis=0) for d in days], axis=0)
     median, p90 = np.quantile(wait_s[~left], [0.5, 0.9]).tolist()
     return {"median": median, "p90": p90, "left": float(left.mean()), **of_people(time_s)}
 
@@ -132,31 +141,42 @@ def of_people(time_s: Floats) -> dict[str, float]:
 def see(world: World, *, n_days: int, seed: int) -> Seen:
     """Return some days as cameras saw them."""
     rng = np.random.default_rng(seed)
-    waits, outcomes, days, time_s, naive = [], [], [], [], []
+    n_hours = len(HOURLY)
+    is_alive = np.ones((n_days, n_hours), dtype=np.bool_)
+    waits, outcomes, days, hours = [], [], [], []
+    time_s, naive = np.zeros((n_days, n_hours, 60)), np.zeros(60)
     for d in range(n_days):
         day = one_day(world, rng)
-        busiest = np.argsort(HOURLY)[::-1]
-        dead = busiest[: world.dead_h] if world.is_dead_busy else rng.permutation(len(HOURLY))[: world.dead_h]
-        alive = np.setdiff1d(np.arange(len(HOURLY)), dead)
+        dead = np.argsort(-HOURLY)[: world.dead_h] if world.is_dead_busy else rng.permutation(n_hours)[: world.dead_h]
+        if world.dead_share < 1 and rng.random() >= world.dead_share:
+            dead = dead[:0]
+        is_alive[d, dead] = False
         cut_s = np.full(len(day.wait_s), np.inf)
         if world.cut_per_s:
             cut_s = world.cut_from_s + rng.exponential(1 / world.cut_per_s, len(day.wait_s))
         is_cut = cut_s < day.wait_s
-        entered = (rng.random(len(is_cut)) >= world.unseen) & np.isin((day.arrival_s // HOUR_S).astype(int), alive)
+        hour = (day.arrival_s // HOUR_S).astype(int)
+        entered = (rng.random(len(is_cut)) >= world.unseen) & is_alive[d, hour]
         waits.append(np.minimum(day.wait_s, cut_s)[entered])
         outcomes.append(np.where(is_cut, CUT, np.where(day.left, LEFT, SERVED))[entered])
         days.append(np.full(entered.sum(), d))
-        time_s.append(day.people(alive))
-        naive.append(time_s[-1] + _half_seen(day, dead, rng))
+        hours.append(hour[entered])
+        time_s[d] = day.people() * is_alive[d, :, None]
+        naive += time_s[d].sum(axis=0) + _half_seen(day, rng)[dead].sum(axis=0)
+    of_day, of_hour = np.indices(is_alive.shape)
+    recorded = recorded_hours(of_day.ravel() % 7, of_hour.ravel(), np.full(is_alive.size, HOUR_S), is_alive.ravel())
+    weight = recorded.weight.reshape(is_alive.shape)
+    at_day, at_hour = np.concatenate(days), np.concatenate(hours)
     return Seen(
-        np.concatenate(waits), np.concatenate(outcomes), np.concatenate(days), np.array(time_s), np.array(naive)
-    )
+        np.concatenate(waits), np.concatenate(outcomes), at_day, weight[at_day, at_hour],
+        (time_s * weight[..., None]).sum(axis=1), naive, recorded,
+    )  # fmt: skip
 
 
-def _half_seen(day: Day, dead: NDArray[np.int64], rng: np.random.Generator) -> Floats:
-    """Return the seconds by number of people of the dead hours, of whom the living camera saw about half."""
+def _half_seen(day: Day, rng: np.random.Generator) -> Floats:
+    """Return the seconds by hour and number of people of whom the living camera saw about half."""
     seen = rng.random(len(day.wait_s)) < 0.5
-    return Day(day.arrival_s[seen], day.wait_s[seen], day.left[seen]).people(dead)
+    return Day(day.arrival_s[seen], day.wait_s[seen], day.left[seen]).people()
 
 
 WORLDS = (
@@ -168,5 +188,6 @@ WORLDS = (
     World("an entry in three is not seen", unseen=0.33, cut_per_s=0.01),
     World("only those who wait a minute are lost", cut_per_s=0.02, cut_from_s=60.0),
     World("a camera is dead in any 3 hours a day", cut_per_s=0.01, dead_h=3),
-    World("a camera is dead in the 3 busiest hours", cut_per_s=0.01, dead_h=3, is_dead_busy=True),
+    World("dead in the 3 busiest hours of half the days", cut_per_s=0.01, dead_h=3, is_dead_busy=True, dead_share=0.5),
+    World("dead in the 3 busiest hours of all days", cut_per_s=0.01, dead_h=3, is_dead_busy=True),
 )

@@ -110,6 +110,30 @@ def test_the_placebo_interval_equals_the_prediction_interval_of_the_placebos() -
     assert found.placebo_hi == pytest.approx(found.theta * math.exp(half), rel=EXACT)
 
 
+def test_the_range_reaches_as_far_as_without_any_one_comparison_area() -> None:
+    b, a = period(BEFORE, OTHERS_BEFORE, 0), period(AFTER, OTHERS_AFTER, 1)
+    found = before_after(b, a)
+    ends = []
+    for left in (0, 1):
+        others_b, others_a = ([[v[left]] for v in others] for others in (OTHERS_BEFORE, OTHERS_AFTER))
+        one = before_after(period(BEFORE, others_b, 0), period(AFTER, others_a, 1))  # type: ignore[arg-type]
+        assert one.theta is not None
+        assert one.log_se is not None
+        assert one.week_lo is not None
+        by_days = math.log(one.theta) - 2.4469118511449692 * one.log_se
+        ends.append(min(math.exp(by_days), one.week_lo))
+    assert found.without_lo == pytest.approx(min(ends), rel=EXACT)
+    only = before_after(b, a).alone
+    alone = before_after(period(BEFORE, others_b, 0), period(AFTER, others_a, 1))  # type: ignore[arg-type]
+    own = (
+        [n / 99 - x / 81 for n, x in zip(*BEFORE, strict=True)],
+        [n / 64 - x / 82 for n, x in zip(*AFTER, strict=True)],
+    )
+    se = math.sqrt(7 / 6 * sum((v - u) ** 2 for u, v in zip(*own, strict=True)))
+    assert only is not None
+    assert alone.without_lo == pytest.approx(only * math.exp(-2.4469118511449692 * se), rel=EXACT)
+
+
 def test_with_few_comparison_areas_the_interval_knows_weeks_of_their_own() -> None:
     rng = np.random.default_rng(3)
     b, a = noisy(rng, weeks=2, n_areas=2), noisy(rng, weeks=2, n_areas=2, first=2)
@@ -217,6 +241,9 @@ def test_the_interval_reported_is_the_widest_reach_of_its_parts() -> None:
         parts = [(f"{k}_lo", f"{k}_hi") for k in ("day", "placebo", "week", "line")]
         known = [(getattr(found, lo), getattr(found, hi)) for lo, hi in parts if getattr(found, lo) is not None]
         assert len(known) == 3
+        assert found.without_lo is not None
+        assert found.without_hi is not None
+        known.append((found.without_lo, found.without_hi))
         assert (found.lo, found.hi) == (min(lo for lo, _ in known), max(hi for _, hi in known))
 
 

@@ -72,6 +72,31 @@ def test_two_weeks_of_any_effect_exclude_nothing_after_few_reference_weeks() -> 
     assert found.verdict not in ("clear_fall", "clear_rise")
 
 
+def test_the_range_reaches_as_far_as_without_any_one_comparison_area_and_the_verdict_is_that_of_all() -> None:
+    taken_up = ([0.10, -0.06, 0.18, 0.0, -0.1, 0.05], [-2.0, -1.9, -2.1])
+    plain = ([0.02, -0.02, 0.05, 0.01, -0.05, 0.03], [-1.6, -1.5, -1.65])  # without the area that took the crowd up
+    more = ([0.12, -0.07, 0.20, 0.02, -0.12, 0.06], [-2.2, -2.0, -2.3])
+    found = running_verdict(*taken_up, without=[more, plain])
+    alone, without_1, without_0 = (running_verdict(*y) for y in (taken_up, plain, more))
+    assert found.lo == min(v.lo for v in (alone, without_1, without_0) if v.lo is not None)
+    assert found.hi == max(v.hi for v in (alone, without_1, without_0) if v.hi is not None)
+    assert (found.all_lo, found.all_hi, found.e_by_week) == (alone.lo, alone.hi, alone.e_by_week)
+    assert found.all_hi is not None
+    assert without_1.theta is not None
+    assert without_1.theta > found.all_hi
+    assert (found.rests_on, found.theta) == (1, without_1.theta)
+    assert found.unclear_without is None
+
+
+def test_a_clear_fall_that_one_comparison_area_makes_stays_one_and_its_range_ends_at_no_change() -> None:
+    found = running_verdict(REFERENCE, [-0.5, -0.45, -0.52, -0.5], without=[(REFERENCE, [-0.1, 0.1, -0.05, 0.0])])
+    assert (found.verdict, found.hi, found.unclear_without) == ("clear_fall", 1.0, 0)
+    assert found.lo is not None
+    assert found.lo < found.hi
+    too_short = running_verdict(REFERENCE, WEEKS, without=[(REFERENCE[:3], WEEKS)])
+    assert (too_short.lo, too_short.hi, too_short.without) == (too_short.all_lo, too_short.all_hi, (None,))
+
+
 def test_a_clear_fall_is_dated_by_the_first_week_that_shows_it() -> None:
     found = running_verdict(REFERENCE, [0.0, -0.5, -0.45, -0.52, -0.48, -0.5])
     assert found.verdict == "clear_fall"

@@ -13,8 +13,7 @@ from stored_rows import HOUR, NINE, frame, pair, part_names, person, stored, tab
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.schema import TableName
-from vsd_analytics.store import Store, TableCounts
-from vsd_analytics.store import store as store_module
+from vsd_analytics.store import Store, TableCounts, spans
 from vsd_analytics.store.part_files import engines_of
 
 
@@ -175,13 +174,13 @@ def test_every_key_is_stored_exactly_once_however_it_is_delivered(
 def test_busy_days_folded_hour_by_hour_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [person(NINE + k * HOUR // 2, track=str(k % 3)) for k in range(-20, 40)]
     _folded(tmp_path / "days", rows, rows[::2])
-    monkeypatch.setattr(store_module, "SPAN_ROWS", 5)
+    monkeypatch.setattr(spans, "SPAN_ROWS", 5)
     assert _folded(tmp_path / "hours", rows[::2], rows) == TableCounts(60, 30, 0)
     assert part_names(tmp_path / "days") == part_names(tmp_path / "hours")
 
 
 def test_progress_reaches_the_number_of_spooled_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store_module, "SPAN_ROWS", 5)
+    monkeypatch.setattr(spans, "SPAN_ROWS", 5)
     store = Store(tmp_path, site_id="shop")
     store.append("observations", table("observations", [person(NINE + k * HOUR) for k in range(9)]))
     done: list[int] = []
@@ -194,6 +193,23 @@ def test_engines_travel_in_the_metadata(tmp_path: Path) -> None:
     store.append("frames", table("frames", [frame()]), engines=["b 2", "a 1", "a 1"])
     store.fold()
     assert engines_of(store.parts("frames")[0].path) == ["a 1", "b 2"]
+
+
+def test_days_folded_together_are_the_parts_of_days_folded_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [person(NINE + k * HOUR * 5, track=str(k % 3)) for k in range(40)]
+    folded = []
+    for n_rows in (1_000_000, 8):
+        monkeypatch.setattr(spans, "SPAN_ROWS", n_rows)
+        store = Store(tmp_path / str(n_rows), site_id="shop")
+        for k in range(0, 40, 4):
+            store.append("observations", table("observations", rows[k : k + 4]), engines=[f"acme {k}"])
+        folded.append(store.fold().tables["observations"])
+    assert folded[0] == folded[1] == TableCounts(40, 0, 0)
+    assert part_names(tmp_path / "1000000") == part_names(tmp_path / "8")
+    engines = [engines_of(part.path) for part in store.parts("observations")]
+    assert engines[:4] == [["acme 0"]] * 3 + [["acme 0", "acme 4"]], "the engines of a part's own day, of no other"
 
 
 def test_foreign_files_are_ignored(tmp_path: Path) -> None:

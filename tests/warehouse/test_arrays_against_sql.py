@@ -161,6 +161,7 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
             "area_stays",
             "area_counts",
             "walk_cells",
+            "track_ends",
         }
 
 

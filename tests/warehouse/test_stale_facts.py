@@ -94,7 +94,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert result.facts == facts
     assert facts.keys() == {
         *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
-        *("track_lives", "track_pairs", "crowding", "area_stays", "area_counts", "walk_cells"),
+        *("track_lives", "track_pairs", "crowding", "area_stays", "area_counts", "walk_cells", "track_ends"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
 
@@ -106,7 +106,7 @@ def test_an_area_that_asks_for_visits_recomputes_its_stays_only(root: Path, tmp_
     asking = replace(silent, areas=(replace(area, has_visits=True),))
     result, _, facts = changed(asking, tmp_path / "asking")
     assert set(result.reasons) == {"areas changed"}
-    assert set(facts) == {"area_stays", "walk_cells"}
+    assert set(facts) == {"area_stays", "walk_cells", "track_ends"}
 
 
 def test_positions_and_owners_are_those_of_their_time(root: Path) -> None:
@@ -266,6 +266,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "track_pairs",
                 "crowding",
                 "area_stays",
+                "track_ends",
                 "walk_cells",
                 "area_counts",
                 *OF_PAIRS,

@@ -16,18 +16,20 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import Grid
 from vsd_analytics.figures.maps import CellMap
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.report.draw.cell_map import MapCell, cell_map, doubling_steps
+from vsd_analytics.report.draw.cell_map import LOW, MapCell, cell_map, doubling_steps
+from vsd_analytics.report.draw.svg import RAMP_LIGHT
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Floor, Site
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
 
 
 EXCESS_STEPS: Final = (1.0, 1.25, 1.5, 2.0, 3.0)
 """Classes of excess: 1 is what the crowd explains."""
-UNIT_LETTERS: Final = 36
-"""Letters in a line beside the scale of a plot."""
+UNIT_LETTERS: Final = 64
+"""Letters in a line below the scale of a plot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +44,7 @@ class Heatmap:
         extent_m: Left, right, bottom and top of the array in floor metres, as matplotlib's `extent`.
         exposure_h: Person-hours in each cell, same shape.
         floor: The floor.
-        note: Why there is no map; empty where there is one.
+        note: Why there is no map, or why it is blank; else empty.
         site: The site, for its plan, fixtures, areas and cameras.
         until: Last day of the map, for what stood on the floor.
     """
@@ -68,7 +70,9 @@ class Heatmap:
         return (self.extent_m[1] - self.extent_m[0]) / max(1, int(self.array.shape[1]))
 
     def plot(self, ax: Axes | None = None, *, over: str | None = None, **options: Any) -> Axes:
-        """Draw the map with its scale; unknown cells stay blank.
+        """Draw the map in the colours of the report; unknown cells stay blank.
+
+        The scale goes from 0 to what 97 % of the known cells stay below, so that one cell does not make the others pale.
 
         Args:
             ax: Axes to draw on; None = new ones.
@@ -93,7 +97,8 @@ class Heatmap:
 
         if ax is None:
             _, ax = plt.subplots(layout="constrained")
-        options = {"cmap": "YlOrBr", **options}
+        limits = self._limits()
+        options = {"cmap": _colours(0.25 if view else 1.0), "vmin": limits[0], "vmax": limits[1], **options}
         if view is not None:
             drawn = self._plot_picture(ax, view, options)
         else:
@@ -101,7 +106,12 @@ class Heatmap:
             if over == "plan":
                 self._plot_plan(ax)
             ax.set(xlabel="x, m", ylabel="y, m", title=f"{self.floor.name}: {self.kind}")
-        ax.figure.colorbar(drawn, ax=ax, label="\n".join(wrap(self.unit, UNIT_LETTERS)), shrink=0.8)
+        label = "\n".join(wrap(self.unit, UNIT_LETTERS))
+        is_cut = bool((self.array > drawn.get_clim()[1]).any())
+        scale = ax.figure.colorbar(
+            drawn, ax=ax, location="bottom", label=label, shrink=0.6, aspect=40, extend="max" if is_cut else "neither"
+        )
+        scale.outline.set_visible(False)
         return ax
 
     def geojson(self) -> dict[str, Any]:
@@ -134,7 +144,13 @@ class Heatmap:
         label = f"{self.floor.name}: {self.kind}, {self.unit}"
         steps = EXCESS_STEPS if self.kind == "excess" else doubling_steps(self.array)
         drawn = cell_map(self._floor(), cells, steps=steps, unit=self.unit, label=label, name=f"vsd-{self.kind}")
-        return f"<p><b>{escape(self.floor.name)}: {self.kind}</b></p>{drawn}"
+        note = f"<p>{escape(self.note)}</p>" if self.note else ""
+        return f"<p><b>{escape(self.floor.name)}: {self.kind}</b></p>{note}{drawn}"
+
+    def _limits(self) -> tuple[float, float]:
+        """Return the ends of the scale; they are the same over the plan and over every camera."""
+        known = self.array[np.isfinite(self.array)]
+        return 0.0, float(np.percentile(known, 97)) if (known > 0).any() else 1.0
 
     def _cells(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the known values, shape (n,), and the corners of their cells in metres, shape (n, 4, 2)."""
@@ -159,13 +175,22 @@ class Heatmap:
         known, corners = self._cells()
         seen, corners_px = view.corners_px(corners)
         limits = {name: options.pop(name) for name in ("vmin", "vmax") if name in options}
-        drawn = PolyCollection(list(corners_px), array=known[seen], **{"alpha": 0.7, "linewidth": 0, **options})
-        drawn.set_clim(**({"vmin": float(np.nanmin(self.array)), "vmax": float(np.nanmax(self.array))} | limits))
+        drawn = PolyCollection(list(corners_px), array=known[seen], **{"linewidth": 0, **options})
+        drawn.set_clim(**limits)
         width, height = view.size_px
         ax.imshow(view.pixels(), extent=(0, width, height, 0))
         ax.add_collection(drawn)
         ax.set(xlim=(0, width), ylim=(height, 0), xticks=[], yticks=[], title=f"{view.camera.name}: {self.kind}")
         return drawn
+
+
+def _colours(faintest: float) -> Colormap:
+    """Return the colours of the report's maps; the lowest of them as faint as asked, so that a picture shows through."""
+    from matplotlib.colors import LinearSegmentedColormap, to_rgba
+
+    ramp = (LOW, *RAMP_LIGHT)
+    strength = np.linspace(faintest, min(1.0, faintest + 0.6), len(ramp)).tolist()
+    return LinearSegmentedColormap.from_list("vsd", [to_rgba(c, a) for c, a in zip(ramp, strength, strict=True)])
 
 
 def as_heatmap(kind: str, found: CellMap, *, floor: Floor, site: Site, until: date) -> Heatmap:
@@ -174,7 +199,8 @@ def as_heatmap(kind: str, found: CellMap, *, floor: Floor, site: Site, until: da
         nothing, nowhere = np.zeros((0, 0)), (0.0, 0.0, 0.0, 0.0)
         return Heatmap(kind, nothing, found.unit, nowhere, nothing, floor, reason_text(found.reason), site, until)
     extent_m = _extent_m(found.grid)
-    return Heatmap(kind, found.values, found.unit, extent_m, found.exposure_h, floor, "", site, until)
+    note = "" if np.isfinite(found.values).any() else "in no cell did people spend enough time to tell"
+    return Heatmap(kind, found.values, found.unit, extent_m, found.exposure_h, floor, note, site, until)
 
 
 def _extent_m(grid: Grid) -> tuple[float, float, float, float]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.experiments import PlanScore
     from vsd_analytics.stats.before_after import BeforeAfter
     from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+    from vsd_analytics.stats.running_verdict import RunningVerdict
 
 
 ENCOUNTERS = "encounters per person-hour"
@@ -168,8 +169,23 @@ def _running(found: BeforeAfterFigure) -> list[str]:
     return [
         f"{name}, time too close per open hour, {weeks}:",
         f"  {bounds}{verdict} (evidence {so_far.e_value:.3g}, clear from 20 on{since})",
+        *_without(so_far),
         "",
     ]
+
+
+def _without(so_far: RunningVerdict) -> list[str]:
+    """Return how the effect moves with one comparison area left out, and beside all of them."""
+    thetas = [theta for theta in so_far.without if theta is not None]
+    if not thetas or so_far.all_theta is None:
+        return []
+    beside = "any effect is possible"
+    if so_far.all_hi is not None:
+        beside = ratio(so_far.all_theta, so_far.all_lo, so_far.all_hi)
+    if len(so_far.without) == 1:
+        return [f"  beside its comparison area {beside}, the area by itself {percent(thetas[0] - 1)}"]
+    out = f"with one left out {percent(min(thetas) - 1)} to {percent(max(thetas) - 1)}"
+    return [f"  beside all comparison areas {beside}; {out}"]
 
 
 def _floor(found: BeforeAfterFigure) -> list[str]:
@@ -196,6 +212,7 @@ def _robustness(effect: BeforeAfter) -> list[str]:
     if effect.placebo_lo is not None:
         lines[-1] += f"; interval by that spread: {ratio(effect.theta, effect.placebo_lo, effect.placebo_hi)}"
     parts = (
+        ("leaving out any one comparison area", effect.without_lo, effect.without_hi),
         ("how days differ", effect.day_lo, effect.day_hi),
         ("how areas' own weeks differ", effect.week_lo, effect.week_hi),
         ("the area's own trend, continued", effect.line_lo, effect.line_hi),

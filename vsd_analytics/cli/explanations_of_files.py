@@ -83,16 +83,19 @@ Common cause: a camera or engine that lost its clock and began again at 1990 or 
 Fix: set the clock (NTP), and remove the records: vsd purge --camera ID --range DAYS with the days of the message.""",
     "W220": """\
 Positions or distances do not look like metres: people would be faster than anybody runs, or far outside the floor.
-Common causes: millimetres, centimetres or feet; pixels mapped to x_m y_m; a plan with a wrong origin or scale.
+Common causes: millimetres, centimetres or feet; pixels or degrees mapped to x_m y_m; the height above the floor mapped
+to y_m; 0, 0 for people whom the engine has lost; a plan with a wrong origin or scale.
 Fix: --unit mm, cm or ft; columns that name their unit, such as x_mm, are converted without it. Pixels go to u_px v_px.
 A plan is placed by plan_origin_m and plan_m_per_px in vsd.toml.""",
     "W221": """\
-A column that is not read names several cameras, and all rows would go to one.
+A column that is not read, or the names of a folder's files, tell of several cameras or floors, and all rows would go to
+one camera.
 People of different places would then be compared as if they stood on the same floor in view.
 Fix: --map camera_id=COLUMN, and engine_ids = ["its name"] under each [[camera]] of vsd.toml; or --where with one of
 them, one command for each.""",
     "W222": """\
-A column says what each row is, and some rows are no persons. Every row that is read counts as a person.
+A column says what each row is, and some rows are no persons, or mark people whom the engine has lost. Every row that is
+read counts as a person.
 Fix: --where "class_name = 'person'", with the column and word of the file. Rows left out are counted.
 A limit of the engine's confidence goes into the same filter: --where "class_name = 'person' and confidence >= 0.4".""",
     "W223": """\
@@ -101,7 +104,8 @@ in the site's zone then, what they would be if they were on the site's clock, an
 Fix: --zone Europe/Rome, or for good clock = "Europe/Rome" under [[camera]]; clock = "UTC" if UTC is right.""",
     "W224": """\
 Many rows name the same person, camera and time at different places. A person has one place at a time, so only one of
-such rows is stored, and the others are left out as second sightings.
+such rows is stored, and the others are left out as second sightings. Or each record of a frame has a time of its own:
+people are close to each other only in one frame, so nobody would ever be too close.
 Common causes: dates without the time of day, times without seconds, ids that several people share.
 Fix: --map ts=date+time joins two columns; export times with parts of seconds. --period 1 keeps one record a second.""",
     "W225": """\
@@ -111,5 +115,14 @@ Fix: --map track_id=COLUMN with the id that the engine's tracker gives.""",
     "W226": """\
 Positions in the picture are not pixels of it: they are shares of its width and height (0 to 1), or they lie outside it.
 Fix: --size 1280x720, the size of the picture, converts shares. Otherwise calibrate the camera with the resolution that
-the engine works at, and state that size as picture_px in vsd.toml.""",
+the engine works at, and state that size as picture_px in vsd.toml. A box is two corners, a corner and its size, or its
+centre and its size, and pixels are counted from the upper edge down.""",
+    "W227": """\
+The times cannot be right: they are in another century, or they come from a clock of twelve hours without AM and PM.
+Common causes: ticks or days that are not counted from 1970, digits of a date read as a number, a wrong unit.
+Fix: export ISO times, or state how they are written: --time-format "%Y%m%d%H%M%S".""",
+    "W228": """\
+A part of the source is not read: columns of another person in each row, or files of a folder that are no tables.
+Fix: one row for each person; --format pairs where a row is two people and their distance. Name other files in a command
+of their own.""",
 }

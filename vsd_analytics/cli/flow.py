@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from vsd_analytics.cli.compare_text import table
+from vsd_analytics.cli.flow_links import link_lines, links_dict
 from vsd_analytics.cli.options import range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
@@ -58,6 +59,10 @@ def flow(
     nowhere: they count as long as they were followed (Aalen-Johansen). Those who come into an area are counted without
     these links, too: where the flows bring more or fewer, the command says so.
 
+    Over floor that no camera sees, and from one camera's view to the next, nobody is followed. There links are
+    estimated by time and walking speed, less as many as fit with time running backwards, which is chance. They are
+    printed apart and are in no other share.
+
     Exit code 1: no area asks for visits, or of none enough people were followed.
 
     \b
@@ -84,7 +89,7 @@ def flow(
     assert found is not None
     below = int(project.site.settings.mask_below)
     if kind == "json":
-        emit_json({"first": first, "last": last, **_as_dict(found, below),
+        emit_json({"first": first, "last": last, **_as_dict(found, below), "links": links_dict(found.links),
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
@@ -170,6 +175,10 @@ def _csv(found: Flow) -> str:
         s = route.share
         ids = " ".join(a.area_id for a in route.areas) or "other"
         row("route", "", ids, s.value, s.lo, s.hi, None, None, None, reason_text(s.reason))
+    for link in found.links.found:
+        of_link, ends = link.share, (link.origin.area_id, link.to.area_id)
+        limits = (of_link.value, of_link.lo, of_link.hi)
+        row("estimated link", *ends, *limits, None, None, None, reason_text(of_link.reason))
     return out.getvalue()
 
 
@@ -183,7 +192,7 @@ def _text(found: Flow, *, first: str, last: str) -> str:
         lines += [f"{of.area.name}: {line}" for line in _notes(of)]
     if found.silent_cameras:
         lines.append(f"Nothing was recorded by {', '.join(found.silent_cameras)}: flow there is not known")
-    return "\n".join([*lines, "", *_routes(found)])
+    return "\n".join([*lines, *link_lines(found.links), "", *_routes(found)])
 
 
 def _names(to: Destination) -> str:

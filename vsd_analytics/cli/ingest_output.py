@@ -65,7 +65,9 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
             code="W210",
             where=Where(source.source, example.line, example.text or None),
             why=example.detail[:300],
-            fix=fix_of(reason, format=source.format, mapping=source.mapping, sources=project.site.sources),
+            fix=fix_of(
+                reason, format=source.format, mapping=source.mapping, sources=project.site.sources, row=example.row
+            ),
         )
         click.echo(render_error(warning, word="warning"), err=True)
     if source.error is not None:

@@ -20,6 +20,7 @@ from vsd_analytics.cli.project import Project, pass_project
 @click.option("--camera", "cameras", multiple=True, metavar="ID[=NAME]", help="A camera; may be given several times.")
 @click.option("--plan", metavar="FILE", help="Floor plan: SVG, PNG or JPG, relative to the project folder.")
 @click.option("--plan-m-per-px", type=float, help="Metres per pixel of the plan.")
+@click.option("--unit", help="What positions of the engine are in: m, mm, cm, ft or px (the picture).")
 @click.option("--distance", "distance_m", type=float, default=2.0, show_default=True, help="Legal distance in metres.")
 @click.option("--no-input", is_flag=True, help="Ask nothing; use options and defaults.")
 @json_option
@@ -33,11 +34,12 @@ def init(
     cameras: tuple[str, ...],
     plan: str | None,
     plan_m_per_px: float | None,
+    unit: str | None,
     distance_m: float,
     no_input: bool,
     as_json: bool,
 ) -> None:
-    """Write vsd.toml from the answers to five questions.
+    """Write vsd.toml from the answers to six questions.
 
     An option answers its question in advance.
 
@@ -46,7 +48,14 @@ def init(
       vsd init
       vsd -C shop init --no-input --name "Riverside Store" --timezone Europe/Rome --camera cam-1=Entrance
     """
-    from vsd_analytics.config.first_config import ALWAYS, Answers, check_opening, check_zone, write_first_config
+    from vsd_analytics.config.first_config import (
+        ALWAYS,
+        Answers,
+        check_opening,
+        check_unit,
+        check_zone,
+        write_first_config,
+    )
     from vsd_analytics.errors import UsageError
 
     def ask(question: str, given: str | None, default: str, *, check: Callable[[str], object] = str) -> str:
@@ -72,6 +81,8 @@ def init(
     plan = ask("5 Floor plan picture (empty: none yet)", plan, "") or None
     if plan is not None and plan_m_per_px is None and not no_input:
         plan_m_per_px = click.prompt("  Metres per pixel of the plan", type=float, err=True)
+    unit = ask("6 Positions of your engine are in (m, mm, cm, ft, or px: the picture)", unit, "m", check=check_unit)
+    check_unit(unit)
     split = tuple(part.strip() for part in named.split(",") if part.strip())
     answers = Answers(name, timezone, site_id, opening, split, plan, plan_m_per_px, distance_m)
     site = write_first_config(folder, answers=answers)
@@ -79,6 +90,12 @@ def init(
         emit_json({"ok": True, "file": str(folder / "vsd.toml"), "site": site.site_id})
         return
     click.echo(str(folder / "vsd.toml"))
-    project.say(
-        "Next: vsd ingest FILES...   (engine output)\n      vsd calibrate CAMERA     (if the engine sends pixels)"
-    )
+    known = "" if unit in ("m", "px") else f" --unit {unit}"
+    steps = ["vsd calibrate CAMERA --draw     (from pixels to metres)"] if unit == "px" else []
+    steps += [
+        f"vsd check FILE{known} --save engine     (what it understands, and how such files are read from then on)"
+    ]
+    steps += ["vsd ingest FILES..."]
+    if plan is None:
+        steps += ["add the floor plan to vsd.toml (plan, plan_m_per_px): maps are drawn on it, and units checked by it"]
+    project.say("Next: " + "\n      ".join(steps))

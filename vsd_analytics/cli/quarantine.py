@@ -129,7 +129,8 @@ def _fix(project: Project, summary: ReasonSummary) -> str | None:
     first = summary.first
     if first is None:
         return fix_of(summary.reason)
-    return fix_of(summary.reason, format=first.format, mapping=first.options, sources=project.site.sources)
+    sources = project.site.sources
+    return fix_of(summary.reason, format=first.format, mapping=first.options, sources=sources, row=first.row)
 
 
 def _summary_dict(summary: ReasonSummary, fix: str | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from vsd_analytics.cli.compare_text import table
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.queue_advice import forecast_dict, forecast_lines, whole_week
 from vsd_analytics.cli.visits import mean_stay, time_text
 from vsd_analytics.report.words.reasons import reason_text
 
@@ -27,9 +28,12 @@ _WAITS = ("median wait", "90 % served within", "leave before")
 @click.command()
 @range_options
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@click.option("--forecast", "has_forecast", is_flag=True, help="Also forecast the week after the last whole one.")
 @json_option
 @pass_project
-def queue(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
+def queue(
+    project: Project, week: str | None, days: str | None, floor_id: str | None, has_forecast: bool, as_json: bool
+) -> int:
     """Print how many people wait in an area, how long, and how many leave before the end, of areas with queue = true.
 
     The number of people needs no track ids; time counts where all cameras that see the area recorded. Waiting times
@@ -37,16 +41,22 @@ def queue(project: Project, week: str | None, days: str | None, floor_id: str | 
     is lost inside tells that the person waited at least that long (Aalen-Johansen). Little's law checks the mean stay
     without track ids: where the two disagree, the command says so.
 
+    With --forecast follow the people waiting in each hour of the next week, with a range that holds four of five such
+    hours, from at least four recorded weeks. For queues with queue_limit, the hours that may exceed it are listed.
+
     Exit code 1: no number of people is known, or no waiting time of a queue that has an end.
 
     \b
     Example:
       vsd queue --week last
+      vsd queue --week last --forecast
       vsd queue --range 2026-11-02..2026-11-15 --json
     """
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.compare import known_floor
+    from vsd_analytics.figures.forecast import HISTORY_WEEKS
+    from vsd_analytics.figures.queue_forecast import queue_forecasts
     from vsd_analytics.figures.queues import queues
 
     floor = known_floor(project.site, floor_id, [])
@@ -56,16 +66,19 @@ def queue(project: Project, week: str | None, days: str | None, floor_id: str | 
             why="queues are computed only for areas that are said to be one",
             fix='add queue = true to an [[area]] of vsd.toml, and served_in = "till-1" for its waiting times',
         )
-    with period_with_history(project, floor, week=week, days=days) as period:
+    n_weeks = HISTORY_WEEKS + 1 if has_forecast else None
+    with period_with_history(project, floor, week=week, days=days, n_weeks=n_weeks) as period:
         found = queues(period)
+        outlook = queue_forecasts(period.data, whole_week(period.last)) if has_forecast else ()
         notes = purged_hours_notes(period.data.warehouse)
     first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
         emit_json({"first": first, "last": last, "areas": [_as_dict(q) for q in found],
+                   **({"next_week": [forecast_dict(f) for f in outlook]} if has_forecast else {}),
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
-        click.echo(plain(_text(found, first=first, last=last)))
+        click.echo(plain("\n".join([_text(found, first=first, last=last), *forecast_lines(outlook)])))
     return 0 if all(_is_known(q) for q in found) else 1
 
 

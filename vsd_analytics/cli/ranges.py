@@ -102,8 +102,10 @@ def warn(notes: Iterable[str]) -> None:
 
 
 @contextmanager
-def period_with_history(project: Project, floor: Floor, *, week: str | None, days: str | None) -> Iterator[Period]:
-    """Open the days asked for on one floor, and the weeks before them.
+def period_with_history(
+    project: Project, floor: Floor, *, week: str | None, days: str | None, n_weeks: int | None = None
+) -> Iterator[Period]:
+    """Open the days asked for on one floor, and the weeks before them: five, or as many as asked for.
 
     These weeks tell which cameras see an area, so that a camera that was silent all the time is named.
     """
@@ -111,5 +113,5 @@ def period_with_history(project: Project, floor: Floor, *, week: str | None, day
     from vsd_analytics.stats.rates import HISTORY_WEEKS
 
     first, last = resolve(project, week=week, days=days)
-    with warehouse_of(project, week=None, days=f"{first - HISTORY_WEEKS * WEEK}..{last}") as warehouse:
+    with warehouse_of(project, week=None, days=f"{first - (n_weeks or HISTORY_WEEKS) * WEEK}..{last}") as warehouse:
         yield Period(FloorHours(warehouse, floor=floor), first, last)

@@ -132,6 +132,13 @@ def report(
         _remember(project, reports)
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
+    for report in reports:
+        if report.state in ("no_data", "too_incomplete"):
+            floor = "" if len(project.site.floors) == 1 else f" of {report.site.floor_name}"
+            project.say(
+                f"{report.week.iso}{floor}: {_share(report)} of the open hours were recorded, so the "
+                "page gives no change and no ranking; vsd coverage shows which hours, --week makes another week"
+            )
     warning = report_mail.late(project, every[0], week=week or "last") if is_sent and days is None else None
     if warning is not None:
         click.echo(render_error(warning, word="warning"), err=True)
@@ -154,6 +161,11 @@ def _remember(project: Project, reports: list[WeekReport]) -> None:
         remember(project.site, [choose(report) for report in reports if report.week.is_week])
     except VsdError as error:
         click.echo(render_error(error, word="warning"), err=True)
+
+
+def _share(report: WeekReport) -> str:
+    share = report.coverage.share
+    return "nothing" if not share else "under 1 %" if share < 0.01 else f"only {100 * share:.0f} %"
 
 
 def _exit_code(reports: list[WeekReport], *, strict: bool) -> int:

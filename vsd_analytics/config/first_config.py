@@ -79,6 +79,14 @@ def check_zone(name: str) -> None:
         raise UsageError(f"there is no time zone {name!r}", fix=f"such as {nearest_zone(name) or 'Europe/Rome'}")
 
 
+def check_unit(name: str) -> None:
+    """Raise UsageError (E101) unless `name` is a unit of length, or px."""
+    from vsd_analytics.config.file_columns import METRES
+
+    if name not in (*METRES, "px"):
+        raise UsageError(f"{name!r} is no unit of positions", fix=f"one of {', '.join((*METRES, 'px'))}")
+
+
 def check_opening(words: str) -> None:
     """Raise UsageError (E101) unless `words` are opening hours or "always"."""
     if words.strip().lower() != ALWAYS:

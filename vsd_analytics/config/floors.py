@@ -108,6 +108,7 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
         long_s = table.number("long_visit_s", minimum=1, maximum=86_400, unit="seconds", example="120")
         is_queue, served_in = table.flag("queue") or False, table.text("served_in", example='"till-1"')
+        limit = table.number("queue_limit", minimum=0, maximum=1_000_000, unit="people", example="5")
         capacity = _capacity(table)
         table.close()
         if area_id is not None:
@@ -124,10 +125,11 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
                 long_visit_s=long_s,
                 is_queue=is_queue,
                 served_in=served_in,
+                queue_limit=limit,
                 capacity=capacity,
             )
     for table in tables:
-        _check_served_in(table, areas)
+        _check_queue(table, areas)
     return tuple(areas.values())
 
 
@@ -136,9 +138,11 @@ def _capacity(table: TableReader) -> int | None:
     return None if found is None else int(found)
 
 
-def _check_served_in(table: TableReader, areas: Mapping[str, Area]) -> None:
-    """Note a queue that leads to no other area of its floor, and an area that leads somewhere without being a queue."""
+def _check_queue(table: TableReader, areas: Mapping[str, Area]) -> None:
+    """Note a queue that leads to no other area of its floor, and keys of a queue in an area that is none."""
     own, end = areas.get(str(table.values.get("id"))), areas.get(str(table.values.get("served_in")))
+    if own is not None and own.queue_limit is not None and not own.is_queue:
+        table.fault("queue_limit", f"{table.label} has queue_limit but is no queue", fix="add: queue = true")
     if own is None or own.served_in is None:
         return
     if not own.is_queue:

@@ -39,16 +39,23 @@ def examine_live(
         site: The site.
         now: The clock.
         environ: Environment, for the password.
-        config: The broker's configuration; None = the usual file when the broker is on this machine.
+        config: The broker's configuration; None = the usual file when the broker is on this machine, and the file is
+            of a broker with its port.
     """
     if site.broker is None:
         return
     yield from examine_listener(site, status=read_status(site.root), now=now)
     yield from _examine_broker(site.broker, environ=environ)
-    if config is None and site.broker.host in LOCAL_HOSTS and USUAL_CONFIG.exists():
-        config = USUAL_CONFIG
     if config is not None:
         yield from examine_config(config)
+    elif site.broker.host in LOCAL_HOSTS and USUAL_CONFIG.exists():
+        ports = ports_of(USUAL_CONFIG)
+        if ports is None or site.broker.port in ports:
+            yield from examine_config(USUAL_CONFIG)
+        else:
+            shown = ", ".join(map(str, sorted(ports)))
+            detail = f"{USUAL_CONFIG} is of another broker: it listens on {shown}, vsd.toml names {site.broker.port}"
+            yield Finding("broker configuration", "note", detail, "vsd doctor --broker-config with the file of yours")
 
 
 def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datetime) -> Iterator[Finding]:
@@ -227,6 +234,15 @@ def repeated(path: Path) -> list[str]:
     """
     counts = Counter(key for key, _ in _settings(path) if key in _ONCE)
     return [f"{key} is there {n} times: the broker does not start" for key, n in sorted(counts.items()) if n > 1]
+
+
+def ports_of(path: Path) -> set[int] | None:
+    """Return the ports that a mosquitto.conf listens on, 1883 where it names none; None when it cannot be read."""
+    try:
+        named = [value.split()[0] for key, value in _settings(path) if key in ("listener", "port") and value]
+    except (OSError, UnicodeDecodeError):
+        return None
+    return {int(port) for port in named if port.isdecimal() and int(port)} or {1883}
 
 
 def parse_config(path: Path) -> dict[str, str]:

@@ -20,7 +20,6 @@ from vsd_analytics.engine.people import Array
 from vsd_analytics.errors import UsageError
 
 Convention = Literal["inset", "share"]
-CONVENTIONS: Final[tuple[Convention, ...]] = ("inset", "share")
 SMALLEST_SHARE: Final = 1e-3
 """Below, the trapezoid has no top or no height, and the map cannot be inverted."""
 

@@ -18,7 +18,15 @@ import shapely
 
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
-from vsd_analytics.figures.change_verdicts import FloorEffect, by_day, floor_effect, running, timed
+from vsd_analytics.figures.change_verdicts import (
+    FloorEffect,
+    by_day,
+    floor_effect,
+    left_alone,
+    rests_on,
+    running,
+    timed,
+)
 from vsd_analytics.figures.change_weeks import (
     WEEKS,
     Windows,
@@ -206,7 +214,7 @@ def before_after(
         times = [timed(data, a.area_id) for a in (area, *chosen)]
         burden = _effect(pair, place, others, windows=windows, per="x_h", times=times)
         close = _effect(pair, place, others, windows=windows, times=times)
-    whole = floor_effect(data, area, windows)
+    whole, so_far = floor_effect(data, area, windows), running(data, area, chosen, windows)
     if effect.theta is None and often.theta is None:
         return _refused(number, entry, area, "not_enough_data", effect.reason, windows, left_out)
     trend = effect.trend or often.trend
@@ -214,11 +222,15 @@ def before_after(
         doubts = [Reason("redesign.trend", per_week=trend.per_week, lo=trend.lo, hi=trend.hi), *doubts]
     if trend is None:
         notes = (*notes, Reason("redesign.no_trend"))
+    doubt, unsteady = rests_on(so_far, left_alone(data, chosen, windows))
+    doubts = [*doubts, doubt] if doubt is not None else doubts
     return BeforeAfterFigure(
         number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
         reason=None, design="beside", is_credible=not doubts, doubts=tuple(doubts), windows=windows,
-        cautions=_cautions(burden or effect, whole, windows, changes_elsewhere(site, entry, area, windows)),
-        burden=burden, close=close, routes=_routes(burden, close), running=running(data, area, chosen, windows),
+        cautions=_cautions(
+            burden or effect, whole, windows, [*unsteady, *changes_elsewhere(site, entry, area, windows)]
+        ),
+        burden=burden, close=close, routes=_routes(burden, close), running=so_far,
         floor=whole, effect=effect, often=often, alone=alone,
         comparison=rates.change_risky(pair, _together(others)), people=people,
         neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
@@ -338,7 +350,7 @@ def _cautions(
         if abs(np.log(effect.theta)) < apart_weeks * np.log1p(trend.detectable_per_week):
             slope = trend.detectable_per_week
             found.append(Reason("redesign.unseen_trend", per_week=slope, n=trend.n_weeks))
-    if effect.theta is not None and effect.n_areas < test.MIN_PLACEBO_AREAS:
+    if effect.theta is not None and 1 < effect.n_areas < test.MIN_PLACEBO_AREAS:
         found.append(Reason("redesign.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
     if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOVED:
         found.append(Reason("redesign.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))

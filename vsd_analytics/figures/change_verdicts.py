@@ -69,35 +69,80 @@ def floor_effect(data: FloorHours, area: Area, windows: Windows) -> FloorEffect 
 def running(data: FloorHours, area: Area, others: Sequence[Area], windows: Windows) -> RunningVerdict | None:
     """Return the verdict on a change after all weeks watched so far; None where violation time is unknown.
 
-    Comparison areas that the log names later are left out. Where a camera was recalibrated in these weeks there is
-    no verdict: such weeks were not measured alike.
+    Comparison areas that the log names later are left out. Each of the others is also left out in turn, as it may have
+    taken up the people who left; of a single one, what then remains is the area by itself. Where a camera was
+    recalibrated in these weeks there is no verdict: such weeks were not measured alike.
     """
     if not np.isfinite(data.violation_h).all():
         return None
-    changed = changed_areas(data.site, windows.trend[0], windows.watched[1])
-    left = [a for a in others if a.area_id not in changed]
+    left = left_alone(data, others, windows)
     reason = None if left else Reason("redesign.no_comparison")
     if _is_recalibrated(data, (area, *left), windows.trend[0], windows.watched[1]):
         reason = Reason("redesign.not_alike")
     if reason is not None:
         return RunningVerdict(None, None, None, None, (), None, 0, 0, "too_little_data", "not_enough_data", reason)
-    y = [log_ratios(data, area, left, span) for span in (windows.trend, windows.watched)]
-    return running_verdict(*y, confidence=data.site.settings.confidence)
+    spans = (windows.trend, windows.watched)
+    own = [log_rates(data, [area], span) for span in spans]
+    weeks = [_weeks_of(data, left, span) for span in spans]
+
+    def beside(kept: Sequence[int]) -> tuple[Array, Array]:
+        before, after = (
+            y - (_log_rate(data, n[kept].sum(axis=0), x_h[kept].sum(axis=0)) if kept else 0.0)
+            for y, (n, x_h) in zip(own, weeks, strict=True)
+        )
+        return before, after
+
+    each = range(len(left))
+    return running_verdict(
+        *beside(list(each)),
+        without=[beside([j for j in each if j != k]) for k in each],
+        confidence=data.site.settings.confidence,
+    )
 
 
-def log_ratios(data: FloorHours, area: Area, others: Sequence[Area], span: Days) -> Array:
-    """Return by week the log ratio of an area's violation time per open hour to that of others together.
+def left_alone(data: FloorHours, others: Sequence[Area], windows: Windows) -> list[Area]:
+    """Return the comparison areas of a running verdict: those that the log does not name while it is watched."""
+    changed = changed_areas(data.site, windows.trend[0], windows.watched[1])
+    return [a for a in others if a.area_id not in changed]
+
+
+def rests_on(found: RunningVerdict | None, left: Sequence[Area]) -> tuple[Reason | None, list[Reason]]:
+    """Return how far a running verdict rests on a single comparison area: as a doubt, and as cautions.
+
+    It is a doubt where the area would not have changed, or the other way, beside the others.
+    """
+    if len(left) == 1:
+        return None, [Reason("redesign.one_area", area=left[0].name)]
+    if found is None or found.all_theta is None:
+        return None, []
+    if (k := found.rests_on) is not None and (theta := found.without[k]) is not None:
+        is_turned = found.unclear_without is not None and (theta < 1) != (found.all_theta < 1)
+        code = "redesign.rests_wholly" if is_turned else "redesign.rests_on"
+        why = Reason(code, area=left[k].name, without=theta - 1, beside=found.all_theta - 1)
+        return (why, []) if is_turned else (None, [why])
+    if found.unclear_without is not None:
+        return None, [Reason("redesign.unclear_without", area=left[found.unclear_without].name)]
+    return None, []
+
+
+def log_rates(data: FloorHours, areas: Sequence[Area], span: Days) -> Array:
+    """Return by week the log of the violation time per open hour of some areas together.
 
     Returns:
         Shape (n_weeks,); NaN in a week that recorded too little of the open hours, or in which nothing was counted.
     """
-    return log_rates(data, [area], span) - log_rates(data, others, span)
+    n, x_h = _weeks_of(data, areas, span)
+    return _log_rate(data, n.sum(axis=0), x_h.sum(axis=0))
 
 
-def log_rates(data: FloorHours, areas: Sequence[Area], span: Days) -> Array:
-    """Return by week the log of the violation time per open hour of some areas together; NaN as for `log_ratios`."""
+def _weeks_of(data: FloorHours, areas: Sequence[Area], span: Days) -> tuple[Array, Array]:
+    """Return violation time and recorded open hours of areas by week, shape (n_areas, n_weeks) each."""
     panels = [data.panel(timed(data, a.area_id), days_of(span)) for a in areas]
-    n, x_h = (by_week(np.sum([getattr(p, name).sum(axis=0) for p in panels], axis=0)) for name in ("n", "x_h"))
+    n, x_h = (by_week(np.array([getattr(p, name).sum(axis=0) for p in panels])) for name in ("n", "x_h"))
+    return n, x_h
+
+
+def _log_rate(data: FloorHours, n: Array, x_h: Array) -> Array:
     known = (n > 0) & (x_h > 0) & (x_h >= data.site.settings.min_coverage * x_h.max(initial=0.0))
     return np.log(np.divide(n, x_h, out=np.full_like(n, np.nan), where=known))
 

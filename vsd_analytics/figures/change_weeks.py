@@ -55,10 +55,15 @@ def days_needed(site: Site, number: int, *, weeks: int = WEEKS) -> Days:
     day = local_day(site, log_entry(site, number))
     n_out = int(site.settings.washout_days) * DAY
     first, last = day - max(weeks, REFERENCE_WEEKS) * WEEK - n_out, day + max(weeks, WATCHED_WEEKS) * WEEK + n_out
+    return _stored(site, day, first, last)
+
+
+def _stored(site: Site, day: date, first: date, last: date) -> Days:
+    """Return the days that records can fill, so that page, planner and command compare the same weeks."""
     extent = stored_extent(site, near=day)
-    if extent is not None:
-        first, last = max(first, min(day, extent.first_day)), min(last, max(day, extent.last_day))
-    return first, last
+    if extent is None:
+        return first, last
+    return max(first, min(day, extent.first_day)), min(last, max(day, extent.last_day))
 
 
 def log_entry(site: Site, number: int) -> LogEntry:
@@ -84,8 +89,9 @@ def windows_of(
         area_id: The area looked at.
         weeks: Whole weeks compared on either side, at most.
     """
-    site, first, last = warehouse.site, warehouse.first, warehouse.last
+    site = warehouse.site
     day, n_out = local_day(site, entry), int(site.settings.washout_days)
+    first, last = _stored(site, day, warehouse.first, warehouse.last)
     first_out = day - (n_out - 1) // 2 * DAY if n_out else day
     end_before, start_after = first_out - DAY, first_out + n_out * DAY
     n_before, n_after = ((end_before - first).days + 1) // 7, ((last - start_after).days + 1) // 7

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.figures.links import Links, links
 from vsd_analytics.figures.panels import Array, Flags, Ints, Period, Place, positions
 from vsd_analytics.figures.visits import NO_TRACK_IDS, NOBODY, per_open_hour, sends_ids
 from vsd_analytics.result import Reason
@@ -23,6 +24,8 @@ from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import ShareEstimate
 from vsd_analytics.stats.next_area import InflowCheck, Leaving, NextAreas, inflow_checks, next_areas
 
+MOST_LINKED: Final = 0.05
+"""Share of those who leave an area that may go on unseen, by estimated links, before shares say nothing of them all."""
 MAX_ROUTE: Final = 6
 """Routes of more areas than this are one sum: nearly each of them is somebody's own."""
 MAX_ROUTES: Final = 12
@@ -123,12 +126,14 @@ class Flow:
         routes: Routes from door to door.
         silent_cameras: Cameras of the floor that recorded nothing of the period.
         recorded_share: Recorded share of the opening hours of its cameras.
+        links: Estimated links over floor where nobody is followed; in no other figure.
     """
 
     areas: tuple[AreaFlow, ...]
     routes: DoorRoutes
     silent_cameras: tuple[str, ...]
     recorded_share: float
+    links: Links
 
 
 def flow(period: Period) -> Flow | None:
@@ -141,11 +146,30 @@ def flow(period: Period) -> Flow | None:
     moves = _Moves.of(period, rows, asked)
     recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1)
     open_s = float(data.hours.open_s[period.is_inside].sum()) * len(data.ids)
+    unseen = links(period)
     return Flow(
-        _areas(period, moves, asked),
+        tuple(_of_those_in_view(of, unseen) for of in _areas(period, moves, asked)),
         _routes(period, moves, asked),
         tuple(c for c, s in zip(data.ids, recorded, strict=True) if not s),
         float(recorded.sum()) / open_s if open_s else 0.0,
+        unseen,
+    )
+
+
+def _of_those_in_view(of: AreaFlow, unseen: Links) -> AreaFlow:
+    """Return the flow from an area without intervals where links say that people go on where nobody follows them.
+
+    They are lost because of where they go, so that the shares are those of people who stay in view.
+    """
+    share = sum(link.share.value or 0.0 for link in unseen.found if link.origin == of.area)
+    if share <= MOST_LINKED or of.following.reason is not None:
+        return of
+    why = Reason("flow.left_view", share=min(1.0, share))
+    bare = [replace(to.share, lo=None, hi=None, state="not_enough_data", reason=why) for to in of.to]
+    return replace(
+        of,
+        to=tuple(replace(to, share=s) for to, s in zip(of.to, bare, strict=True)),
+        following=replace(of.following, reason=why),
     )
 
 

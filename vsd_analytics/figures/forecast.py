@@ -168,11 +168,38 @@ def _series(
     unit, denominator = ("violations", "open hour") if is_count else ("people in view, mean", "recorded open hours")
     if why is not None:
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", why)
+    both = (slots.open_h[-1], open_h)
+    return series_forecast(
+        weeks, slots.monday, open_h=both, is_count=is_count, share=share, unit=unit, denominator=denominator
+    )
+
+
+def series_forecast(
+    weeks: Weeks,
+    monday: date,
+    *,
+    open_h: tuple[Floats, Floats],
+    is_count: bool,
+    share: float,
+    unit: str,
+    denominator: str,
+) -> SeriesForecast:
+    """Forecast a quantity for the week after the last one, and score the forecast of that one.
+
+    Args:
+        weeks: What was counted, oldest week first.
+        monday: First day of the last week.
+        open_h: Open hours of the slots of the last week and of the next one, each of shape (168,).
+        is_count: True for counts of events; False for amounts such as person-hours.
+        share: Share of hours the ranges are to hold.
+        unit: In words.
+        denominator: What it is divided by, in words.
+    """
     n, x_h = weeks.n, weeks.x_h
-    made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h, share=share)
-    before = forecast_week(n[:-1], x_h[:-1], is_count=is_count, open_h=slots.open_h[-1], share=share)
+    made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h[1], share=share)
+    before = forecast_week(n[:-1], x_h[:-1], is_count=is_count, open_h=open_h[0], share=share)
     score = score_forecast(before, n[-1], x_h[-1])
-    rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
+    rows = _rows(monday, open_h[1], made) if made.state == "ok" else ()
     level = made.level if made.state == "ok" else None
     return SeriesForecast(
         unit, denominator, rows, made.share, level, made.n_recorded_weeks, score, made.state, made.reason

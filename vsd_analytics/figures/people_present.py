@@ -1,7 +1,8 @@
 """How many people are in a place at once: recorded open time by their number, and levels made of it.
 
 Places that ask for it: queues, and areas and floors with a capacity. Time counts where every camera that sees the place
-recorded: without one of them a count is a lower bound, which is no count.
+recorded: without one of them a count is a lower bound, which is no count. Levels are of the open hours of the period:
+recorded hours stand for those of the same hour of the week that were not (`vsd_analytics.stats.recorded_hours`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.recorded_hours import RecordedHours, recorded_hours
 
 NOBODY: Final = Reason("nobody.on_camera")
 NEVER: Final = Reason("present.never")
@@ -147,11 +149,14 @@ class Presence:
         return tuple(sorted(set(self.data.hours.hour[known].tolist())))
 
     @cached_property
+    def recorded(self) -> RecordedHours:
+        """Return how much each hour of the period counts in which the place is known."""
+        return hours_that_stand_for_all(self.period, self.is_known)
+
+    @property
     def unrecorded_hours(self) -> tuple[int, ...]:
         """Return the hours of the day that are open in the period and never known: levels say nothing of them."""
-        hours = self.data.hours
-        opened = set(hours.hour[self.period.is_inside & (hours.open_s > 0)].tolist())
-        return tuple(sorted(opened - set(self.hours_of_day())))
+        return self.recorded.unknown_hours
 
     def _share(self, chosen: Flags, hour: int | None) -> RateEstimate:
         return _at_most_one(self._level(self.seconds @ chosen.astype(np.float64), hour, NEVER))
@@ -165,9 +170,10 @@ class Presence:
         hours, settings = self.data.hours, self.data.site.settings
         chosen = self.is_known if hour is None else self.is_known & (hours.hour == hour)
         time_s = self.seconds.sum(axis=1) if per is None else per
+        weight = np.where(self.period.is_inside, self.recorded.weight, 1.0)
 
         def by_day(values: Array, days: Sequence[int]) -> Array:
-            used = np.where(chosen, values, 0.0)
+            used = np.where(chosen, values * weight, 0.0)
             return np.array([[used[hours.day == d].sum() for d in days]])
 
         now, past = ([d.toordinal() for d in days] for days in (self.period.days, self.period.history_days))
@@ -181,7 +187,26 @@ class Presence:
             min_days=settings.min_days,
             **history(self.period, by_day(amount, past), history_x_h=by_day(time_s, past) / 3600),
         )
-        return in_units(found, SECONDS, nothing)
+        found = in_units(found, SECONDS, nothing)
+        return found if hour is not None or self.recorded.stands_for_all else _of_other_hours(found, self.recorded)
+
+
+def hours_that_stand_for_all(period: Period, is_known: Flags) -> RecordedHours:
+    """Return how much each hour of a period counts, of those that are known, shape (n_hours,)."""
+    hours = period.data.hours
+    return recorded_hours(hours.weekday, hours.hour, np.where(period.is_inside, hours.open_s, 0.0), is_known)
+
+
+def why_not_all(recorded: RecordedHours) -> Reason:
+    """Return why a figure of recorded hours is none of the open hours."""
+    return Reason("present.hours", share=recorded.unknown_share)
+
+
+def _of_other_hours(found: RateEstimate, recorded: RecordedHours) -> RateEstimate:
+    """Return a level that is one of the recorded hours alone: no interval holds that of the open hours."""
+    if found.rate is None:
+        return found
+    return replace(found, lo=None, hi=None, state="not_enough_data", reason=why_not_all(recorded))
 
 
 def _at_most_one(found: RateEstimate) -> RateEstimate:

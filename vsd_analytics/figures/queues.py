@@ -6,18 +6,27 @@ waiting times are found: `vsd_analytics.stats.waiting`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from vsd_analytics.figures.panels import Array, Flags, Ints, Period, positions
-from vsd_analytics.figures.people_present import NOBODY, PeopleQuantile, Presence
+from vsd_analytics.figures.people_present import (
+    NOBODY,
+    PeopleQuantile,
+    Presence,
+    hours_that_stand_for_all,
+    why_not_all,
+)
 from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
+from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.dwell import Dwell, dwell
 from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.recorded_hours import RecordedHours
 from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, WaitTimes, waiting
 
 BUSY_SHARE: Final = 0.9
@@ -134,8 +143,12 @@ def queues(period: Period) -> tuple[AreaQueue, ...]:
 def _queue(period: Period, area: Area, seen: _Waits) -> AreaQueue:
     present = Presence(period, area)
     why = _why_no_waits(period, area, present)
-    found = None if why else QueueWaits(_waiting(period, seen), _stays(period, area, seen), int(seen.was_served.sum()))
+    recorded = [hours_that_stand_for_all(period, is_known) for is_known in period.data.hours.is_counted]
     of_day = period.data.hours.hour[seen.hour]
+    found = None
+    if why is None:
+        waits = _of_open_hours(_waiting(period, seen, recorded), [recorded[c] for c in np.unique(seen.camera).tolist()])
+        found = QueueWaits(waits, _stays(period, area, seen), int(seen.was_served.sum()))
     return AreaQueue(
         area,
         present.mean(),
@@ -143,7 +156,7 @@ def _queue(period: Period, area: Area, seen: _Waits) -> AreaQueue:
         found,
         why,
         tuple(
-            QueueHour(h, present.mean(hour=h), None if why else _waiting(period, seen.of(of_day == h)))
+            QueueHour(h, present.mean(hour=h), None if why else _waiting(period, seen.of(of_day == h), recorded))
             for h in present.hours_of_day()
         ),
         present.recorded_share,
@@ -162,16 +175,31 @@ def _why_no_waits(period: Period, area: Area, present: Presence) -> Reason | Non
     return NO_TRACK_IDS if without.issuperset(seeing) else None
 
 
-def _waiting(period: Period, seen: _Waits) -> WaitTimes:
-    """Return the waiting times of those who did not come back from the area of service."""
+def _waiting(period: Period, seen: _Waits, recorded: Sequence[RecordedHours]) -> WaitTimes:
+    """Return the waiting times of those who did not come back from the area of service.
+
+    Who enters in an hour of the week that its camera missed on other days stands for those who entered then.
+    """
     waited, settings = seen.of(~seen.was_served), period.data.site.settings
     return waiting(
         np.maximum(waited.wait_s, 0.0),
         waited.outcome,
         period.data.hours.day[waited.hour],
+        weight=np.array([r.weight for r in recorded])[waited.camera, waited.hour] if recorded else None,
         confidence=settings.confidence,
         min_days=settings.min_days,
     )
+
+
+def _of_open_hours(found: WaitTimes, recorded: Sequence[RecordedHours]) -> WaitTimes:
+    """Return waiting times without intervals where they are those of some hours of the day alone."""
+    missed = [r for r in recorded if not r.stands_for_all]
+    if not missed or found.reason is not None:
+        return found
+    why = why_not_all(max(missed, key=lambda r: r.unknown_share))
+    median, p90 = (QuantileEstimate(q.q, q.value_s, None, None) for q in (found.median, found.p90))
+    share = replace(found.left_share, lo=None, hi=None, state="not_enough_data", reason=why)
+    return replace(found, median=median, p90=p90, left_share=share, state="not_enough_data", reason=why)
 
 
 def _stays(period: Period, area: Area, seen: _Waits) -> Dwell:

@@ -12,8 +12,11 @@ import pyarrow.compute as pc
 
 # 7.0 and the 7.0000000e+00 of numpy.savetxt are the id 7; "12e4" is a hexadecimal id and stays one
 _WHOLE = re.compile(r"^(-?\d+)\.0*$")
-NO_ID = frozenset({"", "-1", "na", "n/a", "nan", "nil", "none", "null", "undefined", "<na>", "#n/a", "\\n"})
-"""What programs write for a person whom no tracker follows (in lower case); -1 is that of MOTChallenge and others."""
+NO_ID = frozenset(
+    {"", "-1", "18446744073709551615", "na", "n/a", "nan", "nil", "none", "null", "undefined", "<na>", "#n/a", "\\n"}
+)
+"""What programs write for a person whom no tracker follows (in lower case); -1 is that of MOTChallenge and others,
+the largest number of 64 bits that of DeepStream."""
 _SCIENTIFIC = re.compile(r"^-?\d\.\d+[eE][+-]\d{2,3}$")
 
 

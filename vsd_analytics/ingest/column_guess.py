@@ -9,7 +9,7 @@ from typing import Final
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS, PLACES
 from vsd_analytics.ingest.table_file import Header
-from vsd_analytics.ingest.telling_names import ids_like, named_like, place_like, time_like
+from vsd_analytics.ingest.telling_names import ids_like, named_like, of_another_person, place_like, time_like
 from vsd_analytics.ingest.units import unit_in_name
 from vsd_analytics.schema import TableName
 
@@ -47,6 +47,18 @@ def proposed_columns(header: Header, found: Mapping[str, int], *, kind: TableNam
     if "track_id" not in found and (ids := [name for name in ids_like(free) if name not in used]):
         renames["track_id"] = ids[0]
     return renames | place
+
+
+def proposed_pairs(header: Header) -> dict[str, str]:
+    """Return the renames of a table with two people in a row, whose columns differ in a number; {} for others."""
+    for name in ids_like(header.names):
+        other = of_another_person(name, header.names)
+        place = place_like([n for n in header.names if n not in (name, other)])
+        corners = [place.get(side) for side in ("left", "top", "right", "bottom")]
+        if other is not None and all(corners):
+            ours = ("track_a", "track_b", "x_a_m", "y_a_m", "x_b_m", "y_b_m")
+            return {o: str(n) for o, n in zip(ours, (name, other, *corners), strict=True)}
+    return {}
 
 
 def completed(proposed: Mapping[str, str], ours: str, header: Header, *, wanted: str) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,8 +11,15 @@ from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.cell_values import is_number
-from vsd_analytics.ingest.column_guess import completed, nearest_name, proposed_columns, renames_option
+from vsd_analytics.ingest.column_guess import (
+    completed,
+    nearest_name,
+    proposed_columns,
+    proposed_pairs,
+    renames_option,
+)
 from vsd_analytics.ingest.table_file import Header
+from vsd_analytics.ingest.telling_names import of_another_person, place_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import parse_where
 from vsd_analytics.schema import TableName
@@ -97,8 +105,10 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     else:
         place = max(PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
         lacking = [c for c in place if c not in found]
+        if lacking and (pair := proposed_pairs(header)):
+            raise _missing(source, lacking[0], header, "a row seems to be two people", {**_time_of(proposed), **pair})
         if lacking:
-            raise _missing(source, lacking[0], header, "without a position no distance can be measured", proposed)
+            raise _missing(source, lacking[0], header, _alone(header), proposed)
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
         raise InputError(
@@ -117,6 +127,18 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     where = () if options.where is None else parse_where(options.where)
     compared = {c.column: _their_column(source, c.column, header) for c in where}
     return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
+
+
+def _time_of(proposed: Mapping[str, str]) -> dict[str, str]:
+    return {ours: theirs for ours, theirs in proposed.items() if ours in ("ts", "camera_id")}
+
+
+def _alone(header: Header) -> str:
+    """Return why a position is needed, or that a row holds several."""
+    several = [n for n in header.names if re.search(r"\d", n) and of_another_person(n, header.names)]
+    if len(several) >= 4 and not place_like(header.names):
+        return "a row seems to hold several people: write one row for each of them"
+    return "without a position no distance can be measured"
 
 
 def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:
@@ -214,7 +236,8 @@ def _missing(
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
-    renames = completed(proposed or {}, ours or column, header, wanted=column)
+    is_pair = proposed is not None and "track_a" in proposed and "x_a_m" in proposed
+    renames = dict(proposed or {}) if is_pair else completed(proposed or {}, ours or column, header, wanted=column)
     near = renames.get(ours or column)
     at = header.text.find(near) + 1 if header.text and near else 0
     if header.line is None and header.text is not None:

@@ -76,7 +76,11 @@ class FrameRows:
         if at.tzinfo is None:
             zone = self._options.clocks.get(camera or "", self._options.frame_zone)
             at = at.replace(tzinfo=UTC)
-        self._frames.append((camera, (at - _EPOCH) // _MS, zone, len(seen), line))
+        ts_ms = (at - _EPOCH) // _MS
+        if self._options.period_s and self._options.period_s >= 0.001:
+            period_ms = self._options.period_s * 1000
+            ts_ms = int(math.floor(ts_ms / period_ms) * period_ms)
+        self._frames.append((camera, ts_ms, zone, len(seen), line))
         self._seen += seen
         self.n_rows += 1 + len(seen)
 

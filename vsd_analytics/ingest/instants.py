@@ -170,6 +170,7 @@ def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: st
 def _from_texts(texts: pa.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return milliseconds as written, which texts are wrong, and which have an offset."""
     texts = pc.replace_substring_regex(texts, r"(:\d{2}),(\d)", r"\1.\2")  # ISO 8601 allows a comma before fractions
+    texts = pc.replace_substring_regex(texts, r"(\d) ?(?:UTC|GMT)$", r"\1Z")  # as databases export them
     is_iso = pc.match_substring_regex(texts, _ISO).to_numpy(zero_copy_only=False)
     has_offset = pc.match_substring_regex(texts, _OFFSET).to_numpy(zero_copy_only=False)
     ms, is_wrong = np.zeros(len(texts)), ~is_iso

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from vsd_analytics.errors import InputError, Where
@@ -30,10 +30,7 @@ class JsonMessages(ABC):
 
     def detects(self, source: Source) -> bool:
         """Return whether the file begins as JSON and its first bytes have the keys of this format."""
-        if not source.path.is_file():
-            return False
-        head = source.head().removeprefix(b"\xef\xbb\xbf").lstrip()
-        return head.startswith((b"{", b"[")) and all(re.search(rf'"{m}"\s*:'.encode(), head) for m in self.marks)
+        return has_marks(source, self.marks)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the messages; one that cannot be used goes to quarantine.
@@ -73,6 +70,14 @@ class JsonMessages(ABC):
         Raises:
             BadRowError: It cannot be used.
         """
+
+
+def has_marks(source: Source, marks: Sequence[str]) -> bool:
+    """Return whether a file begins as JSON, and its first bytes have all of these keys."""
+    if not source.path.is_file():
+        return False
+    head = source.head().removeprefix(b"\xef\xbb\xbf").lstrip()
+    return head.startswith((b"{", b"[")) and all(re.search(rf'"{m}"\s*:'.encode(), head) for m in marks)
 
 
 def inner(message: Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -4,6 +4,10 @@ A message is one frame of one sensor: `{"version": "4.0", "id", "timestamp", "se
 JSON objects, or in DeepStream's minimal payload texts `id|left|top|right|bottom|type|...`. Pairs are computed from the
 positions, as for every engine. The clusters that the service itself reports (`socialDistancing`) are not distances:
 they are left out and counted.
+
+DeepStream's full payload (`mdsversion`, the converter's default) is one message for each object instead: `sensor.id`,
+`object.id`, `object.bbox`, and the class as a key of the object (`person`, `vehicle`). Where each message has the time
+at which it was written, `--period` makes one frame of those of a frame.
 """
 
 from __future__ import annotations
@@ -11,14 +15,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
-from vsd_analytics.ingest.json_messages import JsonMessages, inner, listed, text
+from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed, text
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.telling_names import PERSON
 
 CLUSTERS = "cluster of the engine"
 OTHERS = "not a person"
+_CLASS_KEYS = ("person", "vehicle", "bike", "roadsign", "face", "product", "pose")
+"""Keys that say what an object of the full payload is."""
 
 
 class Nvidia(JsonMessages):
@@ -28,13 +34,19 @@ class Nvidia(JsonMessages):
     coordinates: ClassVar = "floor metres (footLocation3D, coordinate), else pixels (footLocation2D, box)"
     engine: ClassVar = "nvidia nvschema"
     marks: ClassVar = ("sensorId", "objects")
+    full_marks: ClassVar = ("mdsversion", "sensor", "object")
+
+    def detects(self, source: Source) -> bool:
+        """Return whether the file begins with frame messages, or with those of single objects."""
+        return super().detects(source) or has_marks(source, self.full_marks)
 
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: its persons, with the best position that the message has of them."""
-        camera = text(message, "sensorId") or options.camera
+        is_full = "object" in message and "objects" not in message
+        camera = (text(inner(message, "sensor"), "id") if is_full else text(message, "sensorId")) or options.camera
         at = instant_of(message.get("timestamp", message.get("@timestamp")))
         seen, n_others = [], 0
-        for found in listed(message, "objects"):
+        for found in [message["object"]] if is_full else listed(message, "objects"):
             kind, person = _minimal(found) if isinstance(found, str) else _whole(found, options)
             if kind.lower() in PERSON:
                 seen.append(person())
@@ -60,7 +72,8 @@ def _whole(found: Any, options: IngestOptions) -> tuple[str, Any]:
             picture = _of_text(info.get("footLocation2D")) or _foot(inner(found, "bbox"))
         return SeenPerson(id_of(found.get("id")), floor, picture)
 
-    return text(found, "type"), person
+    kind = text(found, "type") or next((key for key in _CLASS_KEYS if isinstance(found.get(key), dict)), "")
+    return "person" if kind == "pose" else kind, person
 
 
 def _minimal(line: str) -> tuple[str, Any]:
@@ -97,5 +110,6 @@ def _of_floor(coordinate: Mapping[str, Any]) -> tuple[float, float] | None:
 def _foot(box: Mapping[str, Any]) -> tuple[float, float] | None:
     if not box:
         return None
-    left, right, bottom = (finite(box.get(name)) for name in ("leftX", "rightX", "bottomY"))
+    names = ("leftX", "rightX", "bottomY") if "leftX" in box else ("topleftx", "bottomrightx", "bottomrighty")
+    left, right, bottom = (finite(box.get(name)) for name in names)
     return (left + right) / 2, bottom

@@ -24,6 +24,8 @@ from vsd_analytics.ingest.raw import BadRowError
 READ_BYTES = 1 << 16
 OTHERS, UNKNOWN, PARTS = "not a person", "object without a class", "part of a person"
 PERSONS = frozenset({"human", "humanbody", "person", "pedestrian"})
+_NO_PARENT = frozenset({None, "", "0"})
+"""What cameras write as `Parent` of an object that is a part of nothing."""
 CLASSES_MAX = 10_000
 """Objects whose class is remembered."""
 _END = re.compile(rb"</(?:[\w.-]+:)?MetadataStream\s*>")
@@ -174,7 +176,8 @@ class _Reader:
         elif not self._is_in_frame:
             return
         elif tag == "Object":
-            self._objects.append(_Object(attributes.get("ObjectId"), attributes.get("Parent")))
+            parent = attributes.get("Parent")
+            self._objects.append(_Object(attributes.get("ObjectId"), None if parent in _NO_PARENT else parent))
         elif tag in ("Translate", "Scale"):
             self._guarded(lambda: setattr(self, f"_{tag.lower()}", _numbers(attributes, "x", "y")))
         elif tag == "BoundingBox" and self._objects and self._objects[-1].box is None:

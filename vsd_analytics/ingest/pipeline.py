@@ -19,10 +19,12 @@ from vsd_analytics.ingest.adapters import adapter, formats
 from vsd_analytics.ingest.import_identity import import_id
 from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.limits import within_bounds
+from vsd_analytics.ingest.no_table import not_recognised
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.sample import SAMPLE_ROWS
+from vsd_analytics.ingest.table_rows import LEFT_OUT
 from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site, SourceProfile
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 ENGINE_MAX_CHARS = 200
 _NOTHING_SAID = IngestOptions()
 
-_OF_PROFILE = (
+OF_PROFILE = (
     *(
         "format",
         "camera",
@@ -148,21 +150,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         raise empty(source)
     if options.map and source.path.is_file():
         return adapter("table")
-    mapping = None
-    if source.path.is_file() and source.head(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")):
-        from vsd_analytics.ingest.json_guess import guessed_mapping
-
-        mapping = guessed_mapping(source)
-    named = f"name it: --format {' | '.join(formats())}; headerless tables need --columns"
-    raise InputError(
-        f"the format of {source.file_name} is not recognised",
-        code="E204",
-        where=where,
-        why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
-        fix=f"{named}; or write an adapter: docs/plugins.md"
-        if mapping is None
-        else f"say where its values are, probably: {mapping}",
-    )
+    raise not_recognised(source, formats())
 
 
 def ingest(
@@ -275,7 +263,7 @@ class _Ingest:
                     result.n_records[name] += rows.num_rows
                     _note_times(result, rows["ts"])
             if not result.n_records and not quarantine.counts and not result.notes:
-                result.notes.append("W212: no record was found in it")
+                result.notes.append(f"W212: no record was found in it{_left_out(result)}")
             if result.is_new_shape and result.card is not None and result.n_records and not self.is_dry_run:
                 note_shape(self.site.root, result.card.shape)
         except DiskError:
@@ -349,6 +337,15 @@ class _Ingest:
             self.on_bytes(max(0, self.source.size_bytes - done))
 
 
+def _left_out(result: SourceResult) -> str:
+    """Return which values the columns of `--where` have, where it left out every row."""
+    if not result.n_dropped.get(LEFT_OUT) or result.card is None:
+        return ""
+    found = result.card.filtered.items()
+    held = "; ".join(f"{name[:40]!r} holds {', '.join(v[:20] for v in values)}" for name, values in found)
+    return f": --where leaves out all {result.n_dropped[LEFT_OUT]:,} rows; {held}"
+
+
 def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]:
     """Return the first batches, of at least `SAMPLE_ROWS` records if there are so many, and what ended them early."""
     found: list[RawBatch] = []
@@ -380,7 +377,7 @@ def options_of_profile(site: Site, profile: SourceProfile, options: IngestOption
     Raises:
         UsageError: E101, as `with_site`.
     """
-    stated = {name: getattr(profile, name) for name in _OF_PROFILE}
+    stated = {name: getattr(profile, name) for name in OF_PROFILE}
     missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
     merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.profile_id)
     return with_site(site, merged)

@@ -15,7 +15,7 @@ from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.adapters import adapter
 from vsd_analytics.ingest.instants import local_to_utc, utc_to_local
-from vsd_analytics.ingest.pipeline import with_site
+from vsd_analytics.ingest.pipeline import OF_PROFILE, with_site
 from vsd_analytics.ingest.quarantine_writer import SourceReading
 from vsd_analytics.ingest.raw import rows_table, without_zones
 from vsd_analytics.schema import TABLES, TableName
@@ -43,16 +43,26 @@ class Rereader:
         self._completed = with_site(site, options)
 
     def reading(self, entry: QuarantineEntry) -> SourceReading | None:
-        """Return how lines like this one are read now: with the options of their ingest and the user's new ones."""
+        """Return how lines like this one are read now.
+
+        The options of their ingest hold, those of its `[[source]]` as vsd.toml has it today, and the user's new ones.
+        """
         if entry.row is not None or entry.format is None:
             return None
         new = {f.name: getattr(self.options, f.name) for f in fields(IngestOptions)}
         changes = {name: value for name, value in new.items() if value != getattr(_DEFAULTS, name)}
         try:
-            options = replace(msgspec.convert(entry.options, IngestOptions), **changes)
+            options = replace(self._as_today(msgspec.convert(entry.options, IngestOptions)), **changes)
         except msgspec.ValidationError as error:
             raise InputError("an entry of the quarantine was changed by hand", why=str(error)) from None
         return SourceReading(options.format or entry.format, options, entry.first_line, entry.engines, entry.import_id)
+
+    def _as_today(self, options: IngestOptions) -> IngestOptions:
+        profile = next((p for p in self.site.sources if p.profile_id == options.profile), None)
+        if profile is None:
+            return options
+        stated = {name: value for name in OF_PROFILE if (value := getattr(profile, name)) is not None}
+        return replace(options, **stated, **({"map": dict(profile.map)} if profile.map else {}))
 
     def batches(
         self, group: Sequence[QuarantineEntry], reading: SourceReading | None, *, reader: Adapter | None = None

@@ -35,7 +35,6 @@ _OF_THE_SITE = frozenset(
         "persons_max",
         "pairs_max",
         "is_sure",
-        "profile",
     }
 )
 _DEFAULTS = IngestOptions()

@@ -29,8 +29,10 @@ FIXES: Final[Mapping[str, str]] = {
     "no-position": "export x_m y_m, or u_px v_px",
     "no-size": "--size WIDTHxHEIGHT, or picture of the camera in vsd.toml",
     "no-time": "export an ISO time with offset, or unix seconds",
-    "not-a-number": "correct the export; an empty cell is missing, a text or NaN is not",
-    "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds",
+    "not-a-number": "correct the export: a point before decimals (or semicolons between cells), nothing between "
+    "thousands; an empty cell is missing, a text or NaN is not",
+    "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds; other texts: --time-format "
+    '"%d %b %Y %H:%M:%S"; the date in another column: --map ts=DATE+TIME',
     "out-of-range": "check units (metres, pixels) and columns; the limit is coordinate_max_m under [ingest]",
     "retained": "let the engine publish frames without the retain flag",
     "same-person": "export pairs of two different persons",
@@ -53,6 +55,7 @@ def fix_of(
     format: str | None = None,
     mapping: Mapping[str, Any] | None = None,
     sources: Sequence[SourceProfile] = (),
+    row: Mapping[str, Any] | str | None = None,
 ) -> str | None:
     """Return what to do about a record in quarantine, or None when its detail says it.
 
@@ -61,7 +64,13 @@ def fix_of(
         format: Adapter that read it; None = unknown.
         mapping: `persons` and `map` that it was read by, for the format "json".
         sources: The `[[source]]` of vsd.toml, of which the one with this mapping is named.
+        row: The raw record, also as JSON, whose camera is named.
     """
+    if reason == "unknown-camera" and row is not None:
+        name = (json.loads(row) if isinstance(row, str) else row).get("camera")
+        if isinstance(name, str) and name.isprintable():
+            known = f"engine_ids = [{json.dumps(name[:80], ensure_ascii=False)}]"
+            return f"add {known} to its [[camera]] in vsd.toml, or describe it in a new one"
     if reason != "bad-message" or format in (None, "frames"):
         return FIXES.get(reason)
     if format != "json":

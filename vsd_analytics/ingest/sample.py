@@ -64,14 +64,24 @@ class Sample:
         low, high = values.quantile(tail, interpolation="higher"), values.quantile(1 - tail, interpolation="lower")
         return float(low[across]), float(high[across]), float(low[up]), float(high[up])
 
-    def speeds_m_s(self) -> np.ndarray:
-        """Return the speeds between successive records of one track at most `STEP_MAX_S` apart, in metres a second."""
+    def speeds_m_s(self, *, step_min_s: float = 0.0) -> np.ndarray:
+        """Return the speeds between successive records of one track, in metres a second.
+
+        Args:
+            step_min_s: One record in each so many seconds is taken, so that jitter does not look like speed.
+
+        Returns:
+            Speeds of steps of at most `STEP_MAX_S`.
+        """
         rows = self.rows[["camera", "track", "ts_ms", "x", "y"]].dropna()
+        if step_min_s:
+            slot = rows["ts_ms"] // (step_min_s * 1000)
+            rows = rows[~rows.assign(ts_ms=slot).duplicated(["camera", "track", "ts_ms"])]
         rows = rows.sort_values(["camera", "track", "ts_ms"], kind="stable")
         is_same = (rows["camera"].eq(rows["camera"].shift()) & rows["track"].eq(rows["track"].shift())).to_numpy()
         step_s = rows["ts_ms"].diff().to_numpy() / 1000
         way_m = np.hypot(rows["x"].diff().to_numpy(), rows["y"].diff().to_numpy())
-        is_step = is_same & (step_s > 0) & (step_s <= STEP_MAX_S)
+        is_step = is_same & (step_s > step_min_s / 2) & (step_s <= STEP_MAX_S)
         return np.asarray(way_m[is_step] / step_s[is_step])
 
     def n_second(self) -> int:

@@ -6,8 +6,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+import pyarrow as pa
+
 from vsd_analytics.config.file_columns import FILE_COLUMNS
-from vsd_analytics.ingest.cell_values import trimmed
+from vsd_analytics.ingest.cell_values import numbers, trimmed
 from vsd_analytics.ingest.columns import ColumnPlan, beside
 from vsd_analytics.ingest.table_file import TableFile
 from vsd_analytics.ingest.telling_names import Role, named_like
@@ -17,7 +20,8 @@ VALUES_MAX = 200
 """Different values of a column that are remembered."""
 SHOWN_ROWS = 3
 _CHARS = 80
-_ROLES: tuple[Role, ...] = ("camera", "id", "class", "confidence", "time", "date")
+_SIDES = ("bottom", "top")
+_ROLES: tuple[Role, ...] = ("camera", "id", "class", "confidence", "time", "date", "file", "storey", "absent")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +33,22 @@ class TableHead:
         ignored: Names of the columns that are not read, in the order of the file.
         values: How often each value occurs in an ignored column whose name tells what it holds; at most `VALUES_MAX`.
         rows: The first rows by line: cells of the columns that are read, by their names.
+        filtered: How often each value occurs in a column that `--where` compares, before it leaves out any row.
+        n_boxes: Boxes with a top and a bottom side.
+        n_upside_down: Those whose bottom has the smaller number: y points up.
+        parts: Names of the files that are read, of a folder or archive.
+        unread: Names of the files of a folder or archive that hold data by their names, and are not read.
     """
 
     plan: ColumnPlan
     ignored: Sequence[str]
     values: Mapping[str, Counter[str]] = field(default_factory=dict)
     rows: Mapping[int, Mapping[str, str]] = field(default_factory=dict)
+    filtered: Mapping[str, Counter[str]] = field(default_factory=dict)
+    n_boxes: int = 0
+    n_upside_down: int = 0
+    parts: Sequence[str] = ()
+    unread: Sequence[str] = ()
 
 
 def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
@@ -54,10 +68,10 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     telling = {names[i] for role in _ROLES for i in free if named_like([names[i]], role)}
     telling -= set(FILE_COLUMNS) - {"camera_id", "track_id"}
     watched = {name: i for i, name in enumerate(names) if name in telling and file.can_read(i)}
-    wanted = {**plan.theirs, **{beside(name): i for name, i in watched.items()}}
-    values: dict[str, Counter[str]] = {name: Counter() for name in watched}
+    wanted = {**plan.theirs, **{beside(name): i for name, i in (*watched.items(), *plan.compared.items())}}
+    values: dict[str, Counter[str]] = {name: Counter() for name in (*watched, *plan.compared)}
     rows: dict[int, dict[str, str]] = {}
-    n_rows = 0
+    n_rows = n_boxes = n_upside_down = 0
     with file.readable():
         for chunk in file.chunks(wanted):
             some = slice(0, SHOWN_ROWS - len(rows))
@@ -65,12 +79,28 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
                 cells = {o: trimmed(chunk.columns[o].slice(at, 1))[0].as_py() for o in plan.theirs}
                 rows[line] = {plan.names[o]: str(cell)[:_CHARS] for o, cell in cells.items()}
             for name, counter in values.items():
-                texts = trimmed(chunk.columns[beside(name)].slice(0, HEAD_ROWS - n_rows))
-                for found in texts.value_counts().to_pylist():
-                    text = found["values"][:_CHARS]
-                    if text and (text in counter or len(counter) < VALUES_MAX):
-                        counter[text] += found["counts"]
+                _count(trimmed(chunk.columns[beside(name)].slice(0, HEAD_ROWS - n_rows)), counter)
+            if "bottom" in plan.theirs:
+                sides = (numbers(chunk.columns[side], decimal_comma=file.has_decimal_comma)[0] for side in _SIDES)
+                heights = np.subtract(*sides)
+                n_boxes += int((heights != 0).sum() - np.isnan(heights).sum())
+                n_upside_down += int((heights < 0).sum())
             n_rows += len(chunk.lines)
             if n_rows >= HEAD_ROWS:
                 break
-    return TableHead(plan, ignored, values, rows)
+    return TableHead(
+        plan,
+        ignored,
+        {name: values[name] for name in watched},
+        rows,
+        {name: values[name] for name in plan.compared},
+        n_boxes,
+        n_upside_down,
+    )
+
+
+def _count(texts: pa.Array, counter: Counter[str]) -> None:
+    for found in texts.value_counts().to_pylist():
+        text = found["values"][:_CHARS]
+        if text and (text in counter or len(counter) < VALUES_MAX):
+            counter[text] += found["counts"]

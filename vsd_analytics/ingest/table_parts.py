@@ -19,8 +19,14 @@ from vsd_analytics.ingest.archive import archive_kind, members
 from vsd_analytics.ingest.table_file import Chunk, Header, TableFile
 
 _SUFFIX = r"\.(?:csv|tsv|parquet|feather|arrow)"
-PARTS = re.compile(rf"^(?!.*__MACOSX/)(?:.*/)?[^/._][^/]*{_SUFFIX}(?:\.(?:gz|bz2|zst))?$", re.IGNORECASE)
+_FRONT = r"^(?!.*__MACOSX/)(?:.*/)?[^/._~][^/]*"
+PARTS = re.compile(rf"{_FRONT}{_SUFFIX}(?:\.(?:gz|bz2|zst))?$", re.IGNORECASE)
 """Names of tables; those that begin with a dot or underscore are notes of programs."""
+_OTHER_DATA = re.compile(
+    rf"{_FRONT}\.(?:csv|tsv|parquet|jsonl?|ndjson|xlsx?|ods|xml|txt|dat|db|sqlite3?|zip|7z|rar|tar|tgz|h5|npz?)(?:\.\w+)?$",
+    re.IGNORECASE,
+)
+_NOTES = re.compile(r"(?:^|/)(?:read.?me|licen[sc]e|notes?|change.?log|leggimi|lies.?mich)[^/]*$", re.IGNORECASE)
 PARTS_MAX = 10_000
 _FOLDER = re.compile(r"([A-Za-z_][\w ]*)=([^/]*)")
 
@@ -49,6 +55,15 @@ def has_parts(source: Source) -> bool:
             return any(True for _ in found)
     except InputError:
         return False
+
+
+def unread_of(source: Source) -> list[str]:
+    """Return the files of a folder or zip that hold data by their names, and are no part: such as `b.xlsx`."""
+    kind = archive_kind(source)
+    if kind not in ("folder", "zip"):
+        return []
+    with members(source, wanted=_OTHER_DATA) as found:
+        return [m.name for m in found if not PARTS.search(m.name) and not _NOTES.search(m.name)]
 
 
 @contextmanager

@@ -50,6 +50,8 @@ def raw_batch(
     camera = ids(columns.get("camera_id"), default=options.camera, length=len(lines))
     if "ts" in columns:
         times = columns["ts"] if TIME_OF_DAY not in columns else date_and_time(columns["ts"], columns[TIME_OF_DAY])
+        if decimal_comma:
+            times = pc.replace_substring_regex(trimmed(times), r"^(\d{9,}),(\d+)$", r"\1.\2")
         instants = _instants(times, camera, options, time_format=plan.time_format)
         bad.add(instants.is_wrong, "ts", reason="not-a-time", what="a time")
     else:

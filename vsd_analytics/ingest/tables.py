@@ -9,6 +9,7 @@ A folder, zip or tar of tables is read file by file.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -19,27 +20,23 @@ from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected, Sour
 from vsd_analytics.ingest.archive import archive_kind
 from vsd_analytics.ingest.columns import ColumnPlan, plan_columns
 from vsd_analytics.ingest.json_table import JsonTable
+from vsd_analytics.ingest.no_table import kind_of_no_table
 from vsd_analytics.ingest.parquet import ParquetTable
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.table_file import TableFile
 from vsd_analytics.ingest.table_head import TableHead, head_of
-from vsd_analytics.ingest.table_parts import PartWithConstants, TablePart, has_parts, parts_of
+from vsd_analytics.ingest.table_parts import PartWithConstants, TablePart, has_parts, parts_of, unread_of
 from vsd_analytics.ingest.table_rows import raw_batch
 from vsd_analytics.ingest.text_table import TextTable, as_text, delimiter_of, split_by
 from vsd_analytics.ingest.time_formats import time_format
 from vsd_analytics.ingest.workbook import Workbook
 from vsd_analytics.schema import TableName
 
+_HEADS = 20
+"""Files of a folder or archive that are searched for columns of cameras and classes."""
 _PARQUET = b"PAR1"
 _ZIP = b"PK\x03\x04"
 _SUFFIXES = frozenset({".csv", ".tsv", ".parquet"})
-_BINARY = {
-    b"\xd0\xcf\x11\xe0": ("an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
-    b"FEA1": ("a Feather file of version 1", "write it again with pyarrow.feather.write_feather, or as Parquet"),
-    b"SQLi": ("a SQLite database", "export the table as CSV"),
-    b"%PDF": ("a PDF", "export the table as CSV"),
-}
-"""First bytes of files that are no text, what they are, and what to do."""
 
 
 class Tables:
@@ -115,7 +112,12 @@ class Tables:
         if not is_divided(source):
             return head_of(*self._planned(source, options))
         with parts_of(source) as parts:
-            return head_of(*self._planned(parts[0].source, options, parts[0]))
+            heads = [head_of(*self._planned(part.source, options, part)) for part in parts[:_HEADS]]
+            values: dict[str, Counter[str]] = {}
+            for head in heads:
+                for name, found in head.values.items():
+                    values.setdefault(name, Counter()).update(found)
+            return replace(heads[0], values=values, parts=[p.name for p in parts], unread=unread_of(source))
 
     def _planned(
         self, source: Source, options: IngestOptions, part: TablePart | None = None
@@ -138,10 +140,11 @@ def open_table(source: Source, options: IngestOptions) -> TableFile:
         return ParquetTable(source)
     if head.startswith(arrow_file.MAGIC):
         return arrow_file.ArrowTable(source)
-    if head.startswith(_ZIP):
+    if head.startswith(_ZIP) and is_workbook(source):
         return Workbook(source)
-    what, fix = _BINARY.get(head[:4], ("a binary file", "export the table as CSV or Parquet"))
-    if head[:4] in _BINARY or (b"\0" in head.partition(b"\n")[0] and not head.startswith((b"\xff\xfe", b"\xfe\xff"))):
+    known = kind_of_no_table(source)
+    if known is not None or (b"\0" in head.partition(b"\n")[0] and not head.startswith((b"\xff\xfe", b"\xfe\xff"))):
+        what, fix = known or ("a binary file", "export the table as CSV or Parquet")
         raise InputError(f"{source.file_name} is {what}, no table", code="E204", where=Where(source.name), fix=fix)
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"[", b"{")) and options.columns is None:
         return JsonTable(source, options)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterable
 from typing import Final, Literal
 
-Role = Literal["camera", "id", "class", "confidence", "date", "time"]
+Role = Literal["camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent"]
 
 
 def _words(text: str) -> frozenset[str]:
@@ -17,23 +18,33 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "camera": _words(
         "camera cameraid cameraname camerano cameranumber cam camid camname camno sensor sensorid sensorname stream "
         "streamid streamname view viewid viewname source sourceid sourcename device deviceid devicename channel "
-        "channelid videoid video feed feedid"
+        "channelid videoid video feed feedid telecamera telecameraid idtelecamera kamera kameraid kameraname camara "
+        "idcamara sensore capteur kanal"
     ),
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
         "tracknumber trackno objectid objid oid object obj who name uid uuid subject subjectid pedestrian pedestrianid "
-        "pedid agent agentid identity globalid"
+        "pedid agent agentid identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
+        "soggetto piste spur spurid sujet"
     ),
     "class": _words(
         "class classname classid classlabel cls clsname clsid label labelname category categoryid categoryname "
-        "objecttype objtype objectclass objclass detectionclass predictedclass kind type"
+        "objecttype objtype objectclass objclass detectionclass predictedclass kind type classe clase klasse "
+        "objektklasse categoria kategorie categorie tipo typ"
     ),
     "confidence": _words(
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
-        "confidencescore"
+        "confidencescore confidenza confiance confianza konfidenz"
     ),
-    "date": _words("date day datum localdate"),
-    "time": _words("time timeofday clock uhrzeit localtime hour heure hora"),
+    "date": _words("date day datum localdate fecha giorno jour"),
+    "time": _words("time timeofday clock uhrzeit localtime hour heure hora ora orario"),
+    "file": _words(
+        "file filename filepath path image img imagename imagepath imagefile videoname videopath videofile topic "
+        "mqtttopic url"
+    ),
+    "storey": _words("floor floorid floorname floorno level levelid storey story etage stockwerk geschoss planta"),
+    "third axis": _words("z zm zmm zcm zft posz positionz worldz zpos zposition elevation"),
+    "absent": _words("lost islost outside outsideview invisible deleted"),
 }
 
 _PLACES: Final = (
@@ -73,21 +84,41 @@ _PLACES: Final = (
 )
 """Names of columns that hold a place together, and ours: boxes first."""
 
-_INSTANTS: Final = ("ts", "timestamp", "time", "datetime", "utc", "epoch", "date", "when", "at", "t")
+_INSTANTS: Final = (
+    *(
+        "ts",
+        "timestamp",
+        "time",
+        "datetime",
+        "zeitstempel",
+        "horodatage",
+        "dataora",
+        "fechahora",
+        "utc",
+        "epoch",
+        "date",
+    ),
+    *("when", "at", "t", "zeit", "zeitpunkt", "ora", "orario", "hora", "heure"),
+)
 """Names of instants, the surest first."""
 
 _FAINT_IDS: Final = ("name", "object", "obj")
 """Names of ids that often hold a class instead."""
 
-PERSON: Final = _words("person persons people pedestrian pedestrians human humans man woman adult child")
+PERSON: Final = _words(
+    "person persons people pedestrian pedestrians human humans man woman adult child persona persone personas personne "
+    "personnes personen persoon pessoa pessoas mensch menschen pedone pedoni pieton pietons peaton peatones fussganger "
+    "fuganger uomo donna"
+)
 """Words for what is counted, as classes of detectors name it."""
 
-VAGUE: Final = frozenset({"kind", "type"})
+VAGUE: Final = frozenset({"kind", "type", "tipo", "typ"})
 """Names of columns that hold anything: they name classes only where a class of objects is in them."""
 
 OBJECTS: Final = _words(
     "bicycle bike car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
-    "backpack handbag suitcase"
+    "backpack handbag suitcase auto autos macchina camion carro coche voiture velo bici bicicleta bicicletta fahrrad "
+    "hund chien cane perro carrello"
 )
 """Classes of detectors that are no person."""
 
@@ -137,5 +168,50 @@ def place_like(names: Iterable[str]) -> dict[str, str]:
 
 
 def letters(text: str) -> str:
-    """Return the letters of a text in lower case."""
-    return re.sub(r"[^a-z]", "", text.lower())
+    """Return the letters of a text in lower case, without accents."""
+    return re.sub(r"[^a-z]", "", unaccented(text).lower())
+
+
+def unaccented(text: str) -> str:
+    """Return a text with plain letters for those with accents."""
+    if text.isascii():
+        return text
+    return "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+
+
+_DEGREES: Final = _words(
+    "lat latitude latitudine lon lng long longitude longitudine angle bearing azimuth heading theta deg degrees"
+)
+_CAMERA_IN_TEXT = re.compile(
+    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)s?[ _=-]*((?:cam-?)?\d+|[a-z])(?![a-z0-9])"
+)
+_SIDES: Final = {
+    "corner": _words("right bottom xmax ymax maxx maxy xbr ybr"),
+    "size": _words("w h width height breite larghezza altezza"),
+}
+
+
+def names_degrees(name: str) -> bool:
+    """Return whether a column's name says that it holds an angle, such as a latitude."""
+    return any(part.lower() in _DEGREES for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name))
+
+
+def cameras_in(texts: Iterable[str]) -> set[str]:
+    """Return the cameras that paths, names of files or topics name: `site/cam2/people` names cam2."""
+    return {f"{word}{which}" for text in texts for word, which in _CAMERA_IN_TEXT.findall(text.lower())}
+
+
+def side_named(name: str) -> str | None:
+    """Return "corner" or "size" where a column's name says which of them it holds of a box; None where it does not."""
+    last = name.lower().rpartition("_")[2]
+    if last in ("x2", "y2"):
+        return "corner"
+    return next((what for what, names in _SIDES.items() if {last, letters(name)} & names), None)
+
+
+def of_another_person(name: str, names: Iterable[str]) -> str | None:
+    """Return the name that differs from a name in one number only, as `p2_x` does from `p1_x`, or None."""
+    shape = re.sub(r"\d+", "0", name)
+    alike = [n for n in names if n != name and re.sub(r"\d+", "0", n) == shape]
+    mine = re.findall(r"\d+", name)
+    return next((n for n in alike if sum(a != b for a, b in zip(re.findall(r"\d+", n), mine, strict=True)) == 1), None)

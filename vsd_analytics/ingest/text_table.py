@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source, bytes_read, empty
 from vsd_analytics.ingest.raw import BadRowError, rejected, whole_line
@@ -19,6 +20,8 @@ from vsd_analytics.ingest.table_file import Chunk, Header, unique_names
 from vsd_analytics.ingest.text_lines import line_blocks
 
 BLOCK_BYTES = 1 << 20  # a block may be all line ends, or lines of one character, each of them a record
+_TITLE_LINES = 30
+"""Lines above a header that may hold a title, remarks or the `sep=;` of Excel."""
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -50,6 +53,8 @@ class TextTable:
         at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(skipped)), None)
         if at is None:
             raise empty(source)
+        if options.columns is None:
+            at = _header_line(lines, at, options)
         first = lines[at].rstrip("\r")
         self._delimiter = delimiter_of(first, n_cells=len(options.columns or ()))
         try:
@@ -149,6 +154,29 @@ class _WholeLines(Mapping[int, str | None]):
 
     def __len__(self) -> int:
         return len(self._lines)
+
+
+def _header_line(lines: list[str], first: int, options: IngestOptions) -> int:
+    """Return which line is the header: the first, unless a title or remarks are above one with names that are wanted.
+
+    Args:
+        lines: The head of the file.
+        first: The first line that is not blank.
+        options: `map` and `site_map` have names of the file.
+    """
+    theirs = [part for name in (*options.map.values(), *options.site_map.values()) for part in (name, *name.split("+"))]
+    wanted = {name.strip().lower() for name in (*FILE_COLUMNS, *theirs)}
+
+    def n_wanted(line: str) -> int:
+        try:
+            cells = split_by(delimiter_of(line))(line.strip().lstrip("# "))
+        except BadRowError:
+            return 0
+        return len({cell.strip().lower() for cell in cells} & wanted)
+
+    if n_wanted(lines[first]):
+        return first
+    return next((i for i in range(first + 1, min(len(lines), first + _TITLE_LINES)) if n_wanted(lines[i]) > 1), first)
 
 
 def delimiter_of(line: str, *, n_cells: int = 0) -> str:

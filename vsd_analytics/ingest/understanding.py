@@ -13,7 +13,8 @@ import pandas as pd
 from vsd_analytics.errors import InputError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
 from vsd_analytics.ingest.columns import TIME_OF_DAY
-from vsd_analytics.ingest.doubts import Case, Doubt, doubts_of, floor_bounds_m, picture_px
+from vsd_analytics.ingest.doubt_case import Case, Doubt, floor_bounds_m, picture_px
+from vsd_analytics.ingest.doubts import doubts_of
 from vsd_analytics.ingest.sample import Sample, sample_of
 from vsd_analytics.ingest.table_head import SHOWN_ROWS, TableHead
 from vsd_analytics.ingest.telling_names import named_like
@@ -69,6 +70,7 @@ class SourceCard:
         rows: The first rows: `line`, `theirs` (cells by column) and `ours`.
         profile: The `[[source]]` of vsd.toml that says how it is read; None = none.
         doubts: What looks wrong.
+        filtered: Values of the columns that `--where` compares, the most frequent first.
     """
 
     format: str
@@ -97,6 +99,7 @@ class SourceCard:
     rows: Sequence[Mapping[str, Any]] = ()
     profile: str | None = None
     doubts: tuple[Doubt, ...] = ()
+    filtered: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
     def sure_doubts(self) -> tuple[Doubt, ...]:
@@ -190,6 +193,7 @@ def _card(case: Case, name: str) -> SourceCard:
         rows=_rows(sample, head),
         profile=case.options.profile,
         doubts=doubts_of(case),
+        filtered={} if head is None else {n: [v for v, _ in c.most_common(5)] for n, c in head.filtered.items()},
     )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Final
 
+from vsd_analytics.ingest.telling_names import unaccented
+
 LENGTHS: Final = ("x_m", "y_m", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
 """Our columns in metres."""
 
@@ -14,14 +16,17 @@ _WORDS: Final = {
     **{unit: unit for unit in ("mm", "cm", "dm", "m", "km", "ft")},
     **{f"{stem}{end}": "m" for stem in ("meter", "metre") for end in ("", "s")},
     **{f"{prefix}{stem}{end}": unit
-       for prefix, unit in (("milli", "mm"), ("centi", "cm"), ("deci", "dm"), ("kilo", "km"))
-       for stem in ("meter", "metre") for end in ("", "s")},
-    **dict.fromkeys(("foot", "feet"), "ft"),
+       for prefix, unit in (("milli", "mm"), ("mili", "mm"), ("centi", "cm"), ("zenti", "cm"), ("deci", "dm"),
+                            ("kilo", "km"))
+       for stem, ends in (("meter", ("", "s")), ("metre", ("", "s")), ("metr", ("i", "o", "os")))
+       for end in ends},
+    **dict.fromkeys(("foot", "feet", "piedi", "pies", "pieds"), "ft"),
     **dict.fromkeys(("yd", "yds", "yard", "yards"), "yd"),
-    **dict.fromkeys(("inch", "inches"), "in"),
+    **dict.fromkeys(("inch", "inches", "zoll", "pollici", "pulgadas"), "in"),
     **dict.fromkeys(("px", "pix", "pixel", "pixels"), PIXELS),
 }  # fmt: skip
 _PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
+_INCHES = re.compile(r"(?:\w+[_ .-])?[xyz][_ .]?[\[(]?in[\])]?", re.IGNORECASE)
 _AXIS = re.compile(r"(?:pos|position|foot)?[xyz](mm|cm|dm|km|ft|yd|px)", re.IGNORECASE)
 
 
@@ -32,11 +37,14 @@ def unit_in_name(name: str) -> str | None:
         name: The name as the file gives it.
 
     Returns:
-        A key of `file_columns.METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`.
+        A key of `file_columns.METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`, and
+        "in" only behind an axis, as in `x_in` or `Y [in]`.
     """
     if joined := _AXIS.fullmatch(name.strip()):
         return _WORDS[joined[1].lower()]
-    parts = [part.lower() for part in _PART.findall(name)]
+    if _INCHES.fullmatch(name.strip()):
+        return "in"
+    parts = [part.lower() for part in _PART.findall(unaccented(name))]
     for i, part in reversed(list(enumerate(parts))):
         if part in _WORDS and (part != "m" or (i == len(parts) - 1 and i > 0)):
             return _WORDS[part]

@@ -80,9 +80,3 @@ CAMERAS: tuple[PinholeCamera, ...] = (
     PinholeCamera("cam-3", "Aisles", 18.2, 15.3, 3.2, -137.0),
     PinholeCamera("cam-4", "Pharmacy", 1.7, 15.7, 3.2, -52.0),
 )
-
-
-def seen_by_any(x_m: FloatArray, y_m: FloatArray) -> NDArray[np.bool_]:
-    """Tell which floor positions at least one camera sees."""
-    seen: NDArray[np.bool_] = np.logical_or.reduce([camera.sees(x_m, y_m) for camera in CAMERAS])
-    return seen

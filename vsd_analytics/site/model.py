@@ -129,6 +129,8 @@ class Area:
         long_visit_s: Dwell time from which a visit is a long one; None = the setting of that name.
         is_queue: People wait here: how many, and how long.
         served_in: Area that a queue leads to: who steps from the queue into it is served; None = not stated.
+        queue_limit: People waiting, mean of an hour, above which another point of service is worth it; None = not
+            stated.
         capacity: People it is meant for at once; None = not stated.
     """
 
@@ -144,6 +146,7 @@ class Area:
     long_visit_s: float | None = None
     is_queue: bool = False
     served_in: str | None = None
+    queue_limit: float | None = None
     capacity: int | None = None
 
     def is_there(self, first: date, last: date) -> bool:

@@ -17,6 +17,9 @@ intervals know different things, and the one reported is the widest reach of all
   it were the changed one; half width t_{K-2} sd sqrt(1 + 1/K) of their ln theta.
 * **own weeks**, with fewer than four comparison areas: the variance of days plus tau^2 (1/W_B + 1/W_A)(1 + 1/K), W the
   weeks, tau^2 the variance of an area's own weeks beyond what days explain (`vsd_analytics.stats.own_weeks`).
+* **without one.** A comparison area that takes the people who left makes a fall look larger. So the range reaches as
+  far as days and own weeks do with each comparison area left out in turn; of a single one, the area by itself remains.
+  Where the others show a clear change, it ends at "no change": without an effect nobody left, so the verdict is theirs.
 * **line.** From eight weeks before the change: the area beside its own trend, continued
   (`vsd_analytics.stats.prior_trend`), because a slow trend looks like an effect.
 
@@ -88,6 +91,7 @@ class BeforeAfter:
         placebo_lo, placebo_hi: From the spread of the placebos; None with fewer than four comparison areas.
         week_lo, week_hi: From days and the areas' own weeks; None with four comparison areas or more.
         line_lo, line_hi: Beside the area's own trend before the change, continued; None with fewer than eight weeks.
+        without_lo, without_hi: As far as days and own weeks reach with any one comparison area left out.
         log_se, df: Standard error of ln theta from days, and its degrees of freedom.
         alone: Ratio after / before of the changed area by itself.
         comparison: Ratio after / before of the comparison areas taken together as one.
@@ -100,7 +104,8 @@ class BeforeAfter:
         placebo: theta of each comparison area, as if it were the changed one beside the others.
         trend: Before the change; None with fewer than three weeks or a week without violations.
         shrunken: None with fewer than four comparison areas.
-        verdict, state, reason: As for every change; the verdict is that of `lo` and `hi`.
+        verdict, state, reason: As for every change; the verdict is that of `lo` and `hi`, and a clear one does not
+            need `without_lo` and `without_hi`.
     """
 
     theta: float | None
@@ -132,6 +137,8 @@ class BeforeAfter:
     week_hi: float | None = None
     line_lo: float | None = None
     line_hi: float | None = None
+    without_lo: float | None = None
+    without_hi: float | None = None
     weights: tuple[float, ...] | None = None
 
 
@@ -192,6 +199,18 @@ def before_after(
     days = _limits(log_theta, max(t_quantile(df, confidence=confidence) * log_se, least))
     others = [_limits(log_theta, half) for half in (placebo_half, week_half)] + [_limits(*(line or (0.0, None)))]
     lo, hi = min(v for v, _ in (days, *others) if v is not None), max(v for _, v in (days, *others) if v is not None)
+    verdict = verdict_of(lo, hi)
+    without = _without_one(
+        b, a, h, is_paired=pairs is not None, has_own_weeks=week_half is not None, confidence=confidence
+    )
+    if without is not None:
+        lo, hi = min(lo, without[0]), max(hi, without[1])
+    if verdict == "clear_fall":
+        hi = min(hi, 1.0)
+    elif verdict == "clear_rise":
+        lo = max(lo, 1.0)
+    else:
+        verdict = verdict_of(lo, hi)
     return replace(
         _counted(b, a, None),
         theta=math.exp(log_theta), lo=lo, hi=hi, log_se=log_se, df=df, is_paired=pairs is not None,
@@ -200,7 +219,7 @@ def before_after(
         weights=None if weights is None else tuple(weights.tolist()),
         trend=prior_trend(h, weights, confidence=confidence),
         shrunken=_shrunken(b, a, weights, confidence=confidence),
-        verdict=verdict_of(lo, hi), state="ok",
+        without_lo=without and without[0], without_hi=without and without[1], verdict=verdict, state="ok",
     )  # fmt: skip
 
 
@@ -296,6 +315,25 @@ def _with_own_weeks(
     own = tau2 * weeks * (1 + 1 / b.n_areas)
     total = variance + own
     return t_quantile(total**2 / (variance**2 / df + own**2 / tau_df), confidence=confidence) * math.sqrt(total)
+
+
+def _without_one(
+    b: PeriodDays, a: PeriodDays, h: PeriodDays, *, is_paired: bool, has_own_weeks: bool, confidence: float
+) -> tuple[float, float] | None:
+    """Return the lowest and the highest limit by days, and own weeks, with any one comparison area left out."""
+    ends: list[tuple[float, float]] = []
+    for area in range(b.n_areas):
+        left = np.arange(b.n_areas) != area
+        b_left, a_left, h_left = (of_areas(p, left) for p in (b, a, h))
+        if left.any() and not (b_left.comparison_n.any() and a_left.comparison_n.any()):
+            continue
+        log_theta, log_se, df = _effect(b_left, a_left, _weights(b_left, a_left, h_left), is_paired=is_paired)
+        half = t_quantile(df, confidence=confidence) * log_se
+        if has_own_weeks and left.any():
+            more = _with_own_weeks(b_left, a_left, h_left, variance=log_se**2, df=df, confidence=confidence)
+            half = max(half, more)
+        ends.append((math.exp(log_theta - half), math.exp(log_theta + half)))
+    return (min(lo for lo, _ in ends), max(hi for _, hi in ends)) if ends else None
 
 
 def _shrunken(b: PeriodDays, a: PeriodDays, weights: Floats | None, *, confidence: float) -> Shrunken | None:

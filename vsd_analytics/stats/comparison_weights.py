@@ -84,8 +84,10 @@ def weekly_log_rates(period: PeriodDays) -> tuple[Ints, Floats, Floats]:
 
 
 def log_ratio(period: PeriodDays, weights: Floats | None = None) -> float:
-    """Return ln r_t - ln r_c of a period: the changed area beside the comparison areas."""
+    """Return ln r_t - ln r_c of a period: the changed area beside the comparison areas; ln r_t without any."""
     own = np.log(period.n.sum() / period.x_h.sum())
+    if not period.n_areas:
+        return float(own)
     if weights is None:
         return float(own - np.log(period.comparison_n.sum() / period.comparison_x_h.sum()))
     used = weights > 0
@@ -96,6 +98,8 @@ def log_ratio(period: PeriodDays, weights: Floats | None = None) -> float:
 def day_influence(period: PeriodDays, weights: Floats | None = None) -> Floats:
     """Return the influence of each day on `log_ratio`, shape (n_days,); they sum to 0."""
     own = influence_on_log(period.n, period.x_h)
+    if not period.n_areas:
+        return own
     if weights is None:
         return own - influence_on_log(period.comparison_n.sum(axis=0), period.comparison_x_h.sum(axis=0))
     used = np.flatnonzero(weights > 0)

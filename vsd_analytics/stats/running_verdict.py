@@ -16,7 +16,8 @@ interval holds the effects that e < 20 does not reject; it holds the truth in al
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -39,13 +40,20 @@ class RunningVerdict:
 
     Attributes:
         theta: Ratio of the weeks since the change over the reference weeks, beside the comparison areas; None without.
-        lo, hi: Running interval; None where nothing is excluded on that side yet.
+            Without the area of `rests_on` where that claims less.
+        lo, hi: Range of the effect: the running interval, as far as it reaches with any one comparison area left out;
+            None where nothing is excluded on that side yet.
         e_value: Evidence against "no change" now; from 20 on (at 95 %) the verdict is clear.
         e_by_week: The same after each week read.
         clear_since: The first week read, from 1, after which the e-value reached 20; None = it never did.
         n_reference: Reference weeks.
         n_weeks: Weeks read since the change.
         verdict, state, reason: As for every change.
+        all_theta, all_lo, all_hi: The same ratio and its running interval beside all comparison areas.
+        without: theta without each comparison area, in their order; None where too few weeks are known without it.
+        rests_on: Which comparison area the size of the effect rests on: without it theta lies outside the running
+            interval. None = on no single one.
+        unclear_without: Without which one a clear change would not be clear; None = it would be without any.
     """
 
     theta: float | None
@@ -59,12 +67,19 @@ class RunningVerdict:
     verdict: Verdict
     state: State
     reason: Reason | None
+    all_theta: float | None = None
+    all_lo: float | None = None
+    all_hi: float | None = None
+    without: tuple[float | None, ...] = ()
+    rests_on: int | None = None
+    unclear_without: int | None = None
 
 
 def running_verdict(
     reference: npt.ArrayLike,
     weeks: npt.ArrayLike,
     *,
+    without: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]] = (),
     confidence: float = 0.95,
     min_reference_weeks: int = MIN_REFERENCE_WEEKS,
 ) -> RunningVerdict:
@@ -74,6 +89,7 @@ def running_verdict(
         reference: Log ratios of the weeks before the change, oldest first, shape (m,); NaN = a week without one. The
             last twelve count.
         weeks: Log ratios of the weeks since, shape (n,), likewise.
+        without: Both again, with each comparison area left out in turn.
         confidence: 1 - 1/e at which the verdict is clear.
         min_reference_weeks: Reference weeks needed.
     """
@@ -93,11 +109,47 @@ def running_verdict(
     half = running_half_width(m, squares, after, confidence=confidence)
     lo, hi = (None, None) if half is None else (math.exp(log_theta - half), math.exp(log_theta + half))
     reached = np.flatnonzero(e >= 1 / (1 - confidence))
-    return RunningVerdict(
+    found = RunningVerdict(
         theta=math.exp(log_theta), lo=lo, hi=hi, e_value=float(e[-1]), e_by_week=tuple(e.tolist()),
         clear_since=int(reached[0]) + 1 if len(reached) else None, n_reference=m, n_weeks=n,
         verdict=verdict_of(0.0 if lo is None else lo, hi), state="ok", reason=None,
+        all_theta=math.exp(log_theta), all_lo=lo, all_hi=hi,
     )  # fmt: skip
+    parts = [running_verdict(*y, confidence=confidence, min_reference_weeks=min_reference_weeks) for y in without]
+    return _as_far_as(found, parts) if parts else found
+
+
+def _as_far_as(found: RunningVerdict, parts: Sequence[RunningVerdict]) -> RunningVerdict:
+    """Return a verdict whose range reaches as far as those that leave one comparison area out."""
+    each = [found, *(p for p in parts if p.theta is not None)]
+    lo = None if any(p.lo is None for p in each) else min(p.lo for p in each if p.lo is not None)
+    hi = None if any(p.hi is None for p in each) else max(p.hi for p in each if p.hi is not None)
+    verdict = found.verdict
+    if verdict == "clear_fall":
+        hi = 1.0 if hi is None else min(hi, 1.0)
+    elif verdict == "clear_rise":
+        lo = 1.0 if lo is None else max(lo, 1.0)
+    else:
+        verdict = verdict_of(0.0 if lo is None else lo, hi)
+    log_theta = math.log(found.theta or 1.0)
+    logs = {k: math.log(p.theta) for k, p in enumerate(parts) if p.theta is not None}
+    is_clear = found.verdict in ("clear_fall", "clear_rise")
+    least, most = (-math.inf if found.lo is None else math.log(found.lo)), math.log(found.hi or math.inf)
+    rests_on = _farthest(logs, [k for k, log in logs.items() if not least <= log <= most], log_theta)
+    theta = found.theta
+    if rests_on is not None and len(parts) > 1 and 0 < logs[rests_on] * log_theta < log_theta**2:
+        theta = math.exp(logs[rests_on])
+    return replace(
+        found, theta=theta, lo=lo, hi=hi, verdict=verdict, without=tuple(p.theta for p in parts), rests_on=rests_on,
+        unclear_without=_farthest(
+            logs, [k for k in logs if is_clear and parts[k].verdict != found.verdict], log_theta
+        ),
+    )  # fmt: skip
+
+
+def _farthest(logs: Mapping[int, float], among: Sequence[int], log_theta: float) -> int | None:
+    """Return the area, of some, whose absence moves the effect most."""
+    return max(among, key=lambda k: abs(logs[k] - log_theta), default=None)
 
 
 def log_e_values(n_reference: int, mean: npt.ArrayLike, squares: npt.ArrayLike, weeks: npt.ArrayLike) -> Floats:

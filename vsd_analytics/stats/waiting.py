@@ -115,6 +115,7 @@ def waiting(
     outcome: npt.ArrayLike,
     day: npt.ArrayLike,
     *,
+    weight: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
 ) -> WaitTimes:
@@ -130,15 +131,20 @@ def waiting(
         wait_s: Seconds from the entry to the end of the wait, or to where the track was cut, shape (n,).
         outcome: `SERVED`, `LEFT` or `CUT`, same shape.
         day: Day of the entry, any integers, same shape.
+        weight: How many entries each one stands for, those of hours that were not recorded included
+            (`vsd_analytics.stats.recorded_hours`), same shape; None = 1.
         confidence: Confidence level.
         min_days: Days with entries that an interval needs.
 
     Raises:
-        ValueError: Shapes do not fit, a time is negative, or an outcome is unknown.
+        ValueError: Shapes do not fit, a time or a weight is negative, or an outcome is unknown.
     """
     seconds, ends, days = np.asarray(wait_s, np.float64), np.asarray(outcome, np.int64), np.asarray(day, np.int64)
-    if not seconds.shape == ends.shape == days.shape or seconds.ndim != 1:
-        raise ValueError("every wait needs a time, an outcome and a day")
+    stands_for = np.ones(len(seconds)) if weight is None else np.asarray(weight, np.float64)
+    if not seconds.shape == ends.shape == days.shape == stands_for.shape or seconds.ndim != 1:
+        raise ValueError("every wait needs a time, an outcome and a day, and a weight if any has one")
+    if len(seconds) and stands_for.min() < 0:
+        raise ValueError("a weight is at least 0")
     if len(seconds) and (seconds.min() < 0 or not np.isin(ends, (CUT, SERVED, LEFT)).all()):
         raise ValueError("a wait is at least 0, and it is served, left or cut")
     n_of = {way: int((ends == way).sum()) for way in (SERVED, LEFT, CUT)}
@@ -149,7 +155,7 @@ def waiting(
         few = Reason("waits.few", least=MIN_VISITS, has=n)
     elif n_of[SERVED] < MIN_SERVED:
         few = Reason("waits.few_served", least=MIN_SERVED, has=n_of[SERVED])
-    curve, last = (None, -1) if few else _followed(seconds, ends, days, of_day)
+    curve, last = (None, -1) if few else _followed(seconds, ends, days, of_day, stands_for)
     if curve is not None and float(curve.waiting[0, last]) > MAX_UNSEEN_END:
         few = Reason("waits.long_unseen", share=float(curve.waiting[0, last]))
     if few is not None or curve is None:
@@ -164,12 +170,14 @@ def waiting(
     return WaitTimes(median, p90, share, n, n_of[SERVED], n_of[LEFT], n_of[CUT], n_days, state, short)
 
 
-def _followed(seconds: Array, ends: Ints, days: Ints, of_day: Ints) -> tuple[CumulativeIncidence, int]:
+def _followed(
+    seconds: Array, ends: Ints, days: Ints, of_day: Ints, stands_for: Array
+) -> tuple[CumulativeIncidence, int]:
     """Return the curves of all days and without each day, shape (1 + n_days, n_times), and where they end.
 
     They end as in `vsd_analytics.stats.dwell`: where few are followed, and some of these are cut.
     """
-    weight = np.concatenate([np.ones((1, len(days))), days[None, :] != of_day[:, None]])
+    weight = stands_for * np.concatenate([np.ones((1, len(days))), days[None, :] != of_day[:, None]])
     curve = cumulative_incidence(seconds, ends, weight)
     followed = len(seconds) - np.searchsorted(np.sort(seconds), curve.time_s)
     cut = np.sort(seconds[ends == CUT])

@@ -31,12 +31,10 @@ from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, segment_bytes
 from vsd_analytics.store.repeats import AGAIN, brought_again, key_aliases, same_key
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.spans import FoldSpan, hours_in, spans_of
 
 if TYPE_CHECKING:
     import duckdb
-
-SPAN_ROWS = 500_000
-"""Rows folded at once: whole days of quiet sites, single hours of busy ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,12 +238,14 @@ class Store:
         done = TableCounts(n_sealed=n_sealed)
         folders: set[Path] = set()
         with connect() as con:
-            for span in _spans(segments):
+            for span in spans_of(segments, stored_days=set(list_days(self.root, table, self.site_id))):
                 rows, again, n_read, n_second = self._new_rows(con, table, span)
-                engines = sorted({e for path in span.segments for e in engines_of(path)})
+                engines = {
+                    day: sorted({e for path in paths for e in engines_of(path)}) for day, paths in span.by_day.items()
+                }
                 for root, found in ((self.root, rows), (self.root / AGAIN, again)):
                     for hour, part in _by_hour(found):
-                        data = part_bytes(table, part, engines)
+                        data = part_bytes(table, part, engines[hour // 24])
                         folder = unit_folder(root, table, self.site_id, hour)
                         self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
                         folders.add(folder)
@@ -274,7 +274,7 @@ class Store:
         n_late = 0
         for path in segments:
             left.append(path)
-            if days.isdisjoint(h // 24 for h in _hours_in(path)):
+            if days.isdisjoint(h // 24 for h in hours_in(path)):
                 continue
             with pq.ParquetFile(path) as file:
                 rows = file.read()
@@ -306,7 +306,7 @@ class Store:
             durable.publish(path, data)
 
     def _new_rows(
-        self, con: duckdb.DuckDBPyConnection, table: TableName, span: _Span
+        self, con: duckdb.DuckDBPyConnection, table: TableName, span: FoldSpan
     ) -> tuple[pa.Table, pa.Table, int, int]:
         """Return the rows of a span that the table lacks, its repeats, the rows read, and the second sightings.
 
@@ -388,37 +388,6 @@ def _damaged(path: Path, what: str, *, fix: str) -> StoreError:
         why=HASH_DIFFERS,
         fix=fix,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Span:
-    """UTC hours that are folded together, and the segments that hold records of them."""
-
-    segments: Sequence[Path]
-    first_hour: int
-    last_hour: int
-
-
-def _spans(segments: Sequence[Path]) -> Iterator[_Span]:
-    """Yield the days of a spool; of days with more than SPAN_ROWS rows the single hours, so that memory is bounded."""
-    found = [(path, _hours_in(path), pq.read_metadata(path).num_rows) for path in segments]
-    for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
-        hours_of_day = range(day * 24, day * 24 + 24)
-        inside = [(path, hours, n_rows) for path, hours, n_rows in found if not hours.isdisjoint(hours_of_day)]
-        if sum(n_rows for *_, n_rows in inside) <= SPAN_ROWS:
-            yield _Span([path for path, *_ in inside], day * 24, day * 24 + 23)
-            continue
-        for hour in hours_of_day:
-            if paths := [path for path, hours, _ in inside if hour in hours]:
-                yield _Span(paths, hour, hour)
-
-
-def _hours_in(segment: Path) -> frozenset[int]:
-    """Return the UTC hour numbers a segment has rows of; not a range, because instants may be years apart."""
-    import numpy as np
-
-    instants = pq.ParquetFile(segment).read(columns=["ts"])["ts"].cast(pa.int64())
-    return frozenset(np.unique(instants.to_numpy() // HOUR_MS).tolist())
 
 
 def _by_hour(rows: pa.Table) -> Iterator[tuple[int, pa.Table]]:

@@ -12,9 +12,10 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from vsd_analytics.settings import DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
-from vsd_analytics.site.model import Calibration, Camera, Floor, Site
+from vsd_analytics.site.model import Calibration, Camera, Floor, Point, Site
 
 if TYPE_CHECKING:
     import duckdb
@@ -224,20 +225,36 @@ def area_cells(site: Site) -> pa.Table:
     """
     days = {day for area in site.areas for day in (area.first_day, area.end_day) if day is not None}
     starts = [-FOREVER_MS, *(_quarter_at(day, site) * QUARTER_MS for day in sorted(days))]
-    rows: list[tuple[Any, ...]] = []
+    found = [_AREA_CELLS.empty_table()]
     for from_ms, to_ms, day in zip(starts, [*starts[1:], FOREVER_MS], [date.min, *sorted(days)], strict=True):
-        taken: set[tuple[str, int, int]] = set()
-        for area in site.areas:
-            if not area.is_there(day, day):
-                continue
-            own = [c for c in _cells_in(area.polygon) if (area.floor_id, *c) not in taken]
-            taken |= {(area.floor_id, *c) for c in own}
-            rows += [(area.floor_id, from_ms, to_ms, area.area_id, *c) for c in own]
-    return _table(_AREA_CELLS, rows)
+        there = tuple((a.area_id, a.floor_id, a.polygon) for a in site.areas if a.is_there(day, day))
+        for (area_id, floor_id, _), cells in zip(there, _shared_out(there), strict=True):
+            names = ((floor_id, pa.string()), (from_ms, pa.int64()), (to_ms, pa.int64()), (area_id, pa.string()))
+            same = [pa.repeat(pa.scalar(value, type), len(cells)) for value, type in names]
+            found.append(pa.table([*same, cells[:, 0], cells[:, 1]], schema=_AREA_CELLS))
+    return pa.concat_tables(found)
 
 
-def _cells_in(corners: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:
-    """Return the floor cells whose centre lies in a polygon."""
+@lru_cache(maxsize=64)
+def _shared_out(areas: tuple[tuple[str, str, tuple[Point, ...]], ...]) -> tuple[NDArray[np.int32], ...]:
+    """Return the floor cells of each area (id, floor, corners) that none before it on the floor has, shape (n, 2).
+
+    Held, since each question asks again, and an area of 5,000 m² has 80,000 cells.
+    """
+    taken: dict[str, NDArray[np.int64]] = {}
+    shared = []
+    for _, floor_id, polygon in areas:
+        cells = _cells_in(polygon)
+        before = taken.get(floor_id, np.zeros(0, np.int64))
+        key = cells[:, 0].astype(np.int64) * 2**32 + cells[:, 1]
+        is_own = ~np.isin(key, before)
+        taken[floor_id] = np.concatenate([before, key[is_own]])
+        shared.append(cells[is_own])
+    return tuple(shared)
+
+
+def _cells_in(corners: Sequence[Point]) -> NDArray[np.int32]:
+    """Return the floor cells whose centre lies in a polygon, shape (n, 2)."""
     import shapely
 
     cell_m = FLOOR_CELL_M
@@ -248,7 +265,7 @@ def _cells_in(corners: Sequence[tuple[float, float]]) -> list[tuple[int, int]]:
         np.arange(np.floor(y0 / cell_m), np.ceil(y1 / cell_m)),
     )
     inside = shapely.contains_xy(polygon, (cx + 0.5) * cell_m, (cy + 0.5) * cell_m)
-    return list(zip(cx[inside].astype(int).tolist(), cy[inside].astype(int).tolist(), strict=True))
+    return np.stack([cx[inside], cy[inside]], axis=1).astype(np.int32)
 
 
 def areas_with_stays(site: Site) -> frozenset[str]:

@@ -12,7 +12,7 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.errors import ReportError
 from vsd_analytics.report.pages import pdf
-from vsd_analytics.report.pages.pdf import dated, find_chromium, n_pages, no_chromium, print_pdf
+from vsd_analytics.report.pages.pdf import dated, find_chromium, no_chromium, print_pdf
 from vsd_analytics.report.pages.week import render_html
 
 CHROMIUM = find_chromium(environ={})
@@ -120,7 +120,7 @@ def test_the_page_is_printed_whole_tagged_and_titled(paper: str) -> None:
     width, height = {"a4": (595, 842), "letter": (612, 792)}[paper]
     boxes = {tuple(round(float(v)) for v in box.split()) for box in re.findall(rb"/MediaBox \[([\d. ]+)\]", made)}
     assert boxes == {(0, 0, width, height)}
-    assert 1 <= n_pages(made) <= 4
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", made)) <= 4
     assert len(made) <= 1_000_000
     for wanted in (b"/StructTreeRoot", b"/MarkInfo", b"/Outlines", b"/Lang (en-GB)", b"/Title ("):
         assert wanted in made, wanted

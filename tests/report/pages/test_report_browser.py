@@ -15,8 +15,8 @@ from vsd_analytics.report.pages.week import render_html
 pytestmark = pytest.mark.browser
 
 ALL = {**weeks.ALL, **sections.MORE}
-MODES = [("light", 1280), ("light", 390), ("dark", 390)]
-"""Dark changes colours alone, at any width."""
+MODES = [("light", 1280), ("dark", 390)]
+"""Dark changes colours alone, at any width: together both modes show every width and every colour."""
 TOO_SMALL = """() => [...document.body.querySelectorAll("*")].flatMap(e => {
     if (!e.checkVisibility() || e.closest(".vh, .skip")) return [];
     const found = [], text = [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());

@@ -103,7 +103,8 @@ def test_a_row_that_is_held_back_says_so() -> None:
 @pytest.mark.parametrize(
     ("lo", "hi", "said"),
     [
-        (-0.12, -0.004, "likely between 12% fewer and no change"),
+        (-0.12, -0.004, "likely between under 1% and 12% fewer"),
+        (-0.12, 0.0, "likely between 12% fewer and no change"),
         (-0.12, 0.3, "likely between 12% fewer and 30% more"),
         (-0.181, -0.179, "likely 18% fewer"),
         (-0.001, 0.001, "likely no change"),

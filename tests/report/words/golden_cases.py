@@ -18,11 +18,14 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.headline import CLOSE, OFTEN, story_of
+from vsd_analytics.report.words.headline import story_of
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.result import Reason
 
 FOLDER = Path(__file__).parent / "golden"
+OFTEN = ("clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data")
+CLOSE = (*OFTEN, "not_measurable")
+"""The verdicts that a headline is made of: how often, share of time too close."""
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "about_same": 0.02, "cannot_tell": 0.02}
 
 

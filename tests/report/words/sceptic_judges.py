@@ -712,6 +712,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "ledger.fewer": "part of a range that is judged",
     "ledger.more": "part of a range that is judged",
     "ledger.none": "part of a range that is judged",
+    "came_of.up_to": "part of a range that is judged",
     "came_of.between": "part of a range that is judged",
     "came_of.same": "part of a range that is judged",
     "came_of.early": _ASKS,

@@ -11,7 +11,7 @@ from typing import get_args
 import pytest
 from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
-from report.words.golden_cases import CASES, after_a_gap, beside_usual, silent, unusual_hour
+from report.words.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign, Usual
@@ -21,7 +21,7 @@ from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words.catalogue import has
-from vsd_analytics.report.words.headline import CLOSE, MAX_WORDS, OFTEN, change_to_name, finish, story_of
+from vsd_analytics.report.words.headline import MAX_WORDS, change_to_name, finish, story_of
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.report.words.things_to_know import things
 from vsd_analytics.result import Verdict

@@ -40,7 +40,6 @@ _FLAGS: Final = (
 )
 _DATE: Final = re.compile(rb"(/(?:CreationDate|ModDate) \(D:)\d{14}[+-]\d\d'\d\d'?\)")
 _NODE: Final = re.compile(rb"(?<=\()node\d{8}(?=\))")
-_PAGE: Final = re.compile(rb"/Type\s*/Page\b")
 
 
 def find_chromium(
@@ -134,11 +133,6 @@ def renumbered(pdf: bytes) -> bytes:
     """
     rank = {name: b"node%08d" % i for i, name in enumerate(sorted(set(_NODE.findall(pdf))), start=1)}
     return _NODE.sub(lambda found: rank[found[0]], pdf)
-
-
-def n_pages(pdf: bytes) -> int:
-    """Return how many pages a PDF has."""
-    return len(_PAGE.findall(pdf))
 
 
 def _run(command: list[str], *, environ: Mapping[str, str], timeout_s: float) -> str:

@@ -80,10 +80,12 @@ def _rounded(minutes: float) -> float:
 
 
 def between(estimate: Estimate) -> str:
-    """Return the range of a change of time in words: between 30% less and 50% more."""
+    """Return the range of a change of time in words: between 30% less and 50% more, up to 30% less."""
     lo, hi = estimate.change_lo, estimate.change_hi
     if lo is None or hi is None:
         return amount(estimate.change)
+    if 0.0 in (lo, hi) and lo < hi:  # a clear change that without one comparison area would not be clear ends there
+        return say("came_of.up_to", amount=amount(lo or hi))
     return say("came_of.between", low=amount(lo), high=amount(hi))
 
 

@@ -27,9 +27,6 @@ from vsd_analytics.report.words.things_to_know import things
 MAX_WORDS: Final = 15
 OWN_SHARE: Final = 0.8
 """A change of the floor is an area's own when at least this part of it lies there."""
-OFTEN: Final = ("clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data")
-CLOSE: Final = (*OFTEN, "not_measurable")
-"""The two keys of the table `headline.pair` of the catalogue: how often, share of time too close."""
 CLEAR: Final = ("clear_fall", "clear_rise")
 
 

@@ -16,7 +16,8 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Columns = dict[str, NDArray[Any]]
 
-_DIGIT_BITS = 12
+_DIGIT_BITS = 16
+_DIGIT = 2**_DIGIT_BITS - 1
 _BLOCK = 250_000
 NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
@@ -61,29 +62,12 @@ def packed_keys(*keys: NDArray[Any]) -> tuple[Ints | None, int]:
 
 
 def _order(packed: Ints, n_bits: int) -> Ints:
-    """Sort by counting, some bits at a time: linear work, several times quicker than comparing."""
-    n = len(packed)
-    n_passes = -(-n_bits // max(_DIGIT_BITS, n.bit_length()))
-    if n_passes == 0:
-        return np.arange(n)
-    digit_bits = -(-n_bits // n_passes)
-    order = _counted(packed & (2**digit_bits - 1), 2**digit_bits)
-    for number in range(1, n_passes):
-        digit = packed[order] >> (number * digit_bits)
-        if number < n_passes - 1:
-            digit &= 2**digit_bits - 1
-        order = order[_counted(digit, 2**digit_bits)]
+    """Sort by 16 bits at a time, the lowest first: numpy sorts so short integers by counting, in linear time."""
+    order = np.argsort((packed & _DIGIT).astype(np.uint16), kind="stable")
+    for shift in range(_DIGIT_BITS, n_bits, _DIGIT_BITS):
+        digit = (packed[order] >> shift) & _DIGIT
+        order = order[np.argsort(digit.astype(np.uint16), kind="stable")]
     return order
-
-
-def _counted(digits: Ints, n_digits: int) -> Ints:
-    """Return the numbers of the rows in order of their digits; a transposed sparse matrix counts and places them."""
-    from scipy.sparse import csr_matrix
-
-    n = len(digits)
-    rows = (np.zeros(n, dtype=np.int8), digits.astype(np.int32), np.arange(n + 1, dtype=np.int32))
-    found: Ints = csr_matrix(rows, shape=(n, n_digits)).tocsc().indices.astype(np.int64)
-    return found
 
 
 def distinct(keys: Ints) -> Ints:

@@ -209,9 +209,14 @@ def _companies(row: Ints, other: Ints, n: int, site: SiteTables) -> Ints:
 def _texts(held: Held, rows: Ints, row: Ints, other: Ints) -> NDArray[np.object_]:
     """Return the names of the others of some rows, joined; None without any."""
     first, after = np.searchsorted(row, rows), np.searchsorted(row, rows, side="right")
-    names = np.asarray(held.names_of("track_name").to_pylist(), dtype=object)
-    joined = (chr(1).join(names[other[i:j]].tolist()) if j > i else None for i, j in zip(first, after, strict=True))
-    return np.fromiter(joined, dtype=object, count=len(rows))
+    n_others = after - first
+    ends = np.cumsum(n_others)
+    found = np.arange(n_others.sum()) + np.repeat(first - ends + n_others, n_others)
+    names = held.names_of("track_name").take(pa.array(other[found]))
+    lists = pa.ListArray.from_arrays(np.concatenate([[0], ends]).astype(np.int32), names)
+    texts = pc.if_else(pa.array(n_others > 0), pc.binary_join(lists, chr(1)), None)
+    joined: NDArray[np.object_] = texts.to_numpy(zero_copy_only=False)
+    return joined
 
 
 def _in_text_order(rows: Columns, site: SiteTables) -> Columns:

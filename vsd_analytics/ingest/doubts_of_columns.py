@@ -1,0 +1,214 @@
+"""Doubts about columns: cameras, classes, ids, people that are not read (W221, W222, W225, W228)."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.ingest.cell_values import is_number
+from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, quoted
+from vsd_analytics.ingest.telling_names import (
+    OBJECTS,
+    PERSON,
+    VAGUE,
+    cameras_in,
+    ids_like,
+    is_named_like,
+    letters,
+    named_like,
+    of_another_person,
+)
+
+
+def _cameras(case: Case) -> Iterator[Doubt]:
+    """W221: a column of cameras that is not read."""
+    if case.head is None or "camera_id" in case.head.plan.theirs:
+        return
+    if len(parts := cameras_in(case.head.parts)) > 1:
+        yield _merged_cameras(
+            case,
+            f"the names of its files tell of {len(parts)} cameras",
+            parts,
+            "name them one by one, each with --camera",
+        )
+    for column in named_like(case.head.values, "file"):
+        if len(found := cameras_in(case.head.values[column])) > 1 and not case.is_settled_by_where(column):
+            what = f"{column[:80]!r} names {len(found)} cameras"
+            yield _merged_cameras(case, what, found, f"--map camera_id={column}")
+    for column in named_like(case.head.values, "storey"):
+        values = case.head.values[column]
+        if 1 < len(values) <= 20 and not case.is_settled_by_where(column):
+            yield Doubt(
+                "W221",
+                f"{column[:80]!r} names {len(values)} floors ({', '.join(v[:20] for v, _ in values.most_common(4))}), "
+                f"and all rows go to {case.options.camera}",
+                "people above each other would be counted as if they stood together",
+                f'--where "{quoted(column)} = ..." with --camera, one command for each floor',
+                is_sure=True,
+            )
+    for column in named_like(case.head.values, "camera"):
+        values = case.head.values[column]
+        if len(values) < 2 or case.is_settled_by_where(column):
+            continue
+        if len(values) > 50 and len(values) > sum(values.values()) / 10:  # such as the picture's file name
+            continue
+        shown = ", ".join(value[:20] for value, _ in values.most_common(4))
+        yield Doubt(
+            "W221",
+            f"{column[:80]!r} names {len(values)} cameras ({shown}), and all rows go to {case.options.camera}",
+            "people of several places would be counted as if they stood together",
+            f"--map camera_id={column} (and engine_ids in vsd.toml), or --where \"{quoted(column)} = '...'\"",
+            is_sure=True,
+        )
+
+
+def _merged_cameras(case: Case, what: str, found: set[str], fix: str) -> Doubt:
+    return Doubt(
+        "W221",
+        f"{what} ({', '.join(sorted(found)[:4])}), and all rows go to {case.options.camera}",
+        "people of several places would be counted as if they stood together",
+        f"{fix}; engine_ids in vsd.toml say which camera is meant",
+        is_sure=True,
+    )
+
+
+def _classes(case: Case) -> Iterator[Doubt]:
+    """W222: rows that are no people."""
+    if case.head is None or case.sample.is_pairs:
+        return
+    if any(letters(column) not in VAGUE for column in named_like(case.head.plan.compared, "class")):
+        return  # who filters by the class's name need not filter by its number as well
+    for column in named_like(case.head.values, "class"):
+        values = case.head.values[column]
+        others = [value for value in values if not _is_person(value)]
+        numbers = {value for value in values if value.replace(".0", "").isdecimal()}
+        # COCO counts its 80 classes from 0 in most detectors, and from 1 in its own files
+        first = "1" if numbers and not values.keys() & {"0", "0.0"} else "0"
+        if not others or case.is_settled_by_where(column):
+            continue
+        words = {letters(value) for value in values}
+        if letters(column) in VAGUE and not words & (PERSON | OBJECTS):
+            continue
+        people = [value for value in values if _is_person(value)]
+        wanted = people[0] if people else first if numbers else "person"
+        is_sure = len(values) > 1 or bool(words & OBJECTS) or not all(v.isdecimal() for v in others)
+        n_others = sum(values[value] for value in others)
+        yield Doubt(
+            "W222",
+            f"{column[:80]!r} has other values than persons: {', '.join(v[:20] for v in others[:5])} "
+            f"({n_others:,} of {sum(values.values()):,} rows)",
+            "every row would count as a person",
+            f'--where "{quoted(column)} = {wanted if wanted.isdecimal() else repr(wanted)}"'
+            f"{' if that number is a person' if numbers and not people else ''}",
+            is_sure=is_sure,
+        )
+
+
+def _absent(case: Case) -> Iterator[Doubt]:
+    """W222: rows that a tracker marks as not in view."""
+    if case.head is None or case.sample.is_pairs:
+        return
+    for column in named_like(case.head.values, "absent"):
+        values = {value.lower(): n for value, n in case.head.values[column].items()}
+        yes = sum(n for value, n in values.items() if value in ("1", "1.0", "true", "yes"))
+        if yes and len(values) == 2 and values.keys() & {"0", "0.0", "false", "no"}:
+            no = next(v for v in case.head.values[column] if v.lower() in ("0", "0.0", "false", "no"))
+            yield Doubt(
+                "W222",
+                f"{column[:80]!r} marks {yes:,} of {sum(values.values()):,} rows",
+                "people whom the tracker does not see would count where it guesses them",
+                f'--where "{quoted(column)} = {no if no.isdecimal() else repr(no)}"',
+                is_sure=True,
+            )
+
+
+def _confidences(case: Case) -> Iterator[Doubt]:
+    """W222: a limit of confidence in shares, where the column has percents."""
+    if case.head is None:
+        return
+    for compared in case.head.plan.where:
+        column = compared.column
+        if not is_named_like(column, "confidence") or not isinstance(compared.value, float):
+            continue
+        found = [float(v) for v in case.head.filtered.get(column, ()) if is_number(v)]
+        if found and 0 < compared.value <= 1 and np.median(found) > 1.5:
+            yield Doubt(
+                "W222",
+                f"--where compares {column[:80]!r} with {compared.value:g}, and it is {min(found):g} to {max(found):g}",
+                "it holds percents, so the filter leaves out hardly any row",
+                f"compare it with {compared.value * 100:g}",
+                is_sure=True,
+            )
+
+
+def _others_in_a_row(case: Case) -> Iterator[Doubt]:
+    """W228: columns of a second person in each row, and files that are not read."""
+    if case.head is None:
+        return
+    names = case.head.plan.names
+    axes = [names[ours] for ours in ("x_m", "y_m", "u_px", "v_px") if ours in names]
+    others = [of_another_person(name, case.head.ignored) for name in axes]
+    if axes and all(others):
+        yield Doubt(
+            "W228",
+            f"{', '.join(o[:40] for o in others if o)} seem to hold another person, or another corner, in the same row",
+            "a row is one person: who is in other columns would not be counted",
+            "write one row for each person; a box: --map left=...,top=...,right=...,bottom=...",
+            is_sure=True,
+        )
+    ids = [n for n in case.head.ignored if (t := names.get("track_id")) and of_another_person(t, [n])]
+    if "left" in names and ids:
+        yield Doubt(
+            "W228",
+            f"{ids[0][:40]!r} is the id of another person in the same row",
+            "a row of two people is a pair: its two places are no corners of a box",
+            "--format pairs --map track_a=...,track_b=...,x_a_m=...,y_a_m=...,x_b_m=...,y_b_m=...",
+            is_sure=True,
+        )
+    if unread := case.head.unread:
+        more = f" and {len(unread) - 3} more" if len(unread) > 3 else ""
+        yield Doubt(
+            "W228",
+            f"{', '.join(name[-40:] for name in unread[:3])}{more} {'is' if len(unread) == 1 else 'are'} not read",
+            "a folder or archive is read as tables: csv, tsv, parquet, feather, arrow, also gzip, bzip2 and zstd",
+            "name these files in a command of their own",
+        )
+
+
+def _is_person(value: str) -> bool:
+    """Return whether a class is people: a word for them, also with a number behind it, or class 0 of COCO."""
+    return letters(value) in PERSON or value in ("0", "0.0")
+
+
+def _ids(case: Case) -> Iterator[Doubt]:
+    """W225: no ids, or ids that do not last."""
+    sample = case.sample
+    if sample.is_pairs or not sample.n:
+        return
+    why = "a violation needs the same two people for 3 seconds; records, person-hours and maps are not concerned"
+    like = [] if case.head is None else ids_like(case.head.ignored)
+    named = f"--map {shlex.quote('track_id=' + (like[0] if like else '...'))}"
+    if case.head is not None and not sample.has_ids:
+        what = "there are no track ids: violations cannot be counted"
+        fix = named if like else "export the tracker's ids, and map them: --map track_id=..."
+        yield Doubt("W225", what, why, fix, is_note=not like)
+        return
+    if sample.has_ids:
+        n_records = sample.rows["track"].value_counts()
+        n_frames = sample.rows["ts_ms"].nunique()
+        if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
+            what = f"{len(n_records):,} track ids, and nearly each has one record: they do not last"
+            yield Doubt("W225", what, why, f"map the id of the track, not of the detection or row: {named}")
+
+
+COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+    _cameras,
+    _classes,
+    _absent,
+    _confidences,
+    _others_in_a_row,
+    _ids,
+)

@@ -1,0 +1,81 @@
+"""Doubts about positions in the picture (W226)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, picture_px
+from vsd_analytics.ingest.telling_names import side_named
+
+_BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
+"""Sides of a box, and what the name of their column must not say."""
+
+
+def _pixels(case: Case) -> Iterator[Doubt]:
+    """W226: positions in the picture that are no pixels of it."""
+    sample = case.sample
+    places = sample.rows[["u", "v"]].dropna()
+    if len(places) < 3 or sample.has_floor:
+        return
+    names = {} if case.head is None else case.head.plan.names
+    centre = [theirs for ours, theirs in names.items() if ours in ("left", "top") and "cent" in theirs.lower()]
+    if centre:
+        what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
+        fix = "--map center_x=...,center_y=...,width=...,height=..."
+        yield Doubt("W226", what, "foot points would be half a box away", fix, is_sure=True)
+    wrong = [theirs for ours, theirs in names.items() if side_named(theirs) == _BOX_SIDES.get(ours, "")]
+    if wrong:
+        is_size = side_named(wrong[0]) == "size"
+        what = f"{wrong[0][:80]!r} names the {'size' if is_size else 'far corner'} of a box, and is read as the other"
+        fix = "--map left=...,top=...," + ("width=...,height=..." if is_size else "right=...,bottom=...")
+        yield Doubt("W226", what, "foot points would be elsewhere in the picture", fix, is_sure=True)
+    if case.head is not None and case.head.n_upside_down > 0.5 * case.head.n_boxes:
+        what = f"the bottom of {case.head.n_upside_down:,} of {case.head.n_boxes:,} boxes is above their top"
+        why = "y seems to point up, or top and bottom are exchanged; pixels are counted from the upper edge down"
+        yield Doubt(
+            "W226", what, why, "export y from the upper edge, or map top and bottom the other way", is_sure=True
+        )
+    u, v = places["u"].to_numpy(), places["v"].to_numpy()
+    size = case.options.size_px or picture_px(case)
+    if ((u >= -0.1) & (u <= 1.1) & (v >= -0.1) & (v <= 1.1)).all():
+        shown = "1280x720" if size is None else f"{size[0]}x{size[1]}"
+        yield Doubt(
+            "W226",
+            "all positions are between 0 and 1: shares of the picture, not pixels",
+            "everybody would stand on one pixel",
+            f"--size {shown} (width and height of the picture) converts them",
+            is_sure=True,
+        )
+        return
+    if size is None or len(places) < ROWS_MIN:
+        return
+    width, height = size
+    beyond = float(((u < -0.02 * width) | (u > 1.02 * width) | (v < -0.02 * height) | (v > 1.1 * height)).mean())
+    is_percent = u.max() <= 100 and v.max() <= 100 and min(size) >= 300
+    if is_percent and max(u.max(), v.max()) > 20:
+        yield Doubt(
+            "W226",
+            f"all positions are between 0 and 100, and the picture has {width} x {height} pixels: percents of it?",
+            "everybody would stand in its upper left corner",
+            "export pixels, or shares of 0 to 1 with --size",
+            is_sure=True,
+        )
+        return
+    is_corner = np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height
+    if beyond > 0.1 or is_corner:
+        extent = sample.extent("u", "v")
+        assert extent is not None
+        where = f"u {extent[0]:,.0f} to {extent[1]:,.0f}, v {extent[2]:,.0f} to {extent[3]:,.0f}"
+        yield Doubt(
+            "W226",
+            f"positions do not fit the picture of {width} x {height} pixels: {where}",
+            "the engine's pictures may have another resolution, or the positions another unit",
+            "calibrate with the resolution that the engine works at; --map x_m=...,y_m=... if they are metres",
+            is_sure=beyond > 0.5 or is_corner,
+        )
+
+
+PICTURE_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_pixels,)

@@ -1,0 +1,191 @@
+"""Doubts about positions on the floor: units, axes, and places that are no places (W220)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.config.file_columns import FILE_BOX, METRES
+from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
+from vsd_analytics.ingest.telling_names import named_like, names_degrees
+from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
+
+SPEED_MAX_M_S: Final = 8.0
+"""Nobody's usual speed: a sprint. Millimetres read as metres give 1,000 m/s, pixels about 100."""
+WALK_MAX_M_S: Final = 2.5
+"""Most people hardly ever walk faster; positions in feet read as metres give 3 to 5 m/s."""
+USUAL_SHARE: Final = 0.5
+"""Positions beyond `coordinate_max_m` are single bad rows while at least this share is within it."""
+SPAN_MAX_M: Final = 200.0
+"""Without a plan, positions further apart than this come from a wrong unit rather than from one floor."""
+PAIR_MAX_M: Final = 50.0
+"""No engine measures mostly pairs further apart than this."""
+NEAR_M: Final = 2.0
+FLAT_M, WIDE_M = 0.5, 3.0
+"""Positions on one line: within `FLAT_M` on one axis and over `WIDE_M` on the other."""
+SAME_PLACE_SHARE: Final = 0.02
+_UNIT = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"
+
+
+def _units(case: Case) -> Iterator[Doubt]:
+    """W220: positions that are not metres."""
+    names: Mapping[str, str] = {} if case.head is None else case.head.plan.names
+    for ours, theirs in names.items():
+        unit = unit_in_name(theirs) if theirs.lower() != ours else None
+        if ours in LENGTHS and names_degrees(theirs):
+            yield Doubt(
+                "W220",
+                f"{ours} is read from {theirs[:80]!r}, which names an angle",
+                "degrees are no metres: everybody would stand within a metre, or far from where they are",
+                "convert positions to metres of the floor before the export",
+                is_sure=True,
+            )
+        if ours in LENGTHS and unit == PIXELS:
+            yield Doubt(
+                "W220",
+                f"{ours} is read from {theirs[:80]!r}, which names pixels",
+                "pixels are no metres: distances would be hundreds of times too large",
+                "--map u_px=...,v_px=... for points of the picture; the camera needs a calibration",
+                is_sure=True,
+            )
+        elif (ours in FILE_BOX or ours in ("u_px", "v_px")) and unit in METRES:
+            yield Doubt(
+                "W220",
+                f"{ours} is read from {theirs[:80]!r}, which names a unit of length",
+                "lengths on the floor are no pixels",
+                "--map x_m=...,y_m=... : columns that name their unit are converted to metres",
+                is_sure=True,
+            )
+    sample, rows = case.sample, case.sample.rows
+    if sample.is_pairs:
+        apart = rows["distance_m"].dropna()
+        if len(apart) >= ROWS_MIN and (median := float(apart.median())) > PAIR_MAX_M:
+            what = f"half of the pairs are more than {median:,.0f} m apart"
+            yield Doubt("W220", what, "distances in millimetres or centimetres look like this", _UNIT, is_sure=True)
+    if not sample.has_floor or sample.is_pairs:
+        return
+    speeds = sample.speeds_m_s()
+    if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
+        what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
+        yield Doubt("W220", what, "positions are hardly in metres, or ids change people", _UNIT, is_sure=True)
+    elif (
+        len(walked := sample.speeds_m_s(step_min_s=1.0)) >= ROWS_MIN
+        and (median := float(np.median(walked))) > WALK_MAX_M_S
+    ):
+        what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
+        fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
+        yield Doubt("W220", what, "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this", fix)
+    is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
+    yield from _far_out(case, is_walking=is_walking)
+
+
+def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
+    """W220: positions beyond the floor. People who move as fast as people do are in metres, on a large floor."""
+    places = case.sample.rows[["x", "y"]].dropna()
+    is_stored = (places.abs() <= case.site.settings.coordinate_max_m).all(axis=1)
+    if is_stored.mean() >= USUAL_SHARE:  # the others are bad rows, which go to quarantine and say nothing of the unit
+        places = places[is_stored]
+    if len(places) < ROWS_MIN:
+        return
+    x, y = places["x"].to_numpy(), places["y"].to_numpy()
+    n_ids = case.sample.rows["track"].nunique()
+    if len(places) >= 5 * ROWS_MIN and n_ids > 2 and 0 < max(np.ptp(x), np.ptp(y)) <= 1:
+        is_share = bool(((x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)).all())
+        more = ": every position is between 0 and 1" if is_share else f": x {x.min():.4g} to {x.max():.4g}"
+        what = f"{n_ids:,} people would all be within one square metre{more}"
+        why = f"{'shares of a picture or of a plan' if is_share else 'degrees'}, and kilometres, look like this"
+        fix = (
+            "--map u_px=...,v_px=... with --size WIDTHxHEIGHT if they are shares of the picture; --unit km"
+            if is_share
+            else "convert them to metres of the floor before the export; --unit km"
+        )
+        yield Doubt("W220", what, why, fix, is_sure=True)
+        return
+    extent = replace(case.sample, rows=places).extent("x", "y", tail=0.05)
+    assert extent is not None
+    spread_x, spread_y = extent[1] - extent[0], extent[3] - extent[2]
+    shown = f"x {extent[0]:,.1f} to {extent[1]:,.1f} m, y {extent[2]:,.1f} to {extent[3]:,.1f} m"
+    bounds = floor_bounds_m(case)
+    if bounds is None:
+        if max(spread_x, spread_y) > SPAN_MAX_M:
+            why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
+            yield Doubt("W220", f"positions reach over {shown}", why, _UNIT, is_sure=not is_walking)
+        return
+    left, right, low, high = bounds
+    outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
+
+    def share_beyond(x: np.ndarray, y: np.ndarray, more_x: float, more_y: float) -> float:
+        is_in = (x >= left - more_x) & (x <= right + more_x) & (y >= low - more_y) & (y <= high + more_y)
+        return 1.0 - float(is_in.mean())
+
+    far = share_beyond(x, y, max(5.0, (right - left) / 4), max(5.0, (high - low) / 4))
+    near = share_beyond(x, y, NEAR_M, NEAR_M)
+    turned = {
+        "x and y seem to be exchanged: map each to the other column": (y, x),
+        "y seems to point down: export it upwards from the lower left corner of the plan": (x, -y),
+        "y seems to be negative downwards: add the height of the plan to it": (x, y + high - low),
+    }
+    fits = next((fix for fix, (a, b) in turned.items() if share_beyond(a, b, 0.5, 0.5) < 0.01), None)
+    if near > 0.2 and fits is not None:
+        what = f"{near:.0%} of the positions are outside the floor: {shown}"
+        yield Doubt("W220", what, outside, fits, is_sure=True)
+    elif far > 0.5:
+        what = f"{far:.0%} of the positions are far outside the floor: {shown}"
+        yield Doubt("W220", what, outside, f"{_UNIT}; or correct plan_origin_m and plan_m_per_px", is_sure=True)
+    elif near > 0.1:
+        what = f"{near:.0%} of the positions are outside the floor: {shown}"
+        fix = f"{_UNIT}; or correct plan_origin_m and plan_m_per_px"
+        yield Doubt("W220", what, outside, fix, is_sure=near > 0.5)
+
+
+def _axes(case: Case) -> Iterator[Doubt]:
+    """W220: positions on one line, because one of the axes read is the height above the floor."""
+    sample = case.sample
+    if sample.is_pairs or sample.n < 5 * ROWS_MIN or sample.rows["track"].nunique() == 1:
+        return
+    extent = sample.extent("x", "y")
+    if extent is None:
+        return
+    spreads = {"x_m": extent[1] - extent[0], "y_m": extent[3] - extent[2]}
+    flat, wide = sorted(spreads, key=lambda axis: spreads[axis])
+    if spreads[flat] > FLAT_M or spreads[wide] < WIDE_M:
+        return
+    ignored = [] if case.head is None else case.head.ignored
+    third = named_like(ignored, "third axis")
+    low = extent[0] if flat == "x_m" else extent[2]
+    yield Doubt(
+        "W220",
+        f"everybody would be on one line: {flat} is {low:.2f} to {low + spreads[flat]:.2f} m, {wide} reaches over "
+        f"{spreads[wide]:,.0f} m",
+        f"{flat} may be the height above the floor, as where the second axis points up",
+        f"--map {flat}={third[0] if third else '...'} with the axis that lies on the floor",
+        is_sure=bool(third),
+    )
+
+
+def _placeholders(case: Case) -> Iterator[Doubt]:
+    """W220: one place written for people whom the engine lost, such as 0, 0."""
+    sample = case.sample
+    if sample.is_pairs or sample.n < 5 * ROWS_MIN:
+        return
+    for across, up in (("x", "y"), ("u", "v")):
+        places = sample.rows[[across, up, "track"]].dropna(subset=[across, up])
+        at = places[(places[across] == places[up]) & places[across].isin([0.0, -1.0, -999.0, -9999.0, 9999.0])]
+        for value, same in at.groupby(across):
+            if len(same) < SAME_PLACE_SHARE * len(places) or len(same) == len(places):
+                continue
+            names = {} if case.head is None else case.head.plan.names
+            column = next((names[ours] for ours in ("x_m", "u_px") if ours in names), None)
+            yield Doubt(
+                "W220",
+                f"{len(same):,} of {len(places):,} positions are exactly {value:g}, {value:g}",
+                "engines write such a place for people whom they have lost; they would all stand close together there",
+                "leave these rows out of the export" if column is None else f'--where "{quoted(column)} != {value:g}"',
+                is_sure=True,
+            )
+
+
+PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_units, _axes, _placeholders)

@@ -1,0 +1,209 @@
+"""Doubts about times: their zone, their steps, their year (W223, W224, W227)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from datetime import date, timedelta
+from typing import Final
+
+import numpy as np
+import pandas as pd
+
+from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.instants import utc_to_local
+from vsd_analytics.ingest.telling_names import named_like
+from vsd_analytics.site.model import Site
+
+_DAY_MS, _HOUR_MS, _MINUTE_MS = 86_400_000, 3_600_000, 60_000
+_FIRST_MS, _LAST_MS = (int(pd.Timestamp(f"{year}-01-01", tz="UTC").timestamp() * 1000) for year in (2005, 2100))
+FRAME_MIN_MS: Final = 20
+"""No engine sends frames faster."""
+ALONE_SHARE: Final = 0.9
+"""Share of records with a time of their own beyond which no frame has several people."""
+TOGETHER: Final = 1.5
+"""People in view at once, on average, from which some of them must share a frame."""
+
+
+def _zones(case: Case) -> Iterator[Doubt]:
+    """W223: times without an offset, in a zone that nobody stated."""
+    site, sample = case.site, case.sample
+    if case.options.zone is not None or not sample.n:
+        return
+    stated = {name for c in site.cameras if c.has_clock for name in (c.camera_id, *c.engine_ids)}
+    is_assumed = (sample.zones != "") & ~sample.rows["camera"].isin(stated).to_numpy()
+    if not is_assumed.any():
+        return
+    zone = str(sample.zones[is_assumed][0])
+    ts_ms = sample.rows["ts_ms"].to_numpy()[is_assumed].astype(np.int64)
+    written = utc_to_local(ts_ms, zone)
+    here, there = utc_to_local(ts_ms, site.timezone), written
+    if (here == there).all():
+        return
+    as_read, as_local = (f"{_clock(int(local.min()))} to {_clock(int(local.max()))}" for local in (here, there))
+    shares = ""
+    if site.opening is not None:
+        open_as_read, open_as_local = open_share(here, site), open_share(there, site)
+        shares = f"; {open_as_read:.0%} and {open_as_local:.0%} of the records would be in opening hours"
+    camera = next((c.camera_id for c in (*case.cameras, *site.cameras)), "cam-1")
+    yield Doubt(
+        "W223",
+        f"times have no offset and are taken as {zone}: in {site.timezone} they are {as_read}",
+        f"if they are on the clock of the site, they are {as_local}{shares}",
+        f'--zone {site.timezone} or --zone {zone}; for good: clock = "{site.timezone}" under [[camera]] {camera}',
+    )
+
+
+def _clock(local_ms: int) -> str:
+    day = date(1970, 1, 1) + timedelta(days=local_ms // _DAY_MS) if abs(local_ms) < 2**47 else None
+    minutes = local_ms % _DAY_MS // _MINUTE_MS
+    return f"{day} {minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def open_share(local_ms: np.ndarray, site: Site) -> float:
+    """Return the share of local times in opening hours; the small hours belong to the day before where it is open."""
+    if site.opening is None:
+        return 1.0
+    days, minutes = local_ms // _DAY_MS, local_ms % _DAY_MS / _MINUTE_MS
+    closed = {(day - date(1970, 1, 1)).days for day in site.closed}
+    is_open = np.zeros(len(local_ms), dtype=bool)
+    for back in (0, 1):
+        weekday = (days - back + 3) % 7  # 1970-01-01 was a Thursday
+        is_closed = np.isin(days - back, list(closed))
+        for day, spans in enumerate(site.opening):
+            for start, end in spans:
+                at = minutes + back * 24 * 60
+                is_open |= (weekday == day) & ~is_closed & (at >= start) & (at < end)
+    return float(is_open.mean()) if len(is_open) else 0.0
+
+
+def _merging(case: Case) -> Iterator[Doubt]:
+    """W224: records that a fold leaves out, because times are too coarse."""
+    sample = case.sample
+    if sample.n < ROWS_MIN or case.options.period_s is not None:
+        return
+    ts_ms = sample.rows["ts_ms"].to_numpy().astype(np.int64)
+    zones = [zone for zone in np.unique(sample.zones) if zone]
+    local = utc_to_local(ts_ms, zones[0]) if len(zones) == 1 and (sample.zones != "").all() else ts_ms
+    n_second, n_instants = sample.n_second(), len(np.unique(ts_ms))
+    share = n_second / sample.n
+    if case.head is not None and "ts" in case.head.plan.theirs and not (local % _DAY_MS).any():
+        times = named_like(case.head.ignored, "time")
+        theirs = case.head.plan.names["ts"]
+        yield Doubt(
+            "W224",
+            "all times are midnight: ts seems to be a date without the time of day",
+            f"{n_second:,} of {sample.n:,} rows would be left out as second sightings; the others would be one frame",
+            f"--map ts={theirs}+{times[0] if times else 'TIME'}",
+            is_sure=True,
+        )
+    elif share > 0.5:
+        is_coarse = not (local % _MINUTE_MS).any()
+        why = "a person has one place at a time; " + (
+            "the times are whole minutes, so that frames of one minute cannot be distinguished"
+            if is_coarse
+            else "the times are days since 1899, as Excel counts them: export them as text"
+            if 20_000_000 < np.median(ts_ms) < 80_000_000
+            else "the times are too coarse, or the ids belong to several people"
+        )
+        fix = "export times with seconds and parts of seconds; or keep one record of each period: --period "
+        yield Doubt(
+            "W224",
+            f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
+            why,
+            fix + ("60" if is_coarse else "1"),
+            is_sure=True,
+        )
+    elif case.head is not None and not (local % _MINUTE_MS).any() and not sample.has_ids and sample.n >= 5 * n_instants:
+        yield Doubt(
+            "W224",
+            f"the times are whole minutes: {sample.n:,} rows have {n_instants:,} different times",
+            "all rows of a minute would be one frame, and all their people close to each other at once",
+            "export times with seconds; if there is one frame a minute: --period 60",
+            is_sure=True,
+        )
+    elif share > 0.05:
+        yield Doubt(
+            "W224",
+            f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
+            "a person has one place at a time; the times may be too coarse, or ids belong to several people",
+            "export times with parts of seconds; --period N keeps one record of each period",
+        )
+
+
+def _years(case: Case) -> Iterator[Doubt]:
+    """W227: times of another century, such as a count from another beginning than 1970."""
+    sample = case.sample
+    if sample.n < ROWS_MIN or case.head is None:  # of few, bad ones go to quarantine
+        return
+    median = float(np.median(sample.rows["ts_ms"].to_numpy().astype(np.int64)))
+    if _FIRST_MS <= median < _LAST_MS:
+        return
+    year = 1970 + median / (365.2425 * _DAY_MS)
+    fix = "export ISO times, or the time since 1970 in seconds, milliseconds, microseconds or nanoseconds"
+    written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
+    if 20_000_000 < median < 80_000_000:
+        fix = "they look like days since 1899, as Excel counts them: export them as text"
+    elif len(written) in (12, 14) and written.isdecimal():
+        fix = f'--time-format "{"%Y%m%d%H%M%S" if len(written) == 14 else "%y%m%d%H%M%S"}"'
+    elif written.isdecimal() and len(written) == 18:
+        fix = (
+            "they look like ticks of .NET or Windows: (ticks - 621355968000000000) / 10,000,000 are seconds since 1970"
+        )
+    shown = f" ({written[:30]!r})" if written else ""
+    what = f"times would be in the year {int(year)}{shown}"
+    yield Doubt("W227", what, "a wrong unit, or a count that begins at another date than 1970", fix, is_sure=True)
+
+
+def _half_days(case: Case) -> Iterator[Doubt]:
+    """W227: a clock of twelve hours without AM and PM: after 12:59 comes 1:00."""
+    sample = case.sample
+    if sample.n < ROWS_MIN or not (sample.zones != "").all():
+        return
+    zones = np.unique(sample.zones)
+    local = sample.rows["ts_ms"].to_numpy().astype(np.int64)
+    if len(zones) == 1:
+        local = utc_to_local(local, zones[0])
+    hours = local % _DAY_MS // _HOUR_MS
+    steps = np.diff(local)
+    back = steps[steps < -_HOUR_MS]
+    if hours.min() < 1 or hours.max() > 12 or not len(back):
+        return
+    if ((back > -12 * _HOUR_MS) & (back < -6 * _HOUR_MS)).all():
+        n_back = "once" if len(back) == 1 else f"{len(back)} times"
+        yield Doubt(
+            "W227",
+            f"the clock goes back by about twelve hours {n_back}, and no hour is 0 or above 12",
+            "a clock of twelve hours without AM and PM: afternoons would be stored as the night before",
+            "export times of 24 hours, or with AM and PM",
+            is_sure=True,
+        )
+
+
+def _scattered(case: Case) -> Iterator[Doubt]:
+    """W224: people of one frame with times of their own, so that nobody is ever seen together with anybody."""
+    sample = case.sample
+    if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
+        return
+    rows = sample.rows.dropna(subset=["track"])
+    is_alone = ~rows.duplicated(["camera", "ts_ms"], keep=False)
+    by_track = rows.groupby(["camera", "track"], sort=False)["ts_ms"]
+    lives = by_track.max() - by_track.min()
+    by_camera = rows.groupby("camera")["ts_ms"]
+    span_ms = float((by_camera.max() - by_camera.min()).sum())
+    if is_alone.mean() < ALONE_SHARE or not span_ms or lives.sum() < TOGETHER * span_ms:
+        return
+    steps_ms = rows.sort_values("ts_ms").groupby(["camera", "track"], sort=False)["ts_ms"].diff().dropna()
+    if steps_ms.empty or steps_ms.median() < FRAME_MIN_MS:
+        return
+    period_s = float(f"{float(steps_ms.median()) / 1000:.1g}")
+    yield Doubt(
+        "W224",
+        f"{is_alone.mean():.0%} of the records have a time of their own, though "
+        f"{lives.sum() / span_ms:.0f} people are in view at once",
+        "people are close to each other only in one frame: nobody would ever be too close to anybody",
+        f"--period {period_s:g} makes one frame of each {period_s:g} s; or export the time of the frame",
+        is_sure=True,
+    )
+
+
+TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_years, _half_days, _zones, _merging, _scattered)

@@ -1,0 +1,90 @@
+"""What a file is that cannot be read, by its first bytes, and how to turn it into one that can."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import Source
+
+_CSV: Final = "export the table as CSV or Parquet"
+_UNPACK: Final = "unpack it, and name the files inside; gzip, bzip2, zstd, zip and tar are read as they are"
+_KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
+    (
+        b"FEA1",
+        "a Feather file of version 1",
+        "write it again with pyarrow.feather.write_feather, or as Parquet",
+    ),
+    (
+        b"SQLite format 3",
+        "a SQLite database",
+        'export the table: sqlite3 -header -csv FILE "select * from TABLE" > a.csv',
+    ),
+    (b"%PDF", "a PDF", "export the table as CSV"),
+    (b"\xfd7zXZ", "compressed with xz", "unpack it: unxz FILE; gzip, bzip2 and zstd are read as they are"),
+    (b"7z\xbc\xaf", "a 7z archive", _UNPACK),
+    (b"Rar!", "a RAR archive", _UNPACK),
+    (b"\x04\x22\x4d\x18", "compressed with lz4", "unpack it: lz4 -d FILE; gzip, bzip2 and zstd are read as they are"),
+    (b"\x89HDF", "an HDF5 file", _CSV),
+    (b"\x93NUMPY", "a NumPy array", _CSV),
+    (b"\x80\x04", "a Python pickle", _CSV),
+    (b"\x80\x05", "a Python pickle", _CSV),
+    (b"MATLAB", "a MATLAB file", _CSV),
+    (b"#ROSBAG", "a ROS bag", "export the topic of positions as CSV, or as JSON lines"),
+    (b"\x89PNG", "a picture", "name the file with the positions"),
+    (b"\xff\xd8\xff", "a picture", "name the file with the positions"),
+    (b"\0\0\0 ftyp", "a film", "name the file that the engine wrote about it"),
+    (b"{\\rtf", "a text document (RTF)", "save it as plain text, or as CSV UTF-8"),
+)
+"""First bytes, what such a file is, and what to do."""
+_SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
+
+
+def kind_of_no_table(source: Source) -> tuple[str, str] | None:
+    """Return what a file is that nothing here reads, and what to do about it; None when its first bytes do not say."""
+    head = source.head(128) if source.path.is_file() else b""
+    if _SPREADSHEET in head:
+        return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
+    return next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
+
+
+def not_recognised(source: Source, formats: Sequence[str]) -> InputError:
+    """Return the error of a source of which no format takes itself to be: E204, with what it is or how to read it."""
+    where = Where(source.name)
+    known = kind_of_no_table(source)
+    if known is not None:
+        return InputError(f"{source.file_name} is {known[0]}, no table", code="E204", where=where, fix=known[1])
+    return InputError(
+        f"the format of {source.file_name} is not recognised",
+        code="E204",
+        where=where,
+        why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
+        fix=_json_fix(source)
+        or f"name it: --format {' | '.join(formats)}; headerless tables need --columns; or write an adapter: "
+        "docs/plugins.md",
+    )
+
+
+def _json_fix(source: Source) -> str | None:
+    head = source.head(4096).removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
+    if not head.startswith((b"{", b"[")):
+        return None
+    from vsd_analytics.ingest.json_guess import guessed_mapping
+
+    one_a_line = f"jq -c '.{{}}[]' {source.file_name} > lines.jsonl"
+    if b'"FeatureCollection"' in head:
+        places = "x_m=geometry.coordinates.0,y_m=geometry.coordinates.1"
+        return (
+            f"one feature a line: {one_a_line.format('features')}; then, if its coordinates are metres of the floor: "
+            f"--format json --map ts=properties.TIME,track_id=properties.ID,{places}"
+        )
+    mapping = guessed_mapping(source)
+    if mapping is not None:
+        return f"say where its values are, probably: {mapping}"
+    frames = re.search(rb'"(frames|data|records|messages|results|detections|items)"\s*:\s*\[\s*\{', head)
+    if frames is not None:
+        return f"one message a line: {one_a_line.format(frames[1].decode())}; then vsd check again"
+    return None

@@ -1,0 +1,69 @@
+"""Which hours of a spool are folded together: few reads for many small segments, and bounded memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vsd_analytics.store.layout import HOUR_MS
+
+SPAN_ROWS = 500_000
+"""Rows folded at once: whole days of quiet sites, single hours of busy ones."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoldSpan:
+    """UTC hours that are folded together, and for each of their days the segments that hold records of it."""
+
+    by_day: Mapping[int, Sequence[Path]]
+    first_hour: int
+    last_hour: int
+
+    @property
+    def segments(self) -> list[Path]:
+        """Every segment once, in the order of days."""
+        return list(dict.fromkeys(path for paths in self.by_day.values() for path in paths))
+
+
+def spans_of(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[FoldSpan]:
+    """Yield the days of a spool in order, in spans of at most SPAN_ROWS rows, so that memory is bounded.
+
+    New days are folded together. A day that the store has records of is a span of its own, because those records are
+    read too. Of a day with more rows the single hours are spans.
+    """
+    found = [(path, hours_in(path), pq.read_metadata(path).num_rows) for path in segments]
+    n_rows_of = {path: n_rows for path, _, n_rows in found}
+    together: dict[int, list[Path]] = {}
+    for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
+        hours_of_day = range(day * 24, day * 24 + 24)
+        inside = [(path, hours) for path, hours, _ in found if not hours.isdisjoint(hours_of_day)]
+        paths = [path for path, _ in inside]
+        joined = {*paths, *(path for of_day in together.values() for path in of_day)}
+        is_new = stored_days.isdisjoint(range(min(together, default=day), day + 1))
+        if together and not (is_new and sum(n_rows_of[path] for path in joined) <= SPAN_ROWS):
+            yield _of_days(together)
+            together = {}
+        if sum(n_rows_of[path] for path in paths) <= SPAN_ROWS:
+            together[day] = paths
+            continue
+        for hour in hours_of_day:
+            if of_hour := [path for path, hours in inside if hour in hours]:
+                yield FoldSpan({day: of_hour}, hour, hour)
+    if together:
+        yield _of_days(together)
+
+
+def _of_days(by_day: Mapping[int, Sequence[Path]]) -> FoldSpan:
+    return FoldSpan(by_day, min(by_day) * 24, max(by_day) * 24 + 23)
+
+
+def hours_in(segment: Path) -> frozenset[int]:
+    """Return the UTC hour numbers a segment has rows of; not a range, because instants may be years apart."""
+    import numpy as np
+
+    instants = pq.ParquetFile(segment).read(columns=["ts"])["ts"].cast(pa.int64())
+    return frozenset(np.unique(instants.to_numpy() // HOUR_MS).tolist())
