@@ -75,7 +75,7 @@ def main() -> int:
             text = (project / "vsd.toml").read_text()
             of_distance: dict[float, Totals] = {}
             for distance_m in (2.0, 1.0):
-                (project / "vsd.toml").write_text(f"{text}[rule]\ndistance_m = {distance_m}\n")
+                (project / "vsd.toml").write_text(text.replace("[site]\n", f"[site]\ndistance_m = {distance_m}\n", 1))
                 of_distance[distance_m] = stored(project)
             assert of_distance[1.0] != of_distance[2.0]
             command = [sys.executable, "-c", "from vsd_analytics.cli import main; main()", "-C", str(project)]
@@ -87,7 +87,7 @@ def main() -> int:
             old = of_distance[1.0]
             for number in range(given.kills):
                 distance_m = (2.0, 1.0)[number % 2]
-                (project / "vsd.toml").write_text(f"{text}[rule]\ndistance_m = {distance_m}\n")
+                (project / "vsd.toml").write_text(text.replace("[site]\n", f"[site]\ndistance_m = {distance_m}\n", 1))
                 stored(project)  # so that nearly all of the run is writing to the bucket
                 running = start(*command)
                 time.sleep(whole_s * rng.uniform(0.3, 1.1))
