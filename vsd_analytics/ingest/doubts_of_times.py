@@ -164,11 +164,13 @@ def _half_days(case: Case) -> Iterator[Doubt]:
     if len(zones) == 1:
         local = utc_to_local(local, zones[0])
     hours = local % _DAY_MS // _HOUR_MS
-    steps = np.diff(local)
-    back = steps[steps < -_HOUR_MS]
+    camera = sample.rows["camera"].fillna("").to_numpy()
+    steps = np.where(camera[1:] == camera[:-1], np.diff(local), 0)
+    is_back = steps < -_HOUR_MS
+    back, then = steps[is_back], hours[1:][is_back]
     if hours.min() < 1 or hours.max() > 12 or not len(back):
         return
-    if ((back > -12 * _HOUR_MS) & (back < -6 * _HOUR_MS)).all():
+    if ((back > -12 * _HOUR_MS) & (back < -6 * _HOUR_MS) & (then < 6)).all():
         n_back = "once" if len(back) == 1 else f"{len(back)} times"
         yield Doubt(
             "W227",
