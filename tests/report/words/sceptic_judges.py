@@ -5,7 +5,7 @@ allows the claim, False where the sentence claims more, None where this one clai
 that never claim anything, with the reason. A key in neither is listed by the proof: nobody judged it.
 
 Keys that are not in the catalogue (`area.clear_fall`, `SPOKEN`) name what a page says by a verdict's word or a range
-alone. `UNJUDGED` lists what these worlds cannot judge: tested hotspots need positions.
+alone. `UNJUDGED` lists what these worlds cannot judge: tested hotspots need positions, flow needs tracks.
 """
 
 from __future__ import annotations
@@ -726,12 +726,14 @@ NO_CLAIM: Final[Mapping[str, str]] = {
 
 
 _CELLS: Final = "tested hotspots need positions; tests/stats/prove_hotspots.py proves them"
+_FLOW: Final = "flow needs tracks; tests/stats/prove_flow.py proves how it follows people and checks arrivals"
 UNJUDGED: Final[Mapping[str, str]] = {
     **{f"spots.{n}": _CELLS for n in ("tested", "sub_tested", "near", "on_the_rest", "this", "ratio*", "excess")},
     "spots.here": _CELLS,
     **{f"spots.{n}": _CELLS for n in ("more", "new", "since*")},
     "planner.log.elsewhere": "how much the rest of the floor took up has no range; tests/stats proves its bias",
     "planner.log.cautions": "counts the cautions below it",
+    **{f"maps.flow_{n}": _FLOW for n in ("in_view", "unknown", "disagrees")},
 }  # fmt: skip
 
 
