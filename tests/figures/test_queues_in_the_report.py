@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from report import ingested_worlds as w
 
+import vsd_analytics
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.pages.json_and_csv import to_json
@@ -83,6 +85,22 @@ def test_few_people_are_held_back_and_the_page_in_italian_says_so(tmp_path: Path
         assert found[metric]["state"] == "not_enough_data"
         assert found[metric]["reason"] == "fewer than 5 people were seen to enter"
     assert "Non si sa quante persone aspettano" in render_html(report)
+    table = vsd_analytics.open(tmp_path).week("2026-W46").queues.df()
+    assert table["value"].isna().all()
+    assert table["local_hour"].isna().all(), "no row of an hour tells that somebody came then"
+
+
+def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same_ones(tmp_path: Path) -> None:
+    some = lambda day, hour: {w.QUEUE: 1} if day == 0 and hour == 10 else PAIRS if hour == 11 else {w.DOOR: 20}  # noqa: E731
+    found = json.loads(to_json(w.report(w.world(tmp_path, asking(), w.messages(some, days=(0, 1))))))["figures"]["M39"]
+    said = {r["hour"]: r["value"] for r in found["rows"] if r["what"] == "mean"}
+    table = vsd_analytics.open(tmp_path).week("2026-W46").queues.df()
+    waiting = table[table["what"] == "people waiting"].astype({"local_hour": object, "value": object})
+    rows = zip(waiting["local_hour"], waiting["value"], strict=True)
+    shown = {None if pd.isna(hour) else hour: None if pd.isna(value) else value for hour, value in rows}
+    assert shown == pytest.approx(said, abs=1e-6)
+    assert shown[10] is None
+    assert shown[11] == pytest.approx(2 / 9, rel=1e-3)
 
 
 def test_a_week_in_which_one_of_two_cameras_was_silent_is_unknown_and_names_it(

@@ -16,7 +16,7 @@ from vsd_analytics.simulate import write_canteen_project, write_demo_project
 from vsd_analytics.simulate.demo import ingest_demo
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-ON_ONE_WEEK = {"bring-your-own-engine": 1, "first-look": 3}
+ON_ONE_WEEK = {"bring-your-own-engine": 1, "first-look": 3, "how-is-this-space-used": 3}
 """Notebooks that one week of the demo is enough for, with the number of their figures."""
 CANTEEN = ["did-the-redesign-work", "plan-an-experiment"]
 """Notebooks on ten weeks of the canteen."""

@@ -191,7 +191,8 @@ class Days:
     def visits(self) -> Table:
         """Return visits per open hour (M35) and dwell times (M36) of areas with `visits = true`, a row for each figure.
 
-        Columns: `floor_id`, `area_id`, `name`, `what`, `unit`, `value`, `lo`, `hi`, `reason`.
+        Columns: `floor_id`, `area_id`, `to_area_ids`, `name`, `what`, `unit`, `local_hour` (null = the whole days),
+        `value`, `lo`, `hi`, `reason`.
 
         Example:
             >>> print(week.visits.note)
@@ -205,7 +206,7 @@ class Days:
     def flow(self) -> Table:
         """Return where people go next from areas with `visits = true` (M37), and estimated links over blind floor.
 
-        Columns as `visits`, and `to_area_ids`; `what` is "flow" or "estimated link".
+        Columns as `visits`; `to_area_ids` says where to, and `what` is "flow" or "estimated link".
 
         Example:
             >>> print(week.flow.note)
@@ -217,7 +218,9 @@ class Days:
 
     @cached_property
     def queues(self) -> Table:
-        """Return people waiting (M39) and waiting times (M40) of areas with `queue = true`; columns as `visits`.
+        """Return people waiting (M39), also by hour, and waiting times (M40) of areas with `queue = true`.
+
+        Columns as `visits`; the number of people waiting has a row for each `local_hour` too.
 
         Example:
             >>> print(week.queues.note)

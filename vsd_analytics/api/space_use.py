@@ -25,6 +25,7 @@ Rows = Callable[[Period], Iterator[dict[str, Any]]]
 _COLUMNS: Final = pa.schema(
     [
         *((name, pa.string()) for name in ("floor_id", "area_id", "to_area_ids", "name", "what", "unit")),
+        ("local_hour", pa.int64()),
         *((name, pa.float64()) for name in ("value", "lo", "hi")),
         ("reason", pa.string()),
     ]
@@ -89,12 +90,17 @@ def flow_rows(period: Period) -> Iterator[dict[str, Any]]:
 
 
 def queue_rows(period: Period) -> Iterator[dict[str, Any]]:
-    """Yield people waiting, waiting times and the share who leave of each area with `queue = true`."""
+    """Yield people waiting, also by hour, waiting times and the share who leave of each area with `queue = true`."""
     for of in queues(period):
         waits = None if of.waiting is None else of.waiting.waits
         few = None if waits is None else _few(period, waits.n_entered)
         people = of.people
         yield _row(of.area, "people waiting", "people", people.rate, people.lo, people.hi, few or people.reason)
+        for hour in of.by_hour if few is None else ():
+            rate = hour.people
+            held = None if hour.waits is None else _few(period, hour.waits.n_entered, "hidden.entries")
+            row = _row(of.area, "people waiting", "people", rate.rate, rate.lo, rate.hi, held or rate.reason)
+            yield {**row, "local_hour": hour.hour}
         if waits is None:
             continue
         for what, q in (("median wait", waits.median), ("90 % wait", waits.p90)):
