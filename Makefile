@@ -64,6 +64,10 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/benchmarks/bench_marts.py
 	$(BIN)/python tests/benchmarks/bench_report.py
+	$(BIN)/python tests/benchmarks/bench_history.py --cameras 2 --hours 4 --interval 20
+	$(BIN)/python tests/benchmarks/bench_live.py
+	$(BIN)/python tests/cluster/prove_cluster.py --engine dask
+	$(BIN)/python tests/cluster/prove_bucket.py
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5

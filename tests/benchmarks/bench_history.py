@@ -91,7 +91,8 @@ def main() -> None:
         ratios = [b[1] / a[1] for a, b in zip(took[4], took[given.weeks], strict=True)]
         sizes = {n: sum(p.stat().st_size for p in project.rglob("*.parquet")) for n, project in projects.items()}
         print(
-            f"{n_records:,} records in {given.weeks} weeks, {size}, {given.rounds} rounds, load {os.getloadavg()[0]:.0f}\n"
+            f"{n_records:,} records in {given.weeks} weeks, {size}, {given.rounds} rounds; "
+            f"load {os.getloadavg()[0]:.0f}\n"
         )
         print(
             "| weeks | first report, processor s | again, median | least | wall s, median | MiB | store and facts, MB |"
