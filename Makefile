@@ -57,8 +57,10 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
 	$(BIN)/python tests/stats/prove_queue.py --sites 120
 	$(BIN)/python tests/stats/prove_queue_forecast.py --sites 60
+	$(BIN)/python tests/stats/prove_cameras.py --sites 8
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_arrays.py 300
+	$(BIN)/python tests/packaging/prove_dependencies.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/benchmarks/bench_marts.py
 	$(BIN)/python tests/benchmarks/bench_report.py

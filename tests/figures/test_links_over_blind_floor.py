@@ -15,7 +15,7 @@ from warehouse.small_projects import DAY, HOUR, T0, Person, beats, open_days, pu
 from vsd_analytics.figures.flow import Flow, flow
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.site.model import Camera, Site
-from vsd_analytics.stats.track_links import linked_share
+from vsd_analytics.stats.track_links import TrackEnds, link_counts, linked_share
 
 FIRST = date(2026, 11, 9)
 
@@ -77,20 +77,33 @@ def test_walkers_over_blind_floor_a_border_or_an_overlap_are_linked(
     assert found.recorded_share == pytest.approx(5 / 5)
 
 
-def test_who_fits_by_chance_is_taken_off_and_few_people_are_no_link() -> None:
+def test_who_fits_by_chance_is_taken_off() -> None:
+    """Ends and starts in a crowd, of which a fifth are the same walkers; in pairs, who must not count twice."""
     rng = np.random.default_rng(1)
-    left = np.full(14, 100.0)
-    held = []
-    for _ in range(200):
-        ahead, behind = rng.poisson(300 + 20, 14), rng.poisson(300, 14)
-        share = linked_share(ahead, behind, left)
-        assert share.lo is not None
-        assert share.hi is not None
-        held.append(share.lo <= 0.2 <= share.hi)
-    assert 0.91 <= np.mean(held) <= 1.0
-    assert linked_share(rng.poisson(300, 14), rng.poisson(300, 14), left).lo == pytest.approx(0.0, abs=0.1)
-    few = linked_share([3, 3], [0, 0], [10, 10])
-    assert (few.value, few.reason and few.reason.code) == (None, "flow.few")
+    held, alone = [], []
+    for _ in range(40):
+        n_days, n = 14, 200
+        day = np.repeat(np.arange(n_days), n)
+        at = rng.uniform(0, 7200, n_days * n) + day * 86_400
+        at[1::2] = at[::2] + 0.5  # companions
+        zero, where = np.zeros(len(at)), np.zeros(len(at), dtype=np.int64)
+        takes = 10 / np.clip(rng.normal(1.34, 0.2, len(at)), 0.8, 2.0)
+        takes[1::2] = takes[::2]
+        same = np.repeat(rng.random(len(at) // 2) < 0.2, 2)
+        begins = np.where(same, at + takes, rng.uniform(0, 7200, len(at)) + day * 86_400)
+        ends = TrackEnds(at, zero, zero, where, where, day)
+        for starts_at, kept in ((begins, held), (np.where(same, begins + 3600, begins), alone)):
+            starts = TrackEnds(starts_at, zero + 10, zero, where + 1, where + 1, day)
+            counts = link_counts(ends, starts, n_areas=2, n_days=n_days)
+            share = linked_share(counts, 0, 1, np.full(n_days, float(n)))
+            assert share.lo is not None
+            assert share.hi is not None
+            kept.append((share.value, share.lo, share.hi))
+    values = [v for v, _, _ in held if v is not None]
+    assert len(values) == len(held)
+    assert 0.15 <= np.mean(values) <= 0.21, "in a crowd links are too few, not too many"
+    assert np.mean([lo <= 0.2 <= hi for _, lo, hi in held]) >= 0.9
+    assert np.mean([lo > 0 for _, lo, _ in alone]) <= 0.1
 
 
 def test_shares_have_no_interval_where_people_go_on_unseen(tmp_path: Path) -> None:

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from report import ingested_worlds as w
 
+import vsd_analytics
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.cli.visits import _as_dict
 from vsd_analytics.figures.catalogue.visit_figures import _long_share
 from vsd_analytics.figures.rates import NOT_RECORDED
 from vsd_analytics.figures.visits import AreaVisits
@@ -51,6 +53,9 @@ def test_a_report_that_nobody_asked_for_visits_has_none(tmp_path: Path) -> None:
 def test_few_visits_are_held_back_and_no_reason_tells_how_many(tmp_path: Path) -> None:
     few = lambda day, hour: {w.QUEUE: 1} if day < 2 and hour == 10 else {w.DOOR: 20}  # noqa: E731
     found = figures(w.world(tmp_path, ASKING, w.messages(few)))
+    table = vsd_analytics.open(tmp_path).week("2026-W46").visits.df()
+    assert table["what"].tolist() == ["visits", "median dwell", "90 % dwell", "long visits"]
+    assert table["value"].isna().all()
     for metric in ("M35", "M36"):
         assert found[metric]["state"] == "not_enough_data"
         assert found[metric]["reason"] == "fewer than 5 visits were seen"
@@ -81,6 +86,19 @@ def test_a_share_of_long_visits_hides_small_counts_on_either_side(n_long: int, i
     row = _long_share(asked, of)
     assert (row["value"] is not None) is is_shown
     assert (row["lo"] is not None) is is_shown
+    assert (_as_dict(of, 5)["long_share"]["value"] is not None) is is_shown
+
+
+def test_the_json_output_of_the_command_hides_few_visits_and_whoever_was_lost_among_them() -> None:
+    def printed(n: int, n_cut: int) -> dict[str, Any]:
+        cut = np.arange(n) < n_cut
+        found = dwell(np.full(n, 60.0), cut, np.arange(n) % 7, person_s=np.full(7, 500.0), long_s=120.0)
+        return _as_dict(AreaVisits(Area("a", "A", "ground", ()), NOT_RECORDED, found, 120.0, 3, 1.0, ()), 5)
+
+    few = printed(4, 1)
+    assert (few["n_visits"], few["n_cut"], few["n_began_inside"], few["little"]) == (None, None, None, None)
+    assert "4" not in str(few["reason"])
+    assert [printed(n, n_cut)["n_cut"] for n, n_cut in ((40, 4), (40, 5), (40, 36), (40, 0))] == [None, 5, None, 0]
 
 
 def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:

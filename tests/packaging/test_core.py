@@ -59,7 +59,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("core")
     alarm = '[[alarm]]\nid = "full"\nkind = "gathering"\nfor_s = 5\n'
     (folder / "vsd.toml").write_text(site_text("cam-1", more=alarm), encoding="utf-8")
-    rows = "".join(f"2026-11-09T09:00:{s:02}Z,{i},{s / 10 + i},2\n" for s in range(60) for i in range(3))
+    rows = "".join(f"2026-11-09T09:00:{s:02}Z,{i},{s / 10 + i},{i}\n" for s in range(60) for i in range(3))
     (folder / "a.csv").write_text("ts,track_id,x_m,y_m\n" + rows, encoding="utf-8")
     assert vsd("-C", str(folder), "--now", "2026-11-10", "ingest", str(folder / "a.csv")).returncode == 0
     return folder

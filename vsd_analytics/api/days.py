@@ -22,6 +22,7 @@ from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 if TYPE_CHECKING:
+    from vsd_analytics.api.space_use import Rows
     from vsd_analytics.api.trajectories import TrackTable
 
 MapKind = Literal["exposure", "burden", "risk", "excess"]
@@ -44,6 +45,12 @@ _COVERAGE = (
     "select camera_id, local_date, sum(open_s) / 3600 as open_h, sum(recorded_open_s) / 3600 as recorded_h "
     "from camera_hours group by all order by camera_id, local_date"
 )
+_HOTSPOTS = pa.schema(
+    [("floor_id", pa.string()), ("number", pa.int64()), ("area_id", pa.string())]
+    + [(name, pa.float64()) for name in ("x_m", "y_m", "ratio", "ratio_lo", "ratio_hi", "excess_min_per_week")]
+    + [("n_violations", pa.int64()), ("state", pa.string()), ("since", pa.date32())]
+)
+"""Columns of `hotspots`, which a table without rows has too."""
 
 
 class Days:
@@ -181,6 +188,58 @@ class Days:
         return Table(pa.Table.from_pylist(rows), title=f"Areas, {self.name}")
 
     @cached_property
+    def visits(self) -> Table:
+        """Return visits per open hour (M35) and dwell times (M36) of areas with `visits = true`, a row for each figure.
+
+        Columns: `floor_id`, `area_id`, `name`, `what`, `unit`, `value`, `lo`, `hi`, `reason`.
+
+        Example:
+            >>> print(week.visits.note)
+            no area has visits = true in vsd.toml
+        """
+        from vsd_analytics.api.space_use import visit_rows
+
+        return self._space_use(visit_rows, "Visits", "no area has visits = true in vsd.toml")
+
+    @cached_property
+    def flow(self) -> Table:
+        """Return where people go next from areas with `visits = true` (M37), and estimated links over blind floor.
+
+        Columns as `visits`, and `to_area_ids`; `what` is "flow" or "estimated link".
+
+        Example:
+            >>> print(week.flow.note)
+            no area has visits = true in vsd.toml
+        """
+        from vsd_analytics.api.space_use import flow_rows
+
+        return self._space_use(flow_rows, "Flow", "no area has visits = true in vsd.toml")
+
+    @cached_property
+    def queues(self) -> Table:
+        """Return people waiting (M39) and waiting times (M40) of areas with `queue = true`; columns as `visits`.
+
+        Example:
+            >>> print(week.queues.note)
+            no area has queue = true in vsd.toml
+        """
+        from vsd_analytics.api.space_use import queue_rows
+
+        return self._space_use(queue_rows, "Queues", "no area has queue = true in vsd.toml")
+
+    @cached_property
+    def capacity(self) -> Table:
+        """Return how full areas and floors with a `capacity` were (M41); columns as `visits`.
+
+        Example:
+            >>> print(week.capacity.note)
+            no area or floor has a capacity in vsd.toml
+        """
+        from vsd_analytics.api.space_use import capacity_rows
+
+        return self._space_use(capacity_rows, "Capacity", "no area or floor has a capacity in vsd.toml")
+
+    @cached_property
     def hotspots(self) -> Table:
         """Return the hotspots of the 28 days that end with these days: where time too close exceeds the crowd's share.
 
@@ -217,7 +276,8 @@ class Days:
                     }
                     for spot in found.spots
                 ]
-        return Table(pa.Table.from_pylist(rows), title=f"Hotspots until {self.last}", note="; ".join(notes))
+        found_rows = pa.Table.from_pylist(rows, schema=_HOTSPOTS)
+        return Table(found_rows, title=f"Hotspots until {self.last}", note="; ".join(notes))
 
     def heatmap(self, kind: MapKind = "burden", *, floor_id: str | None = None, cell_m: float = 0.5) -> Heatmap:
         """Return a map of a floor as an array.
@@ -299,6 +359,12 @@ class Days:
                 warehouse.con.register(name, rows.arrow() if isinstance(rows, Table) else rows)
             frame = run_query(warehouse, query)
         return Table(pa.Table.from_pandas(frame, preserve_index=False), title="Query")
+
+    def _space_use(self, rows: Rows, title: str, none: str) -> Table:
+        from vsd_analytics.api.space_use import space_use
+
+        days = (self.first, self.last)
+        return space_use(self.site, days, self._warehouse, rows, title=f"{title}, {self.name}", none=none)
 
     def _query(self, query: str, title: str) -> Table:
         with self._warehouse() as warehouse:

@@ -72,7 +72,7 @@ class Heatmap:
     def plot(self, ax: Axes | None = None, *, over: str | None = None, **options: Any) -> Axes:
         """Draw the map in the colours of the report; unknown cells stay blank.
 
-        The scale goes from 0 to what 97 % of the known cells stay below, so that one cell does not make the others pale.
+        The scale goes from 0 to what 97 % of the known cells stay below: one cell does not make the others pale.
 
         Args:
             ax: Axes to draw on; None = new ones.
@@ -185,7 +185,7 @@ class Heatmap:
 
 
 def _colours(faintest: float) -> Colormap:
-    """Return the colours of the report's maps; the lowest of them as faint as asked, so that a picture shows through."""
+    """Return the colours of the report's maps, the lowest as faint as asked, so that a picture shows through."""
     from matplotlib.colors import LinearSegmentedColormap, to_rgba
 
     ramp = (LOW, *RAMP_LIGHT)

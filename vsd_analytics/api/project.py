@@ -25,6 +25,15 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.experiments import ExperimentPlan
 
 DaysAsked = str | date | tuple[date, date]
+_COMPARED = pa.schema(
+    [(name, pa.string()) for name in ("kind", "area_id", "name")]
+    + [
+        (f"{figure}_{part}", pa.string() if part == "verdict" else pa.float64())
+        for figure in ("violations_per_open_h", "close_share")
+        for part in ("before", "after", "change", "change_lo", "change_hi", "verdict")
+    ]
+)
+"""Columns of `compare`, which a table without rows has too."""
 
 
 def open_project(folder: str | Path = ".") -> OpenProject:
@@ -139,7 +148,7 @@ class OpenProject:
             for place in found.places
         ]
         title = f"{found.floor_name}, {_named(a)} and {_named(b)}"
-        return Table(pa.Table.from_pylist(rows), title=title, note=reason_text(found.reason))
+        return Table(pa.Table.from_pylist(rows, schema=_COMPARED), title=title, note=reason_text(found.reason))
 
     def change(self, number: int, *, area_id: str | None = None, weeks: int = 4) -> BeforeAfterFigure:
         """Return what a change of the log did to its area, beside areas that were left alone (M27).

@@ -12,6 +12,7 @@ from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.result import Reason
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.visits import AreaVisits
@@ -59,7 +60,8 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
         notes = purged_hours_notes(period.data.warehouse)
     first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
-        emit_json({"first": first, "last": last, "areas": [_as_dict(v) for v in found],
+        below = int(project.site.settings.mask_below)
+        emit_json({"first": first, "last": last, "areas": [_as_dict(v, below) for v in found],
                    **({"notes": notes} if notes else {})})  # fmt: skip
     else:
         warn(notes)
@@ -67,26 +69,41 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
     return 0 if any(v.dwell.state == "ok" for v in found) else 1
 
 
-def _as_dict(of: AreaVisits) -> dict[str, Any]:
+def _as_dict(of: AreaVisits, below: int) -> dict[str, Any]:
+    """Return visits as the JSON output has them: counts of 1 to `below` - 1, and what gives them away, are null."""
     often, dwell = of.often, of.dwell
+
+    def shown(n: int) -> int | None:
+        return n if n == 0 or n >= below else None
+
+    is_small = shown(dwell.n_visits) is None
+    hidden = Reason("hidden.visits", least=below) if is_small else None
+    n_whole = dwell.n_visits - dwell.n_cut
+    n_cut = None if shown(n_whole) is None or is_small else shown(dwell.n_cut)
+    rate = (None, None, None, None) if is_small else (often.rate, often.lo, often.hi, often.n_events)
+    per_open_h = dict(zip(("value", "lo", "hi", "n"), rate, strict=True))
+    long_n = None if dwell.long_share.value is None else round(dwell.long_share.value * dwell.n_visits)
+    is_long_small = long_n is not None and None in (shown(long_n), shown(dwell.n_visits - long_n))
+    long = (None, None, None) if is_long_small else (dwell.long_share.value, dwell.long_share.lo, dwell.long_share.hi)
+    long_share = dict(zip(("value", "lo", "hi"), long, strict=True))
     printed: dict[str, Any] = rounded(
         {
             "area_id": of.area.area_id,
-            "visits_per_open_h": {"value": often.rate, "lo": often.lo, "hi": often.hi, "n": often.n_events,
-                                  "state": often.state, "reason": often.reason},
+            "visits_per_open_h": {**per_open_h, "state": often.state,
+                                  "reason": hidden or often.reason},
             "dwell_median_s": asdict(dwell.median),
             "dwell_p90_s": asdict(dwell.p90),
-            "long_share": {"longer_than_s": of.long_visit_s, "value": dwell.long_share.value,
-                           "lo": dwell.long_share.lo, "hi": dwell.long_share.hi, "reason": dwell.long_share.reason},
-            "little": asdict(dwell.little),
-            "n_visits": dwell.n_visits,
-            "n_cut": dwell.n_cut,
-            "n_began_inside": of.n_began_inside,
+            "long_share": {"longer_than_s": of.long_visit_s, **long_share,
+                           "reason": hidden or dwell.long_share.reason},
+            "little": None if is_small else asdict(dwell.little),
+            "n_visits": shown(dwell.n_visits),
+            "n_cut": n_cut,
+            "n_began_inside": shown(of.n_began_inside),
             "n_days": dwell.n_days,
             "recorded_share": of.recorded_share,
             "silent_cameras": of.silent_cameras,
             "state": dwell.state,
-            "reason": dwell.reason,
+            "reason": hidden or dwell.reason,
         }
     )  # fmt: skip
     return printed

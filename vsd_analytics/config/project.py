@@ -52,7 +52,7 @@ def find_project(start: Path) -> Path:
     )
 
 
-def load_site(folder: Path, *, environ: Mapping[str, str] | None = None) -> Site:
+def load_site(folder: str | Path, *, environ: Mapping[str, str] | None = None) -> Site:
     """Read `vsd.toml` and the files it names.
 
     Args:
@@ -71,7 +71,7 @@ def load_site(folder: Path, *, environ: Mapping[str, str] | None = None) -> Site
         >>> vsd.load_site(site.site.root).timezone
         'Europe/Rome'
     """
-    folder = folder.absolute()
+    folder = Path(folder).absolute()
     path = folder / FILE
     if not path.is_file():
         raise UsageError(

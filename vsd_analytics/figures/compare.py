@@ -19,6 +19,7 @@ from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
 from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
 from vsd_analytics.result import Reason, State
+from vsd_analytics.site.instants import parse_range
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.changes import split_change
 from vsd_analytics.stats.decomposition import MixingChange
@@ -130,8 +131,8 @@ def days_needed(site: Site, *periods: Days) -> Days:
 
 def compare(
     warehouse: Warehouse,
-    a: Days,
-    b: Days,
+    a: Days | str,
+    b: Days | str,
     *,
     floor_id: str | None = None,
     area_ids: Sequence[str] = (),
@@ -140,7 +141,7 @@ def compare(
 
     Args:
         warehouse: Opened over `days_needed`.
-        a: First and last local day of period A.
+        a: First and last local day of period A, or text such as "2026-W45" or "2026-11-02..2026-11-08".
         b: The same of period B; it may be earlier than A, but not overlap it.
         floor_id: The floor; None where there is only one, or the areas tell.
         area_ids: Areas to tell of; none = all, and the rest of the floor.
@@ -158,6 +159,7 @@ def compare(
         ('ok', 0)
     """
     site = warehouse.site
+    a, b = (parse_range(days) if isinstance(days, str) else days for days in (a, b))
     if a[0] <= b[1] and b[0] <= a[1]:
         raise UsageError(
             f"{a[0]} to {a[1]} and {b[0]} to {b[1]} have days in common",

@@ -24,6 +24,7 @@ from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import ShareEstimate
 from vsd_analytics.stats.next_area import InflowCheck, Leaving, NextAreas, inflow_checks, next_areas
 
+LEFT_VIEW: Final = "flow.left_view"
 MOST_LINKED: Final = 0.05
 """Share of those who leave an area that may go on unseen, by estimated links, before shares say nothing of them all."""
 MAX_ROUTE: Final = 6
@@ -161,10 +162,11 @@ def _of_those_in_view(of: AreaFlow, unseen: Links) -> AreaFlow:
 
     They are lost because of where they go, so that the shares are those of people who stay in view.
     """
-    share = sum(link.share.value or 0.0 for link in unseen.found if link.origin == of.area)
+    linked = sum(link.share.value or 0.0 for link in unseen.found if link.origin == of.area)
+    share = min(linked, of.following.not_followed.value or 0.0)
     if share <= MOST_LINKED or of.following.reason is not None:
         return of
-    why = Reason("flow.left_view", share=min(1.0, share))
+    why = Reason(LEFT_VIEW, share=share)
     bare = [replace(to.share, lo=None, hi=None, state="not_enough_data", reason=why) for to in of.to]
     return replace(
         of,

@@ -13,7 +13,7 @@ Where views overlap, a cluster and a gathering belong to the camera that owns th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from typing import Any, Final
 
@@ -89,7 +89,7 @@ class FloorGatherings:
     sizes: SizeDistribution
     per_100_h: RateEstimate
     n: int | None
-    gatherings: tuple[Gathering, ...]
+    gatherings: tuple[Gathering, ...] = field(repr=False)  # there are thousands in a week
     top: tuple[Gathering, ...]
 
 

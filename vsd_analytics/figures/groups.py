@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from typing import Any, Final
 
@@ -120,7 +120,7 @@ class Groups:
 
     first: date
     last: date
-    groups: tuple[Group, ...]
+    groups: tuple[Group, ...] = field(repr=False)  # there are thousands in a week
     n_by_size: Mapping[int, int]
     cameras: tuple[CameraLives, ...]
     left_out: Mapping[str, Reason | None]

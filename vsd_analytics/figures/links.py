@@ -45,7 +45,7 @@ order by area_id, left_hour_ms
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class AreaLink:
     """People who are estimated to go from one area to another unseen.
 
     Attributes:
@@ -68,7 +68,7 @@ class Links:
         recorded_share: Share of the open hours in which all cameras recorded.
     """
 
-    found: tuple[Link, ...]
+    found: tuple[AreaLink, ...]
     recorded_share: float
 
 
@@ -117,10 +117,10 @@ def links(period: Period) -> Links:
     for a, origin in enumerate(asked):
         for b, to in enumerate(asked):
             share = linked_share(
-                counts.forward[a, b], counts.backward[a, b], left[a],
+                counts, a, b, left[a],
                 confidence=settings.confidence, min_days=int(settings.min_days),
             )  # fmt: skip
             is_enough = share.n_links - share.n_chance >= int(settings.mask_below)
-            if a != b and is_enough and (share.lo is None or share.lo > 0):
-                found.append(Link(origin, to, share))
+            if a != b and is_enough and share.value and (share.lo is None or share.lo > 0):
+                found.append(AreaLink(origin, to, share))
     return Links(tuple(sorted(found, key=lambda link: -(link.share.value or 0.0))), recorded)

@@ -2,7 +2,7 @@
 
 Places that ask for it: queues, and areas and floors with a capacity. Time counts where every camera that sees the place
 recorded: without one of them a count is a lower bound, which is no count. Levels are of the open hours of the period:
-recorded hours stand for those of the same hour of the week that were not (`vsd_analytics.stats.recorded_hours`).
+recorded hours also count for the same hours of the week that were not (`vsd_analytics.stats.recorded_hours`).
 """
 
 from __future__ import annotations

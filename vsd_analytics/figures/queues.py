@@ -178,7 +178,7 @@ def _why_no_waits(period: Period, area: Area, present: Presence) -> Reason | Non
 def _waiting(period: Period, seen: _Waits, recorded: Sequence[RecordedHours]) -> WaitTimes:
     """Return the waiting times of those who did not come back from the area of service.
 
-    Who enters in an hour of the week that its camera missed on other days stands for those who entered then.
+    Who enters in an hour of the week that its camera missed on other days also counts for those who entered then.
     """
     waited, settings = seen.of(~seen.was_served), period.data.site.settings
     return waiting(

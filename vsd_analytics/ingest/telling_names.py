@@ -183,7 +183,8 @@ _DEGREES: Final = _words(
     "lat latitude latitudine lon lng long longitude longitudine angle bearing azimuth heading theta deg degrees"
 )
 _CAMERA_IN_TEXT = re.compile(
-    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)s?[ _=-]*((?:cam-?)?\d+|[a-z])(?![a-z0-9])"
+    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)s?[ _=-]*"
+    r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`
 )
 _SIDES: Final = {
     "corner": _words("right bottom xmax ymax maxx maxy xbr ybr"),

@@ -1,8 +1,8 @@
-"""Weights of recorded hours that stand for hours which were not recorded: direct standardisation by hour of the week.
+"""Weights of recorded hours, which also count for hours not recorded: direct standardisation by hour of the week.
 
 A camera that is dead in the busy hours of some days leaves too many quiet hours. Each recorded hour therefore counts
 for the open hours of its weekday and hour of the day (post-stratification). Where a weekday's hour was never recorded,
-the same hour of the other weekdays stands for it. Hours of the day that were never recorded have no stand-in.
+the same hour of the other weekdays counts for it. For hours of the day that were never recorded nothing does.
 
 Sources: direct standardisation, Kitagawa, J. Am. Stat. Assoc. 50 (1955); post-stratification, Holt and Smith, J. R.
 Stat. Soc. A 142 (1979).

@@ -1,11 +1,12 @@
 """Links between tracks that end and tracks that begin, by time and walking speed, less those that chance gives.
 
 Where no camera looks, nobody can be followed. A track that begins where and when a walker would come out again may be
-the same person's, or anybody's. The same count with time running backwards, tracks that begin *before* the other one
-ends, can only be chance; what the first count has more is people. No pair is said to be one person.
+the same person's, or anybody's. Each end is given at most one start, those first that fit a usual walker best. The same
+with time running backwards, starts *before* the end, can only be chance; what time running forwards has more is people.
+No pair is said to be one person.
 
-Sources: counting pairs: Ripley, J. Appl. Probab. 13 (1976); walking speeds: Weidmann, Transporttechnik der Fussgänger
-(1993).
+Sources: correction for chance: Abbott, J. Econ. Entomol. 18 (1925); walking speeds: Weidmann, Transporttechnik der
+Fussgänger (1993).
 """
 
 from __future__ import annotations
@@ -25,12 +26,16 @@ from vsd_analytics.stats.quantiles import t_quantile
 SLOWEST_M_PER_S: Final = 0.6
 FASTEST_M_PER_S: Final = 2.2
 """Walking speeds of nearly everybody, along the straight line (Weidmann: 1.34 on average, standard deviation 0.26)."""
+USUAL_M_PER_S: Final = 1.34
 SLACK_S: Final = 2.0
 """A record of either track may be missing, and clocks of two cameras may differ."""
 FARTHEST_M: Final = 30.0
 """Nobody is sought farther away: too many others fit there."""
 SAME_CAMERA_M: Final = 1.5
 """Shorter gaps within one camera's view are tracks that were cut, which shares of flow already count as lost."""
+
+MAX_CHANCE: Final = 0.8
+"""Share of ends with a start that fits by chance, above which too few are left to tell people from chance."""
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -58,13 +63,15 @@ class TrackEnds:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkCounts:
-    """Pairs of an end and a start by day and areas.
+    """Ends by day and area, and those of them that were given a start.
 
     Attributes:
-        forward: Pairs that a walker could be, shape (n_areas, n_areas, n_days): from, to, day.
-        backward: The same with time running backwards, same shape.
+        ends: Ends, shape (n_areas, n_days).
+        forward: Those given a later start, shape (n_areas, n_areas, n_days): from, to, day.
+        backward: Those given an earlier start, same shape.
     """
 
+    ends: Array
     forward: Array
     backward: Array
 
@@ -74,10 +81,10 @@ class LinkedShare:
     """Share of those who leave one area that is estimated to enter another one over floor where nobody is followed.
 
     Attributes:
-        value: Links more than chance gives / people who leave; None when unknown.
+        value: Links more than chance gives / people who leave, 0 to 1; None when unknown.
         lo, hi: Limits of its interval; None without one.
-        n_links: Pairs that fit.
-        n_chance: Pairs that fit by chance.
+        n_links: Ends that were given a later start.
+        n_chance: Ends that were given an earlier start.
         n: People who leave.
         reason: Why there is no value or no interval.
     """
@@ -92,10 +99,11 @@ class LinkedShare:
 
 
 def link_counts(ends: TrackEnds, starts: TrackEnds, *, n_areas: int, n_days: int) -> LinkCounts:
-    """Return how many pairs of an end and a later start a walker could be, and how many with time running backwards.
+    """Return how many ends are given a later start that a walker could reach, and how many an earlier one.
 
-    A pair fits where distance / FASTEST_M_PER_S - SLACK_S / 2 <= time between, and 0 < time between <= distance /
-    SLOWEST_M_PER_S + SLACK_S, at most `FARTHEST_M` apart.
+    A pair fits where distance / FASTEST_M_PER_S - SLACK_S / 2 <= time between <= distance / SLOWEST_M_PER_S + SLACK_S,
+    at most `FARTHEST_M` apart. Pairs are taken in the order of how far the time is from distance / USUAL_M_PER_S; each
+    end and each start is used once. A start that goes on where a track of the same camera was cut is none.
 
     Args:
         ends: Where tracks end that left an area.
@@ -103,63 +111,110 @@ def link_counts(ends: TrackEnds, starts: TrackEnds, *, n_areas: int, n_days: int
         n_areas: How many areas there are.
         n_days: How many days there are.
     """
-    order = np.argsort(starts.at_s, kind="stable")
-    begins = starts.at_s[order]
     reach_s = FARTHEST_M / SLOWEST_M_PER_S + SLACK_S
-    first, last = (np.searchsorted(begins, ends.at_s + s) for s in (-reach_s, reach_s))
-    n = last - first
-    end = np.repeat(np.arange(len(n)), n)
-    start = order[np.repeat(first - np.concatenate(([0], n.cumsum()[:-1])), n) + np.arange(n.sum())] if n.sum() else end
+    end, start = _near_in_time(ends, starts, reach_s)
     between_s = starts.at_s[start] - ends.at_s[end]
     away_m = np.hypot(starts.x_m[start] - ends.x_m[end], starts.y_m[start] - ends.y_m[end])
+    is_same = starts.camera[start] == ends.camera[end]
+    is_cut = is_same & (away_m < SAME_CAMERA_M) & (between_s > 0) & (between_s <= SLACK_S)
+    goes_on = np.zeros(len(starts.at_s), dtype=np.bool_)
+    goes_on[start[is_cut]] = True
     takes_s = np.abs(between_s)
     fits = (
         (takes_s > 0)
         & (away_m <= FARTHEST_M)
         & (takes_s >= away_m / FASTEST_M_PER_S - SLACK_S / 2)
         & (takes_s <= away_m / SLOWEST_M_PER_S + SLACK_S)
-        & ((starts.camera[start] != ends.camera[end]) | (away_m >= SAME_CAMERA_M))
+        & (~is_same | (away_m >= SAME_CAMERA_M))
+        & ~goes_on[start]
     )
+    misfit = np.abs(takes_s - away_m / USUAL_M_PER_S)
     found = []
     for way in (between_s > 0, between_s < 0):
-        chosen = fits & way
+        chosen = np.flatnonzero(fits & way)
+        chosen = chosen[np.argsort(misfit[chosen], kind="stable")]
+        given = chosen[_one_to_one(end[chosen], start[chosen])]
         counts = np.zeros((n_areas, n_areas, n_days))
-        np.add.at(counts, (ends.area[end[chosen]], starts.area[start[chosen]], ends.day[end[chosen]]), 1.0)
+        np.add.at(counts, (ends.area[end[given]], starts.area[start[given]], ends.day[end[given]]), 1.0)
         found.append(counts)
-    return LinkCounts(*found)
+    every = np.zeros((n_areas, n_days))
+    np.add.at(every, (ends.area, ends.day), 1.0)
+    return LinkCounts(every, *found)
 
 
 def linked_share(
-    forward: npt.ArrayLike,
-    backward: npt.ArrayLike,
+    counts: LinkCounts,
+    origin: int,
+    to: int,
     left: npt.ArrayLike,
     *,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
 ) -> LinkedShare:
-    """Return the share of those who leave that is linked: (forward - backward) / left, sums over days.
+    """Return the share of those who leave one area that is linked to another one.
 
-    Limits: jackknife over days, t quantile of D - 1 degrees of freedom; never narrower than Poisson counts of pairs.
+    With f_b, g_b the shares of ends given a later, and an earlier start that enters b, f and g their sums: an end is a
+    person's who went on, p, or is given a start by chance, so f = p + (1 - p) g, p = (f - g) / (1 - g), and
+    p_b = f_b - (1 - p) g_b; times ends / people who leave. Limits: jackknife over days, t quantile of D - 1 degrees of
+    freedom; never narrower than Poisson counts. The upper one also holds the case that no start is given by chance: in
+    a crowd, starts given by chance are lacking for those who went on.
 
     Args:
-        forward: Pairs that fit by day, shape (n_days,).
-        backward: Pairs that fit with time running backwards, same shape.
-        left: People who leave the area by day, same shape.
+        counts: Of all ends.
+        origin: The area that people leave.
+        to: The area that they enter.
+        left: People who leave it by day, shape (n_days,).
         confidence: Confidence level.
         min_days: Days with people who leave that an interval needs.
     """
-    ahead, behind, of = (np.asarray(v, dtype=np.float64) for v in (forward, backward, left))
+    of = np.asarray(left, dtype=np.float64)
+    ahead, behind = counts.forward[origin], counts.backward[origin]
     n, used = int(of.sum()), np.flatnonzero(of)
-    counts = int(ahead.sum()), int(behind.sum()), n
+    found = int(ahead[to].sum()), int(behind[to].sum()), n
+
+    def share(is_used: Array) -> float:
+        ends, people = float(counts.ends[origin] @ is_used), float(of @ is_used)
+        if not ends or not people:
+            return 0.0
+        f, g = (v @ is_used / ends for v in (ahead, behind))
+        goes_on = max(0.0, (float(f.sum()) - float(g.sum())) / max(1 - float(g.sum()), 1 - MAX_CHANCE))
+        return float(f[to] - (1 - min(goes_on, 1.0)) * g[to]) * ends / people
+
     if n < MIN_LEAVING:
-        return LinkedShare(None, None, None, *counts, Reason("flow.few", least=MIN_LEAVING, has=n))
-    value = float((ahead - behind).sum() / of.sum())
-    n_days = len(used)
+        return LinkedShare(None, None, None, *found, Reason("flow.few", least=MIN_LEAVING, has=n))
+    if behind.sum() > MAX_CHANCE * counts.ends[origin].sum():
+        return LinkedShare(None, None, None, *found, Reason("flow.crowd"))
+    every = np.ones(len(of))
+    value, n_days = share(every), len(used)
+    shown = min(max(value, 0.0), 1.0)
     if n_days < min_days:
-        return LinkedShare(value, None, None, *counts, Reason("flow.days", least=min_days, has=n_days))
-    total, whole = (ahead - behind).sum(), of.sum()
-    without = np.array([(total - ahead[d] + behind[d]) / (whole - of[d]) for d in used])
+        return LinkedShare(shown, None, None, *found, Reason("flow.days", least=min_days, has=n_days))
+    without = np.array([share(every - (np.arange(len(of)) == d)) for d in used])
     variance = (n_days - 1) / n_days * float(((without - without.mean()) ** 2).sum())
-    least = (ahead.sum() + behind.sum()) / whole**2
+    least = float(ahead[to].sum() + behind[to].sum()) / n**2
     half = t_quantile(n_days - 1, confidence=confidence) * math.sqrt(max(variance, least))
-    return LinkedShare(value, max(0.0, value - half), min(1.0, max(value, 0.0) + half), *counts, None)
+    most = max(shown, float(ahead[to].sum()) / n)
+    return LinkedShare(shown, min(max(0.0, value - half), shown), min(1.0, most + half), *found, None)
+
+
+def _near_in_time(ends: TrackEnds, starts: TrackEnds, reach_s: float) -> tuple[Ints, Ints]:
+    """Return the pairs of an end and a start that are at most so far apart in time."""
+    order = np.argsort(starts.at_s, kind="stable")
+    begins = starts.at_s[order]
+    first, last = (np.searchsorted(begins, ends.at_s + s) for s in (-reach_s, reach_s))
+    n = last - first
+    end = np.repeat(np.arange(len(n)), n)
+    if not len(end):
+        return end, end
+    return end, order[np.repeat(first - np.concatenate(([0], n.cumsum()[:-1])), n) + np.arange(n.sum())]
+
+
+def _one_to_one(end: Ints, start: Ints) -> Ints:
+    """Return which pairs, in this order, use an end and a start that none before has used."""
+    used_ends, used_starts, given = set[int](), set[int](), []
+    for k, (e, s) in enumerate(zip(end.tolist(), start.tolist(), strict=True)):
+        if e not in used_ends and s not in used_starts:
+            used_ends.add(e)
+            used_starts.add(s)
+            given.append(k)
+    return np.array(given, dtype=np.int64)

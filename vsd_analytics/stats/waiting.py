@@ -131,7 +131,7 @@ def waiting(
         wait_s: Seconds from the entry to the end of the wait, or to where the track was cut, shape (n,).
         outcome: `SERVED`, `LEFT` or `CUT`, same shape.
         day: Day of the entry, any integers, same shape.
-        weight: How many entries each one stands for, those of hours that were not recorded included
+        weight: For how many entries each one counts, those of hours that were not recorded included
             (`vsd_analytics.stats.recorded_hours`), same shape; None = 1.
         confidence: Confidence level.
         min_days: Days with entries that an interval needs.

@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from vsd_analytics.errors import SqlError, StoreError
 from vsd_analytics.schema import TABLES
+from vsd_analytics.site.instants import parse_range
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.duck import connect
@@ -238,11 +239,12 @@ class Warehouse:
         return inner.table(f"select * from {relation.name}")
 
 
-def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Warehouse:
-    """Return the warehouse of a range, its facts made fresh.
+def open_warehouse(site: Site, first: date | str, last: date | str, **options: Any) -> Warehouse:
+    """Return the warehouse of a range of local days, dates or text such as "2026-11-09", its facts made fresh.
 
     Raises:
         StoreError: E301, nothing is stored.
+        UsageError: E101, a text is no day.
 
     Example:
         >>> with vsd.open_warehouse(site.site, date(2026, 11, 9), date(2026, 11, 15)) as warehouse:
@@ -256,7 +258,9 @@ def open_warehouse(site: Site, first: date, last: date, **options: Any) -> Wareh
             why=f"{site.root.name}/store holds no records of site {site.site_id!r}",
             fix="vsd ingest FILES...",
         )
-    return Warehouse(site, first, last, **options)
+    begin = parse_range(first)[0] if isinstance(first, str) else first
+    end = parse_range(last)[1] if isinstance(last, str) else last
+    return Warehouse(site, begin, end, **options)
 
 
 def _utc_hour(day: date, site: Site) -> int:

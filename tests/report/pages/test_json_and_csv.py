@@ -91,8 +91,9 @@ def test_areas_hold_the_figures_and_hide_what_is_masked() -> None:
     rows = {r["name"]: r for r in csv.DictReader(io.StringIO(to_csv(weeks.masked())["areas.csv"]))}
     assert float(rows["Main entrance"]["change"]) == pytest.approx(-0.43)
     assert rows["Main entrance"]["verdict"] == "clear_fall"
+    assert {"per_person_hour_lo", "per_person_hour_hi", "per_person_hour_state"} <= rows["Main entrance"].keys()
     shown = {k: v for k, v in rows["Pharmacy counter"].items() if v}
-    assert set(shown) == {"site", "floor", "week", "area", "name", "recorded_share", "state"}
+    assert set(shown) == {"site", "floor", "week", "area", "name", "recorded_share", "state", "per_person_hour_state"}
     assert shown["state"] == "masked"
 
 
@@ -108,9 +109,10 @@ def test_hotspots_are_the_cards_and_hide_the_rate_of_an_area_that_is_hidden() ->
     row = rows[cards.index(card)]
     assert card.often is not None
     assert float(row["per_open_hour"]) == pytest.approx(card.often.value, rel=1e-5)
+    assert row["state"] == card.often.state
     areas = tuple(replace(a, is_held_back=a.area_id == card.area_id) for a in report.areas)
     hidden = list(csv.DictReader(io.StringIO(to_csv(replace(report, areas=areas))["hotspots.csv"])))[cards.index(card)]
-    assert (hidden["per_open_hour"], hidden["lo"], hidden["hi"]) == ("", "", "")
+    assert (hidden["per_open_hour"], hidden["lo"], hidden["hi"], hidden["state"]) == ("", "", "", "held_back")
     assert to_csv(weeks.ALL["no_data"]())["hotspots.csv"].count("\n") == 1
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
-from vsd_analytics.figures.flow import AreaFlow, flow
+from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, flow
 from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -77,10 +77,12 @@ def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
     place: Row = {"area": of.area.area_id, "place": of.area.name}
     why = _hidden(asked, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
     lost = of.following.not_followed
+    is_in_view_only = of.following.reason is not None and of.following.reason.code == LEFT_VIEW
     is_printed = not asked.small(of.following.n, lost.n, lost.of - lost.n)
     more: Row = {
         "not_followed_share": lost.value if is_printed else None,
         "fits_arrivals": of.inflow.agrees,
+        "in_view_only": is_in_view_only,
     }
     if asked.small(of.following.n) or of.often.rate is None or all(to.share.value is None for to in of.to):
         return [{**place, "to": None, "to_areas": None, "value": None, **more, "reason": why}]
@@ -90,12 +92,19 @@ def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
             "to": to.areas[0].name if len(to.areas) == 1 else OTHER,
             "to_areas": " ".join(a.area_id for a in to.areas),
             **_limits(to.share),
-            "per_open_h": None if of.often.rate is None or to.share.value is None else of.often.rate * to.share.value,
+            "per_open_h": _per_open_h(asked, of, to, is_in_view_only=is_in_view_only),
             "followed_per_open_h": None if asked.small(to.share.n) else to.often.rate,
             **more,
         }
         for to in of.to
     ]
+
+
+def _per_open_h(asked: Asked, of: AreaFlow, to: Destination, *, is_in_view_only: bool) -> float | None:
+    """Return how many go there in an open hour; only those followed, where others are known to go on unseen."""
+    if is_in_view_only:
+        return None if asked.small(to.share.n) else to.often.rate
+    return None if of.often.rate is None or to.share.value is None else of.often.rate * to.share.value
 
 
 def _limits(share: ShareEstimate) -> Row:

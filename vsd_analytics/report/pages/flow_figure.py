@@ -72,6 +72,8 @@ def _said(report: WeekReport, between: _Rows, cells: _Rows) -> list[str]:
         said.append(say("maps.flow_unknown", places=terms.joined(unknown)))
     if off := dict.fromkeys(r["place"] for r in between if r["fits_arrivals"] is False):
         said.append(say("maps.flow_disagrees", places=terms.joined(off)))
+    if unseen := dict.fromkeys(r["place"] for r in between if r.get("in_view_only") and r["value"] is not None):
+        said.append(say("maps.flow_in_view", places=terms.joined(unseen)))
     return said
 
 

@@ -38,6 +38,7 @@ AREAS_COLUMNS: Final = (
         "recorded_share",
         "state",
     ),
+    *("per_person_hour_lo", "per_person_hour_hi", "per_person_hour_state"),
 )
 
 
@@ -54,6 +55,7 @@ HOTSPOTS_COLUMNS: Final = (
         "recorded_share",
         "sureness",
     ),
+    *("state", "ratio_state"),
 )
 
 
@@ -114,7 +116,8 @@ def to_csv(report: WeekReport) -> dict[str, str]:
 
     `hours.csv` has one row per local hour with the area `all`; a count too small to print is empty with the state
     `masked`, one that would tell such a count with the state `held_back`. Times are ISO 8601 with offset. Names that a
-    spreadsheet would take for a formula get an apostrophe before them.
+    spreadsheet would take for a formula get an apostrophe before them. Each rate has the ends of its 95 %
+    interval (`lo`, `hi`) and its `state`; counts and shares of counts are exact and have none.
     """
     report = rounded(report)
     place = (report.site.site_id, report.site.floor_id)
@@ -138,8 +141,8 @@ def _hour(cell: HourCell) -> tuple[Any, ...]:
 def _area(row: AreaRow) -> tuple[Any, ...]:
     if row.is_masked or row.is_held_back:
         state = "masked" if row.is_masked else "held_back"
-        return row.area_id or "", safe_cell(row.name), *(None,) * 12, row.recorded_share, state
-    often = row.often
+        return row.area_id or "", safe_cell(row.name), *(None,) * 12, row.recorded_share, state, None, None, state
+    often, risky = row.often, row.risky or Estimate(value=None)
     return (
         row.area_id or "",
         safe_cell(row.name),
@@ -148,9 +151,10 @@ def _area(row: AreaRow) -> tuple[Any, ...]:
         often.verdict,
         row.share,
         row.exposure_h,
-        row.risky.value if row.risky is not None else None,
+        risky.value,
         row.recorded_share,
         often.state,
+        *(risky.lo, risky.hi, row.risky.state if row.risky is not None else "not_measurable"),
     )
 
 
@@ -172,7 +176,12 @@ def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
         None if card.is_new is None else "yes" if card.is_new else "no",
         card.since.isoformat() if card.since else None,
         *((seen.days_present, seen.recorded_share, seen.sureness) if seen else (None, None, None)),
+        *((often.state if is_rate_shown else "held_back") if card.often is not None else None, _state(card.ratio)),
     )
+
+
+def _state(found: Estimate | None) -> str | None:
+    return None if found is None else found.state
 
 
 def _csv(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:

@@ -1,0 +1,107 @@
+"""Makes the project that later versions must still open: `python tests/released/make_released_project.py` at a release.
+
+Writes `VERSION.zip` beside itself: `vsd.toml`, change log and store of a made-up week, as this version writes them, and
+`printed.json`, the figures that this version prints of them. A file of a released version is never made again.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import zipfile
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from vsd_analytics.config import load_site
+from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.simulate import make_week
+from vsd_analytics.version import VERSION
+
+HERE = Path(__file__).resolve().parent
+MONDAY = date(2026, 11, 9)
+NOW = datetime(2026, 11, 17, 12, tzinfo=UTC)
+TOML = """\
+[site]
+id = "shop"
+name = "Riverside Store"
+timezone = "Europe/Rome"
+opening = { mon-sun = "09:00-12:00" }
+closed = ["2026-12-25"]
+
+[[floor]]
+id = "ground"
+name = "Ground floor"
+
+[[camera]]
+id = "cam-1"
+name = "Entrance"
+floor = "ground"
+
+[[area]]
+id = "west"
+name = "West"
+floor = "ground"
+polygon = [[0, 0], [6, 0], [6, 20], [0, 20]]
+visits = true
+
+[[fixture]]
+id = "display"
+name = "Display"
+floor = "ground"
+polygon = [[15, 5], [16, 5], [16, 6], [15, 6]]
+movable = true
+
+[[alarm]]
+id = "full"
+kind = "gathering"
+for_s = 60
+
+[mqtt]
+host = "127.0.0.1"
+
+[report]
+mask_below = 1
+"""
+
+
+def printed(root: Path) -> dict[str, Any]:
+    """Return what a report prints of a project: value, ends, state of each figure, and the counts of its hours."""
+    told = json.loads(to_json(week_report(load_site(root), MONDAY, now=NOW)))
+    return {
+        "figures": {m: {k: f[k] for k in ("value", "lo", "hi", "state")} for m, f in told["figures"].items()},
+        "hours": [[cell["start"], cell["violations"], cell["state"]] for cell in told["when"]["cells"]],
+        "log": [[line["at"], line["text"]] for line in told["log"]],
+    }
+
+
+def main() -> None:
+    """Write the file of this version; one that is there is left alone."""
+    path = HERE / f"{VERSION}.zip"
+    if path.exists():
+        sys.exit(f"{path.name} is there: what a version wrote stays as it was")
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        (root / "vsd.toml").write_text(TOML, encoding="utf-8")
+        entry = {"at": "2026-11-11T07:00:00+01:00", "text": "Display moved", "area": "west"}
+        (root / "log.jsonl").write_text(json.dumps(entry) + "\n", encoding="utf-8")
+        week = make_week(interval_s=20.0, per_hour=2, hotspot=None)
+        lines = b"\n".join(msgspec.json.encode(message) for message in week.messages) + b"\n"
+        (root / "frames.jsonl").write_bytes(lines)
+        done = ingest(load_site(root), [root / "frames.jsonl"], IngestOptions(format="frames"), now=NOW)
+        assert not any(source.error for source in done.sources)
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            kept = [root / "vsd.toml", root / "log.jsonl", *(root / "store").rglob("*")]
+            for file in sorted(p for p in kept if p.is_file()):
+                archive.write(file, file.relative_to(root))
+            archive.writestr("printed.json", json.dumps(printed(root), indent=1, sort_keys=True))
+
+
+if __name__ == "__main__":
+    main()
