@@ -25,11 +25,11 @@ select
     l.camera_id,
     l.track_id,
     min(l.ts_ms) as first_ms,
-    arg_min(l.x_mm, (l.ts_ms, l.member)) as first_x_mm,
-    arg_min(l.y_mm, (l.ts_ms, l.member)) as first_y_mm,
+    min_by(l.x_mm, (l.ts_ms, l.member)) as first_x_mm,
+    min_by(l.y_mm, (l.ts_ms, l.member)) as first_y_mm,
     max(l.ts_ms) as last_ms,
-    arg_max(l.x_mm, (l.ts_ms, -l.member)) as last_x_mm,
-    arg_max(l.y_mm, (l.ts_ms, -l.member)) as last_y_mm
+    max_by(l.x_mm, (l.ts_ms, -l.member)) as last_x_mm,
+    max_by(l.y_mm, (l.ts_ms, -l.member)) as last_y_mm
 from located as l
 inner join cameras as c on l.camera_id = c.camera_id
 inner join asked on c.floor_id = asked.floor_id

@@ -45,7 +45,8 @@ def test_completion_of_days_and_projects_offers_what_the_page_describes() -> Non
         return {name for name in dir(kind) if not name.startswith("_")}
 
     tables = {"areas", "cells", "coverage", "hotspots", "hours", "violations"}
-    assert offered(vsd.Days) == tables | {"at", "heatmap", "sql", "trajectories"}
+    space_use = {"capacity", "flow", "queues", "visits"}
+    assert offered(vsd.Days) == tables | space_use | {"at", "heatmap", "sql", "trajectories"}
     assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "plan", "week"}
 
 

@@ -91,7 +91,7 @@ def main() -> None:
         ratios = [b[1] / a[1] for a, b in zip(took[4], took[given.weeks], strict=True)]
         sizes = {n: sum(p.stat().st_size for p in project.rglob("*.parquet")) for n, project in projects.items()}
         print(
-            f"{n_records:,} records in {given.weeks} weeks, {size}, {given.rounds} rounds, "
+            f"{n_records:,} records in {given.weeks} weeks, {size}, {given.rounds} rounds; "
             f"load {os.getloadavg()[0]:.0f}\n"
         )
         print(

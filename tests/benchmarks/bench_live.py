@@ -55,8 +55,7 @@ def main() -> None:
     wall_s, cpu_s, fold_s = (statistics.median(t[k] for t in took) for k in range(3))
     least = min(t[1] for t in took)
     print(
-        f"{n_hour:,} person records an hour: {cpu_s:.1f} s of processor time (least {least:.1f}) "
-        "from message to hours, "
+        f"{n_hour:,} person records an hour: message to hours {cpu_s:.1f} s of processor time (least {least:.1f}), "
         f"{fold_s:.1f} of it storing; {wall_s:.1f} s of wall time; {given.rounds} rounds"
     )
 

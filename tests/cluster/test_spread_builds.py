@@ -19,7 +19,9 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.spread import Work
+from vsd_analytics.warehouse.sqlfiles import relations
 
+N_FACTS = len(relations("facts"))
 Files = Mapping[str, bytes]
 
 
@@ -66,7 +68,7 @@ def test_files_are_byte_for_byte_those_of_a_local_build_also_after_late_records(
     n_hours: list[int] = []
     assert build(there, spread=elsewhere, on_hours=n_hours.append).reasons == build(here).reasons == {"new": 3}
     assert facts(there) == facts(here)
-    assert len(facts(here)) == 3 * 24
+    assert len(facts(here)) == 3 * N_FACTS
     assert sum(n_hours) == 3
     for site in (here, there):  # an hour beside the first one of two days, whose other rows are used again
         store = Store(site.root / "store", site_id=site.site_id)
@@ -113,7 +115,7 @@ def test_a_stopped_run_leaves_the_days_that_were_done_and_the_next_one_computes_
     with pytest.raises(KeyboardInterrupt):
         build(site, spread=stopping)
     done = facts(site)
-    assert len(done) == 2 * 24 + 1
+    assert len(done) == 2 * N_FACTS + 1
     assert build(site, spread=noting).reasons == {"new": 1}
     assert asked == []  # one day alone is computed here
     assert done.items() <= facts(site).items()

@@ -39,7 +39,7 @@ class Took:
 
 
 @dataclass(frozen=True, slots=True)
-class StepBesideUnit:
+class MeasuredStep:
     """A step beside the unit of its table, over all rounds.
 
     Attributes:
@@ -60,18 +60,18 @@ class StepBesideUnit:
     is_equal: bool | None
 
 
-def heatmaps(project: Path, *, rounds: int, on_step: Progress) -> list[StepBesideUnit]:
+def heatmaps(project: Path, *, rounds: int, on_step: Progress) -> list[MeasuredStep]:
     """Measure the way from stored records to heatmap and hours."""
     return _compare("heatmaps", _installed(HEATMAPS), lambda: project, 0, rounds, on_step)
 
 
-def pair_rates(folder: Path, *, rounds: int, on_step: Progress) -> Iterator[tuple[int, list[StepBesideUnit]]]:
+def pair_rates(folder: Path, *, rounds: int, on_step: Progress) -> Iterator[tuple[int, list[MeasuredStep]]]:
     """Measure who is within 2.5 m of whom; yields people in a frame with their rows."""
     for per_frame in PER_FRAME:
         yield per_frame, _compare("pairs", _installed(PAIRS), lambda: folder, per_frame, rounds, on_step)
 
 
-def writing(folder: Path, *, n_records: int, rounds: int, on_step: Progress) -> list[StepBesideUnit]:
+def writing(folder: Path, *, n_records: int, rounds: int, on_step: Progress) -> list[MeasuredStep]:
     """Measure writing of at most `WRITTEN_MOST` records; each run has an empty folder."""
     numbers = iter(range(1_000_000))
 
@@ -83,14 +83,14 @@ def writing(folder: Path, *, n_records: int, rounds: int, on_step: Progress) -> 
     return _compare("writing", _installed(WRITERS), new_folder, min(n_records, WRITTEN_MOST), rounds, on_step)
 
 
-def pedpy(project: Path, *, rounds: int, on_step: Progress) -> list[StepBesideUnit]:
+def pedpy(project: Path, *, rounds: int, on_step: Progress) -> list[MeasuredStep]:
     """Measure the map of one camera and hour with PedPy; none where it is not installed."""
     if importlib.util.find_spec("pedpy") is None:
         return []
     return _compare("density", ["numpy, from arrays", "PedPy, classic density"], lambda: project, 0, rounds, on_step)
 
 
-def persons_a_second(row: StepBesideUnit) -> float:
+def persons_a_second(row: MeasuredStep) -> float:
     """Return how many persons a second a step compared with all others of their frame."""
     return PERSONS / row.cpu_s
 
@@ -103,7 +103,7 @@ def _installed(steps: Iterable[str]) -> list[str]:
 
 def _compare(
     kind: str, steps: Sequence[str], folder: Callable[[], Path], n: int, rounds: int, on_step: Progress
-) -> list[StepBesideUnit]:
+) -> list[MeasuredStep]:
     """Run all steps once a round, every second round in the opposite order; the first step is the unit."""
     runs: dict[str, list[Took]] = {step: [] for step in steps}
     for number in range(rounds):
@@ -122,10 +122,10 @@ def _run(kind: str, step: str, folder: Path, n: int) -> Took:
     return Took(**json.loads(done.stdout))
 
 
-def _row(name: str, took: Sequence[Took], unit: Sequence[Took], expected: Sequence[str]) -> StepBesideUnit:
+def _row(name: str, took: Sequence[Took], unit: Sequence[Took], expected: Sequence[str]) -> MeasuredStep:
     ratios = [t.cpu_s / u.cpu_s for t, u in zip(took, unit, strict=True)]
     answers = {t.answer for t in took}
-    return StepBesideUnit(
+    return MeasuredStep(
         name,
         statistics.median(t.cpu_s for t in took),
         statistics.median(t.wall_s for t in took),

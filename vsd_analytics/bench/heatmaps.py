@@ -25,7 +25,7 @@ _COLUMNS, _ROWS, _BEFORE = 2048, 64, 4
 
 
 @dataclass(frozen=True, slots=True)
-class CellAndHourCounts:
+class CountedCells:
     """The answer.
 
     Attributes:
@@ -51,7 +51,7 @@ def files(root: Path) -> list[str]:
     return [str(p) for p in sorted((root / "store" / "observations").rglob("*.parquet"))]
 
 
-def ours_first(root: Path) -> CellAndHourCounts:
+def ours_first(root: Path) -> CountedCells:
     """Compute all facts of the store, then read heatmap and hours from them."""
     from vsd_analytics.config import load_site
     from vsd_analytics.warehouse.build import build
@@ -60,7 +60,7 @@ def ours_first(root: Path) -> CellAndHourCounts:
     return ours_again(root)
 
 
-def ours_again(root: Path) -> CellAndHourCounts:
+def ours_again(root: Path) -> CountedCells:
     """Read heatmap and hours from facts that are there; a first time also writes the marts' day files."""
     from vsd_analytics.config import load_site
     from vsd_analytics.warehouse.stored_days import stored_extent
@@ -74,7 +74,7 @@ def ours_again(root: Path) -> CellAndHourCounts:
         hours = warehouse.table(
             "select hour_start_ms // 3600000, person_records, violation_records from hours where person_records > 0"
         )
-    return CellAndHourCounts(_matrix(cells), _matrix(hours))
+    return CountedCells(_matrix(cells), _matrix(hours))
 
 
 def duckdb_scan(root: Path) -> None:
@@ -86,7 +86,7 @@ def duckdb_scan(root: Path) -> None:
         ).fetchall()
 
 
-def duckdb_sql(root: Path) -> CellAndHourCounts:
+def duckdb_sql(root: Path) -> CountedCells:
     """Answer with SQL of one's own in DuckDB: a self join of the records of a camera and instant."""
     with _duckdb() as con:
         con.execute(
@@ -112,10 +112,10 @@ def duckdb_sql(root: Path) -> CellAndHourCounts:
         sums = "sum(persons)::bigint, sum(pairs)::bigint from counted"
         cells = con.sql(f"select cx, cy, {sums} group by cx, cy").to_arrow_table()
         hours = con.sql(f"select hour, {sums} group by hour").to_arrow_table()
-    return CellAndHourCounts(_matrix(cells), _matrix(hours))
+    return CountedCells(_matrix(cells), _matrix(hours))
 
 
-def polars_frames(root: Path) -> CellAndHourCounts:
+def polars_frames(root: Path) -> CountedCells:
     """Answer with lazy frames of polars: the same self join."""
     import polars as pl
 
@@ -139,10 +139,10 @@ def polars_frames(root: Path) -> CellAndHourCounts:
     found = pl.concat([persons, pairs], how="diagonal").fill_null(0).collect(engine="streaming")
     sums = [pl.col("persons").sum(), pl.col("pairs").sum()]
     cells, hours = found.group_by("cx", "cy").agg(sums), found.group_by("hour").agg(sums)
-    return CellAndHourCounts(cells.to_numpy().astype(np.int64), hours.to_numpy().astype(np.int64))
+    return CountedCells(cells.to_numpy().astype(np.int64), hours.to_numpy().astype(np.int64))
 
 
-def pandas_numpy(root: Path) -> CellAndHourCounts:
+def pandas_numpy(root: Path) -> CountedCells:
     """Answer with pandas and numpy, one file of an hour after the other; `numpy.bincount` counts."""
     cells = np.zeros((2, _COLUMNS * _ROWS), dtype=np.int64)
 
@@ -153,7 +153,7 @@ def pandas_numpy(root: Path) -> CellAndHourCounts:
     return _gridded(cells.reshape(2, _ROWS, _COLUMNS).transpose(0, 2, 1), hours)
 
 
-def boost_histogram(root: Path) -> CellAndHourCounts:
+def boost_histogram(root: Path) -> CountedCells:
     """Answer with histograms of boost-histogram, filled hour by hour; pandas reads and numpy finds the pairs."""
     import boost_histogram as bh
 
@@ -163,9 +163,9 @@ def boost_histogram(root: Path) -> CellAndHourCounts:
     return _gridded(np.stack([h.view() for h in histograms]), hours)
 
 
-HEATMAPS: Final[Mapping[str, Callable[[Path], CellAndHourCounts | None]]] = {
+HEATMAPS: Final[Mapping[str, Callable[[Path], CountedCells | None]]] = {
     "raw scan of four columns, DuckDB": duckdb_scan,
-    "vsd, first time: all 24 facts, heatmap and hours": ours_first,
+    "vsd, first time: all facts, heatmap and hours": ours_first,
     "vsd, again": ours_again,
     "DuckDB, a query of one's own": duckdb_sql,
     "polars": polars_frames,
@@ -213,8 +213,8 @@ def _fill(root: Path, add: Callable[[int, Ints, Ints], object]) -> dict[int, lis
     return hours
 
 
-def _gridded(counts: NDArray[Any], hours: Mapping[int, list[int]]) -> CellAndHourCounts:
+def _gridded(counts: NDArray[Any], hours: Mapping[int, list[int]]) -> CountedCells:
     """Return the answer from counts of persons and pairs in a grid of columns and rows."""
     cx, cy = np.nonzero(counts.sum(axis=0))
     cells = np.column_stack([cx - _BEFORE, cy - _BEFORE, counts[0][cx, cy], counts[1][cx, cy]]).astype(np.int64)
-    return CellAndHourCounts(cells, np.array([(h, *n) for h, n in sorted(hours.items()) if any(n)], dtype=np.int64))
+    return CountedCells(cells, np.array([(h, *n) for h, n in sorted(hours.items()) if any(n)], dtype=np.int64))

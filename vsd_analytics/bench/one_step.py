@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.bench.heatmaps import HEATMAPS, CellAndHourCounts, ours_first
+from vsd_analytics.bench.heatmaps import HEATMAPS, CountedCells, ours_first
 from vsd_analytics.warehouse.input_fingerprint import text_hash
 
 LIBRARIES = {
@@ -80,9 +80,7 @@ def main(kind: str, step: str, folder: str, n: str) -> None:
         wall, cpu = time.perf_counter(), time.process_time()
         answer = do()
         took = time.perf_counter() - wall, time.process_time() - cpu
-    digest = (
-        answer.digest() if isinstance(answer, CellAndHourCounts) else answer if answer is None else text_hash(answer)
-    )
+    digest = answer.digest() if isinstance(answer, CountedCells) else answer if answer is None else text_hash(answer)
     print(json.dumps({"wall_s": took[0], "cpu_s": took[1], "peak_mib": _peak_mib(), "answer": digest}))
 
 

@@ -14,7 +14,7 @@ from vsd_analytics.cli.project import Project, pass_project
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from vsd_analytics.bench.comparison import StepBesideUnit
+    from vsd_analytics.bench.comparison import MeasuredStep
 
 KINDS = ("heatmaps", "pairs", "writing", "density")
 
@@ -58,7 +58,7 @@ def bench(
         if not project.quiet:
             click.echo(text, err=True)
 
-    found: dict[str, list[StepBesideUnit]] = {}
+    found: dict[str, list[MeasuredStep]] = {}
     asked = only or KINDS
     with tempfile.TemporaryDirectory(prefix="vsd-bench-", dir=parent) as folder:
         root = Path(folder)
@@ -106,7 +106,7 @@ def _machine() -> str:
     return f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, {', '.join(tools)}"
 
 
-def _table(title: str, rows: Sequence[StepBesideUnit]) -> str:
+def _table(title: str, rows: Sequence[MeasuredStep]) -> str:
     """Return a Markdown table."""
     from vsd_analytics.bench.comparison import persons_a_second
 

@@ -21,7 +21,7 @@ FRAME_MIN_MS: Final = 20
 ALONE_SHARE: Final = 0.9
 """Share of records with a time of their own beyond which no frame has several people."""
 TOGETHER: Final = 1.5
-"""People in view at once, on average, from which some of them must share a frame."""
+"""People in view at once, on average while anybody is, from which some of them must share a frame."""
 
 
 def _zones(case: Case) -> Iterator[Doubt]:
@@ -188,11 +188,10 @@ def _scattered(case: Case) -> Iterator[Doubt]:
         return
     rows = sample.rows.dropna(subset=["track"])
     is_alone = ~rows.duplicated(["camera", "ts_ms"], keep=False)
-    by_track = rows.groupby(["camera", "track"], sort=False)["ts_ms"]
-    lives = by_track.max() - by_track.min()
-    by_camera = rows.groupby("camera")["ts_ms"]
-    span_ms = float((by_camera.max() - by_camera.min()).sum())
-    if is_alone.mean() < ALONE_SHARE or not span_ms or lives.sum() < TOGETHER * span_ms:
+    lives = rows.groupby(["camera", "track"], sort=False)["ts_ms"].agg(["min", "max"]).reset_index("track", drop=True)
+    busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera"))
+    together = float((lives["max"] - lives["min"]).sum()) / max(busy_ms, 1.0)
+    if is_alone.mean() < ALONE_SHARE or together < TOGETHER:
         return
     steps_ms = rows.sort_values("ts_ms").groupby(["camera", "track"], sort=False)["ts_ms"].diff().dropna()
     if steps_ms.empty or steps_ms.median() < FRAME_MIN_MS:
@@ -201,11 +200,20 @@ def _scattered(case: Case) -> Iterator[Doubt]:
     yield Doubt(
         "W224",
         f"{is_alone.mean():.0%} of the records have a time of their own, though "
-        f"{lives.sum() / span_ms:.0f} people are in view at once",
+        f"{together:.0f} people are in view at once",
         "people are close to each other only in one frame: nobody would ever be too close to anybody",
         f"--period {period_s:g} makes one frame of each {period_s:g} s; or export the time of the frame",
         is_sure=True,
     )
+
+
+def _busy_ms(lives: pd.DataFrame) -> float:
+    """Return for how long somebody is in view, from the first and last instants of tracks."""
+    ordered = lives.sort_values("min")
+    starts, latest = ordered["min"].to_numpy(), np.maximum.accumulate(ordered["max"].to_numpy())
+    is_new = np.r_[True, starts[1:] > latest[:-1]]
+    firsts, lasts = starts[is_new], latest[np.r_[is_new[1:], True]]
+    return float((lasts - firsts).sum())
 
 
 TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_years, _half_days, _zones, _merging, _scattered)

@@ -61,8 +61,9 @@ class Rereader:
         profile = next((p for p in self.site.sources if p.profile_id == options.profile), None)
         if profile is None:
             return options
-        stated = {name: value for name in OF_PROFILE if (value := getattr(profile, name)) is not None}
-        return replace(options, **stated, **({"map": dict(profile.map)} if profile.map else {}))
+        names = (*OF_PROFILE, *(["map"] if profile.map else []))
+        stated: dict[str, Any] = {n: value for n in names if (value := getattr(profile, n)) is not None}
+        return replace(options, **stated)
 
     def batches(
         self, group: Sequence[QuarantineEntry], reading: SourceReading | None, *, reader: Adapter | None = None

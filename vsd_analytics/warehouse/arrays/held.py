@@ -27,6 +27,7 @@ _INT32 = frozenset(
     [
         *("x_mm", "y_mm", "distance_mm", "min_distance_mm", "cx", "cy", "n_ends"),
         *(f"{n}{c}_{side}_mm" for n in ("", "next_") for c in "xy" for side in "ab"),
+        *(f"{end}_{c}_mm" for end in ("first", "last") for c in "xy"),
     ]
 )
 
