@@ -89,8 +89,8 @@ def project(root: Path, *, ballast_mb: float = 0.0) -> Path:
 
 def engine_output(path: Path, *, first_s: int = 0, n: int = 300, seed: int = 1) -> Path:
     """Write n seconds of two people, from 9:00 on."""
-    # each stays within 5 m, so that nobody is faster than a person can be, and the two are 50 m apart
-    spots = np.random.default_rng(seed).integers(0, 5_000, size=(n, 4)) / 1000 + np.array([0, 0, 50, 50])
+    # each stays within 2 m, so that nobody is faster than a person can be, and the two are 50 m apart
+    spots = np.random.default_rng(seed).integers(0, 2_000, size=(n, 4)) / 1000 + np.array([0, 0, 50, 50])
     lines = ["ts,camera_id,track_id,x_m,y_m"]
     for k, (a, b, c, d) in enumerate(spots):
         ts = f"2026-11-09T{9 + (first_s + k) // 3600:02}:{(first_s + k) // 60 % 60:02}:{(first_s + k) % 60:02}Z"

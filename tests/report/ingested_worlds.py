@@ -131,7 +131,7 @@ def world(folder: Path, config: str, *streams: Iterable[Mapping[str, Any]], log:
     for k, stream in enumerate(streams):
         paths.append(folder / f"engine-{k}.jsonl")
         paths[-1].write_text("".join(json.dumps(m) + "\n" for m in stream), encoding="utf-8")
-    result = ingest(site, paths, IngestOptions(format="frames"), now=datetime(2027, 1, 1, tzinfo=UTC))
+    result = ingest(site, paths, IngestOptions(format="frames", is_sure=True), now=datetime(2027, 1, 1, tzinfo=UTC))
     assert [s.error for s in result.sources] == [None] * len(paths)
     assert result.n_rejected == 0
     return site

@@ -20,6 +20,8 @@ FRAME_MIN_MS: Final = 20
 """No engine sends frames faster."""
 ALONE_SHARE: Final = 0.9
 """Share of records with a time of their own beyond which no frame has several people."""
+LIFE_STEPS: Final = 10
+"""A track that is not seen for so many of its usual steps has ended."""
 TOGETHER: Final = 1.5
 """People in view at once, on average while anybody is, from which some of them must share a frame."""
 
@@ -188,15 +190,18 @@ def _scattered(case: Case) -> Iterator[Doubt]:
         return
     rows = sample.rows.dropna(subset=["track"])
     is_alone = ~rows.duplicated(["camera", "ts_ms"], keep=False)
-    lives = rows.groupby(["camera", "track"], sort=False)["ts_ms"].agg(["min", "max"]).reset_index("track", drop=True)
+    rows = rows.sort_values(["camera", "track", "ts_ms"], kind="stable")
+    steps_ms = rows.groupby(["camera", "track"], sort=False)["ts_ms"].diff()
+    if not (usual_ms := float(steps_ms.median())) >= FRAME_MIN_MS:
+        return
+    # an id that comes again after a long time is somebody else's, or the same person's next visit
+    life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
+    lives = rows.groupby(["camera", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
     busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera"))
     together = float((lives["max"] - lives["min"]).sum()) / max(busy_ms, 1.0)
     if is_alone.mean() < ALONE_SHARE or together < TOGETHER:
         return
-    steps_ms = rows.sort_values("ts_ms").groupby(["camera", "track"], sort=False)["ts_ms"].diff().dropna()
-    if steps_ms.empty or steps_ms.median() < FRAME_MIN_MS:
-        return
-    period_s = float(f"{float(steps_ms.median()) / 1000:.1g}")
+    period_s = float(f"{usual_ms / 1000:.1g}")
     yield Doubt(
         "W224",
         f"{is_alone.mean():.0%} of the records have a time of their own, though "
