@@ -10,7 +10,7 @@ from warehouse.small_projects import HOUR, Person, at, beats, make_site, put
 
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import segment_paths
-from vsd_analytics.store.store import _spans
+from vsd_analytics.store.spans import spans_of
 from vsd_analytics.store.stretches import FAR_DAYS, far_off
 from vsd_analytics.warehouse.day_files import FOLDER
 from vsd_analytics.warehouse.stored_days import Extent, stored_extent, stored_stretches
@@ -33,7 +33,7 @@ def site(tmp_path: Path) -> Site:
 def test_a_fold_looks_at_days_with_records_and_at_no_day_between(tmp_path: Path) -> None:
     site = make_site(tmp_path)
     put(site, [Person(at("1990-01-01"), "a", 0, 0), Person(at("2026-11-09"), "a", 0, 0)], fold=False)
-    spans = list(_spans(segment_paths(site.root / "store", "observations")))
+    spans = list(spans_of(segment_paths(site.root / "store", "observations"), stored_days=set()))
     assert [span.first_hour // 24 for span in spans] == [7305, 20766]
 
 

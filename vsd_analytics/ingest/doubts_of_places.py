@@ -24,7 +24,7 @@ SPAN_MAX_M: Final = 200.0
 PAIR_MAX_M: Final = 50.0
 """No engine measures mostly pairs further apart than this."""
 NEAR_M: Final = 2.0
-FLAT_M, WIDE_M = 0.5, 3.0
+FLAT_M, WIDE_M = 0.5, 6.0
 """Positions on one line: within `FLAT_M` on one axis and over `WIDE_M` on the other."""
 SAME_PLACE_SHARE: Final = 0.02
 _UNIT = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"

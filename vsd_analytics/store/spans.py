@@ -11,6 +11,8 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.store.layout import HOUR_MS
 
+FAR_DAYS = 7
+"""Days further apart are folded apart: a span lists the parts of all days between its first and its last."""
 SPAN_ROWS = 500_000
 """Rows folded at once: whole days of quiet sites, single hours of busy ones."""
 
@@ -43,7 +45,8 @@ def spans_of(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[Fol
         inside = [(path, hours) for path, hours, _ in found if not hours.isdisjoint(hours_of_day)]
         paths = [path for path, _ in inside]
         joined = {*paths, *(path for of_day in together.values() for path in of_day)}
-        is_new = stored_days.isdisjoint(range(min(together, default=day), day + 1))
+        first, last = min(together, default=day), max(together, default=day)
+        is_new = day - last <= FAR_DAYS and stored_days.isdisjoint(range(first, day + 1))
         if together and not (is_new and sum(n_rows_of[path] for path in joined) <= SPAN_ROWS):
             yield _of_days(together)
             together = {}
