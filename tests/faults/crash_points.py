@@ -241,6 +241,9 @@ def _attach(child: ForkServerProcess, log: str) -> subprocess.Popen[str]:
             assert tracer.stderr is not None
             raise PermissionError(tracer.stderr.read().strip())
         time.sleep(0.001)
+    # only after its word has strace interrupted the process: calls before would be missed
+    assert tracer.stderr is not None
+    assert "attached" in tracer.stderr.readline()
     return tracer
 
 
