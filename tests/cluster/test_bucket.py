@@ -95,16 +95,16 @@ def test_a_writer_stopped_before_any_change_leaves_one_build_whole_and_the_next_
         for turn in range(100):
             server = Server()
             if first is not None:
-                publish(tmp_path, first, URL, server)
+                publish(first, URL, server)
             server.stop_at = turn
             try:
-                publish(tmp_path, new, URL, server)
+                publish(new, URL, server)
                 break
             except KeyboardInterrupt:
                 n_stops += 1
             assert server.read() in (None if first is None else seen(first), seen(new))
             server.stop_at = None
-            publish(tmp_path, new, URL, server)
+            publish(new, URL, server)
             assert server.read() == seen(new)
             assert server.objects.keys() == {f"shop/{name}" for name in seen(new)} | {"shop/current.json"}
     assert n_stops == 7 + (2 + 1 + 2)  # every file, current.json, and what it no longer names
@@ -112,29 +112,58 @@ def test_a_writer_stopped_before_any_change_leaves_one_build_whole_and_the_next_
 
 def test_files_that_are_there_are_not_written_again(tmp_path: Path) -> None:
     server = Server()
-    assert publish(tmp_path, generation(tmp_path, 1), URL, server) == 6
-    assert publish(tmp_path, generation(tmp_path, 2), URL, server) == 2
-    assert publish(tmp_path, generation(tmp_path, 2), URL, server) == 0
+    assert publish(generation(tmp_path, 1), URL, server) == 6
+    assert publish(generation(tmp_path, 2), URL, server) == 2
+    assert publish(generation(tmp_path, 2), URL, server) == 0
 
 
 @pytest.mark.parametrize("has_first", [True, False])
 def test_of_two_builds_at_a_time_the_later_one_is_refused(tmp_path: Path, has_first: bool) -> None:
     server = Server()
     if has_first:
-        publish(tmp_path, generation(tmp_path, 1), URL, server)
+        publish(generation(tmp_path, 1), URL, server)
     put, met = server.put_object, []
 
     def meanwhile(**request: Any) -> None:
         if request["Key"].endswith("current.json") and not met:
             met.append(1)
-            publish(tmp_path, generation(tmp_path, 3), URL, server)
+            publish(generation(tmp_path, 3), URL, server)
         put(**request)
 
     server.put_object = meanwhile  # type: ignore[method-assign]
     with pytest.raises(StoreError) as caught:
-        publish(tmp_path, generation(tmp_path, 2), URL, server)
+        publish(generation(tmp_path, 2), URL, server)
     assert caught.value.code == "E317"
     assert server.read() == seen(generation(tmp_path, 3))
+
+
+def test_a_file_that_an_ending_build_removes_meanwhile_is_written_again(tmp_path: Path) -> None:
+    class Ending(Server):
+        def put_object(self, *, Bucket: str, Key: str, Body: bytes, **condition: Any) -> None:
+            if Key.endswith("current.json"):
+                self.objects.pop(victim, None)
+            super().put_object(Bucket=Bucket, Key=Key, Body=Body, **condition)
+
+    files, s3 = generation(tmp_path, 1), Ending()
+    victim = ""
+    publish(files, URL, s3)
+    victim = next(k for k in s3.objects if not k.endswith("current.json"))
+    publish(files, URL, s3)
+    named = json.loads(s3.objects["shop/current.json"])["facts"]
+    assert all(f"shop/{file}" in s3.objects for of in named.values() for file in of)
+
+
+def test_a_bucket_that_cannot_be_reached_is_an_error_for_people() -> None:
+    exceptions = pytest.importorskip("botocore.exceptions", reason="boto3 is not installed")
+
+    class Away(Server):
+        def get_object(self, *, Bucket: str, Key: str) -> dict[str, Any]:
+            raise exceptions.EndpointConnectionError(endpoint_url="http://127.0.0.1:9")
+
+    with pytest.raises(StoreError, match="cannot be published to") as caught:
+        publish({}, URL, Away())
+    assert caught.value.code == "E318"
+    assert "127.0.0.1:9" in str(caught.value.why)
 
 
 @pytest.mark.parametrize("url", ["s3://", "s3://bucket", "s3://bucket/", "gs://bucket/shop", "/srv/shop"])

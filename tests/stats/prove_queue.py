@@ -66,7 +66,7 @@ def of_numbers(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | No
 
 def _if_known(spans: dict[str, Span], seen: Seen) -> dict[str, Span]:
     """Return nothing where hours of the day were never recorded: figures are then said to be of the other hours."""
-    return spans if seen.recorded.stands_for_all else dict.fromkeys(spans, (None, None, None))
+    return spans if seen.recorded.covers_all else dict.fromkeys(spans, (None, None, None))
 
 
 def row(

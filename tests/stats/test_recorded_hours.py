@@ -21,7 +21,7 @@ def test_hours_recorded_on_some_days_stand_for_the_same_hour_of_others() -> None
     assert level[known].mean() == pytest.approx(21 / 9), "what a plain mean would give"
     assert found.weight[5] == pytest.approx(4 * found.weight[0]), "one Tuesday stands for four days"
     assert found.weight.sum() == pytest.approx(9), "recorded time keeps its sum"
-    assert found.stands_for_all
+    assert found.covers_all
 
 
 def test_all_hours_recorded_count_once_and_hours_never_recorded_are_named() -> None:
@@ -30,5 +30,5 @@ def test_all_hours_recorded_count_once_and_hours_never_recorded_are_named() -> N
     found = recorded_hours(WEEKDAY, HOURS, open_s, HOURS != 11)
     assert found.unknown_hours == (11,)
     assert found.unknown_share == pytest.approx(3600 / 8100)
-    assert not found.stands_for_all
+    assert not found.covers_all
     assert recorded_hours(WEEKDAY, HOURS, np.zeros(12), np.ones(12)).unknown_share == 0.0

@@ -59,7 +59,7 @@ def build(project: Project, /, address: str | None, url: str | None, as_json: bo
         result = build_facts(site, on_plan=on_plan, on_hours=on_hours, is_published=True, spread=spread)
     n_written = 0
     if url is not None and s3 is not None:
-        n_written = bucket.publish(site.root, current_files(site, result), url, s3)
+        n_written = bucket.publish(current_files(site, result), url, s3)
     if as_json:
         emit_json(
             {

@@ -182,6 +182,10 @@ Fix: start scheduler (or master) and workers, then run the same command again. W
     "E317": """\
 Two runs of vsd build --publish wrote to the same bucket at a time, and the other one was first; its facts are current
 there, whole. Fix: run the same command again, which publishes the facts of now.""",
+    "E318": """\
+A bucket cannot be published to: nobody answers at the endpoint, there are no credentials, or they may not write there.
+The facts of the project are built all the same, and the bucket has its old build, whole.
+Fix: check AWS_ENDPOINT_URL, AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and the name of the bucket, and run it again.""",
     "E400": """\
 A calibration cannot be used. Fix: as the message says; vsd calibrate CAMERA --points FILE makes a new one.""",
     "E401": """\

@@ -12,8 +12,9 @@ it does not name are removed last: stopped anywhere, a build leaves the old gene
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,6 +22,7 @@ from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.store.published import link_name
 
 CURRENT = "current.json"
+_ENVIRONMENT = "check AWS_ENDPOINT_URL, AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and the name of the bucket"
 _REFUSED = ("PreconditionFailed", "ConditionalRequestConflict", "412", "409")
 
 
@@ -44,7 +46,7 @@ def client() -> Bucket:
     """Return a client with the credentials and the endpoint of the environment (`AWS_...`).
 
     Raises:
-        UsageError: E101, boto3 is not installed.
+        UsageError: E101, boto3 is not installed, or the environment names no usable endpoint.
     """
     try:
         import boto3
@@ -52,7 +54,12 @@ def client() -> Bucket:
         raise UsageError(
             "--publish needs more packages", why=str(error), fix="pip install 'vsd-analytics[s3]'"
         ) from None
-    made: Bucket = boto3.client("s3")
+    try:
+        made: Bucket = boto3.client("s3")
+    except Exception as error:
+        if not (isinstance(error, ValueError) or _is_of_client(error)):
+            raise
+        raise UsageError("--publish cannot use the environment", why=str(error), fix=_ENVIRONMENT) from None
     return made
 
 
@@ -69,18 +76,22 @@ def place(url: str) -> tuple[str, str]:
     return bucket, prefix.strip("/")
 
 
-def publish(project: Path, files: Mapping[str, Sequence[Path]], url: str, s3: Bucket) -> int:
+def publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket) -> int:
     """Bring a bucket to the current facts; return the number of files written.
 
     Args:
-        project: The project folder.
         files: By fact, its current files (`warehouse.build.current_files`).
         url: `s3://bucket/prefix`.
         s3: The client.
 
     Raises:
-        StoreError: E317, another build published meanwhile.
+        StoreError: E317, another build published meanwhile; E318, the bucket cannot be reached, or refused.
     """
+    with _refusals(url):
+        return _publish(files, url, s3)
+
+
+def _publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket) -> int:
     bucket, prefix = place(url)
     before = _tag(s3, bucket, f"{prefix}/{CURRENT}")
     wanted = {f"{prefix}/{name}/{link_name(path)}": path for name, of in files.items() for path in of}
@@ -102,9 +113,34 @@ def publish(project: Path, files: Mapping[str, Sequence[Path]], url: str, s3: Bu
             why="its facts are current there, these are not",
             fix="run the same command again",
         ) from None
+    # another build that ended just before may have removed what is wanted here after the list of what is there was read
+    for key in sorted(wanted.keys() - _keys(s3, bucket, f"{prefix}/")):
+        s3.put_object(Bucket=bucket, Key=key, Body=wanted[key].read_bytes())
     for key in sorted(there - wanted.keys() - {f"{prefix}/{CURRENT}"}):
         s3.delete_object(Bucket=bucket, Key=key)
     return len(missing)
+
+
+@contextlib.contextmanager
+def _refusals(url: str) -> Iterator[None]:
+    """Turn what the client of S3 raises into an error for people."""
+    try:
+        yield
+    except Exception as error:
+        if not _is_of_client(error):
+            raise
+        raise StoreError(
+            f"{url} cannot be published to",
+            code="E318",
+            why=str(error)[:300],
+            fix=f"{_ENVIRONMENT}; then run the same command again",
+        ) from None
+
+
+def _is_of_client(error: Exception) -> bool:
+    """Tell whether the client of S3 raised an error: no answer, no credentials, or a refusal."""
+    modules = {cls.__module__.partition(".")[0] for cls in type(error).__mro__}
+    return bool(modules & {"botocore", "boto3", "s3transfer"})
 
 
 def _keys(s3: Bucket, bucket: str, prefix: str) -> set[str]:

@@ -188,7 +188,7 @@ class Presence:
             **history(self.period, by_day(amount, past), history_x_h=by_day(time_s, past) / 3600),
         )
         found = in_units(found, SECONDS, nothing)
-        return found if hour is not None or self.recorded.stands_for_all else _of_other_hours(found, self.recorded)
+        return found if hour is not None or self.recorded.covers_all else _of_other_hours(found, self.recorded)
 
 
 def hours_that_stand_for_all(period: Period, is_known: Flags) -> RecordedHours:

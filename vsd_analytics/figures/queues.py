@@ -193,7 +193,7 @@ def _waiting(period: Period, seen: _Waits, recorded: Sequence[RecordedHours]) ->
 
 def _of_open_hours(found: WaitTimes, recorded: Sequence[RecordedHours]) -> WaitTimes:
     """Return waiting times without intervals where they are those of some hours of the day alone."""
-    missed = [r for r in recorded if not r.stands_for_all]
+    missed = [r for r in recorded if not r.covers_all]
     if not missed or found.reason is not None:
         return found
     why = why_not_all(max(missed, key=lambda r: r.unknown_share))

@@ -38,7 +38,7 @@ class RecordedHours:
     unknown_hours: tuple[int, ...]
 
     @property
-    def stands_for_all(self) -> bool:
+    def covers_all(self) -> bool:
         """Tell whether the recorded hours say something of (nearly) all open hours of the day."""
         return self.unknown_share <= MOST_UNKNOWN
 
