@@ -264,7 +264,7 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
         previous=BEFORE,
         generated_at=datetime(2026, 11, 16, 6, 0, tzinfo=ROME),
         provenance=m.Provenance(
-            version="0.1.0",
+            version="1.0.0",
             engines=("demo 1.2",),
             settings_id="9f3ac201",
             settings_non_default=(("retention_days", "14"),),
