@@ -94,6 +94,7 @@ class Heatmap:
             None if over in (None, "plan") else picture_view(self.site, str(over), floor=self.floor, until=self.until)
         )
         import matplotlib.pyplot as plt
+        from matplotlib.ticker import PercentFormatter
 
         if ax is None:
             _, ax = plt.subplots(layout="constrained")
@@ -112,6 +113,8 @@ class Heatmap:
             drawn, ax=ax, location="bottom", label=label, shrink=0.6, aspect=40, extend="max" if is_cut else "neither"
         )
         scale.outline.set_visible(False)
+        if self.kind == "risk":
+            scale.ax.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
         return ax
 
     def geojson(self) -> dict[str, Any]:
