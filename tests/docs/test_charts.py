@@ -61,7 +61,8 @@ def test_the_false_verdicts_and_weeks_on_the_page_are_those_of_the_tables() -> N
     weeks = re.search(r"\((\d+) to (\d+)\)", charts.row(ROWS, "museum", "-30%")[3])
     assert f"gets it in {same:.0f} of 100 weeks" in LINE
     assert f"its largest area gets it in {largest:.0f}." in LINE
-    assert weeks and f"30 % less takes a museum {weeks[1]} to {weeks[2]} weeks" in LINE
+    assert weeks
+    assert f"30 % less takes a museum {weeks[1]} to {weeks[2]} weeks" in LINE
 
 
 def test_the_scores_of_simulated_cameras_are_those_of_their_table() -> None:
