@@ -275,7 +275,7 @@ async function picture() {
   c.save(); c.beginPath(); c.rect(0, head, canvas.width, canvas.height - head - foot); c.clip();
   c.translate(-state.view.x * k, head - state.view.y * k); c.scale(k, k);
   const unit = 1 / k * scale, cut = state.view.x + state.view.w * state.cut / 100;
-  for (const e of svg.querySelectorAll('rect,path,line,circle,text,image')) {
+  for (const e of svg.querySelectorAll('rect,path,line,circle,text,image,use')) {
     if (e.closest('defs') || e.hasAttribute('hidden')) continue;
     const s = css(e); if (s.display === 'none' || s.visibility === 'hidden') continue;
     c.save();
@@ -292,7 +292,7 @@ async function picture() {
       if (e.classList.contains('halo')) { c.strokeStyle = s.stroke; c.lineWidth = 4 * unit; c.lineJoin = 'round'; c.strokeText(e.textContent, x, y); }
       c.fillStyle = s.fill; c.fillText(e.textContent, x, y);
     } else {
-      const p = new Path2D(e.tagName === 'path' ? e.getAttribute('d') : ''); if (e.tagName === 'rect') p.rect(a('x'), a('y'), a('width'), a('height'));
+      const p = new Path2D(e.tagName === 'path' ? e.getAttribute('d') : e.tagName === 'use' ? $(e.getAttribute('href').slice(1)).getAttribute('d') : ''); if (e.tagName === 'rect') p.rect(a('x'), a('y'), a('width'), a('height'));
       if (e.tagName === 'line') { p.moveTo(a('x1'), a('y1')); p.lineTo(a('x2'), a('y2')); }
       if (e.tagName === 'circle') p.arc(a('cx'), a('cy'), parseFloat(s.r) || a('r'), 0, 7);
       if (s.fill.includes('#dots')) { c.save(); c.clip(p, 'evenodd'); c.fillStyle = css($('dot')).fill; for (let x = 0; x < W; x += 8 * unit) for (let y = 0; y < H; y += 8 * unit) { c.beginPath(); c.arc(x, y, 1.2 * unit, 0, 7); c.fill(); } c.restore(); } else if (s.fill.startsWith('url')) { c.save(); c.clip(p, 'evenodd'); c.strokeStyle = css($('hatline')).stroke; c.lineWidth = 1.2 * unit; c.beginPath(); for (let x = -H; x < W + H; x += 9 * unit) { c.moveTo(x, 0); c.lineTo(x + H, H); } c.stroke(); c.restore(); } else if (s.fill !== 'none') { c.fillStyle = s.fill; c.globalAlpha = +s.fillOpacity; c.fill(p, 'evenodd'); c.globalAlpha = 1; }
