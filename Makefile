@@ -55,6 +55,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_sites.py --worlds 600
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
+	$(BIN)/python tests/stats/prove_links.py --sites 100
 	$(BIN)/python tests/stats/prove_queue.py --sites 120
 	$(BIN)/python tests/stats/prove_queue_forecast.py --sites 60
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8
