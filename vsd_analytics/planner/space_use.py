@@ -166,7 +166,7 @@ def _range(low: str, high: str) -> str:
 def _leaving(name: str, rows: Rows, to: list[str]) -> LeavingRow:
     if all(r["value"] is None for r in rows):
         return LeavingRow(name=name, cells=(), lost="", reason=str(rows[0]["reason"] or ""))
-    pooled = next((r["to_areas"].split() for r in rows if " " in r["to_areas"]), [])
+    pooled: list[str] = next((r["to_areas"].split() for r in rows if " " in r["to_areas"]), [])
     cells = []
     for area in to:
         row = next((r for r in rows if r["to_areas"] == area or (area == OTHERS and " " in r["to_areas"])), None)
