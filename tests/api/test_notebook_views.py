@@ -89,6 +89,7 @@ def test_a_map_over_a_picture_draws_the_cells_where_the_camera_sees_them(risk: v
     assert (corners >= -1).all()
     assert (corners <= np.array([1281, 721])).all()
     assert cells.get_clim() == risk.plot().images[0].get_clim(), "the same scale over every camera and the plan"
+    assert cells.colorbar.ax.xaxis.get_major_formatter()(0.2) == "20%", "a share is read in percent"
 
 
 def test_one_cell_above_all_others_does_not_make_them_pale_and_the_scale_says_so(week: vsd.Days) -> None:
