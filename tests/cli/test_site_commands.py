@@ -372,7 +372,7 @@ def test_schema_of_the_frame_message_accepts_the_house_plans_example(vsd: Vsd) -
     "command", [init, calibrate, log, log.commands["add"], log.commands["list"], explain, schema, doctor]
 )
 def test_every_command_shows_an_example(command: Any) -> None:
-    assert re.search(r"\x08\n +Example:\n +vsd ", str(command.help))
+    assert re.search(r"\x08\n *Example:\n +vsd ", str(command.help))
 
 
 def test_init_keeps_what_the_engine_calls_a_camera(vsd: Vsd, tmp_path: Path) -> None:
