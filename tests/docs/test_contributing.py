@@ -16,7 +16,7 @@ from markdown_pages import REPOSITORY, blocks
 from site_text import site_text
 
 from vsd_analytics import settings
-from vsd_analytics.ingest import adapters, pipeline, recognise
+from vsd_analytics.ingest import adapters, recognise
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.warehouse import sqlfiles
 

@@ -132,8 +132,8 @@ Or a path of a JSON message takes one entry of a list that has more, such as the
 Fix: one row for each person; --format pairs where a row is two people and their distance. Name other files in a command
 of their own; write one message for each camera.""",
     "W229": """\
-The first 50,000 records of a source looked right, so it was stored; later ones do not. The message says from about which
-line on, and what is wrong there, with the code of that doubt (vsd explain CODE).
+The first 50,000 records of a source looked right, so it was stored; later ones do not. The message says from about
+which line on, and what is wrong there, with the code of that doubt (vsd explain CODE).
 Common causes: exports joined in one file, an engine whose settings were changed, a clock that was set.
 Fix: vsd purge --import ID removes what the file brought. Cut it where it changes, and import each part as it is.""",
 }
