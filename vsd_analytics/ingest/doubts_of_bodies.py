@@ -39,8 +39,8 @@ def _bodies(case: Case) -> Iterator[Doubt]:
     """W220: people inside each other: one person several times in a frame, or a unit that is too large."""
     sample = case.sample
     rows = sample.rows[["camera", "ts_ms", "track", "x", "y"]].dropna(subset=["x", "y"])
-    if sample.is_pairs or len(rows) < 5 * ROWS_MIN:
-        return
+    if sample.is_pairs or len(rows) < 5 * ROWS_MIN or max(np.ptp(rows["x"]), np.ptp(rows["y"])) <= 1:
+        return  # all within a square metre: another unit
     # what a fold stores once is one person here as well
     has_id = rows["track"].notna()
     is_repeated = has_id & rows.duplicated(["camera", "ts_ms", "track"])

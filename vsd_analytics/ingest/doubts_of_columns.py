@@ -25,7 +25,7 @@ from vsd_analytics.ingest.telling_names import (
 
 WEAK: Final = 0.3
 """Confidence below which detectors hardly ever show a box."""
-WEAK_SHARE: Final = 0.25
+WEAK_SHARE: Final = 0.5
 
 
 def _cameras_of_files(case: Case) -> Iterator[Doubt]:
@@ -37,13 +37,14 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
     if not (case.sample.rows["camera"] == camera).all():
         return
     told = [found for name in case.files if (found := cameras_in([name]))]
-    different = set().union(*told) - set[str]().intersection(*told[:1], *told[1:])
+    different = set[str]().union(*told) - (set.intersection(*told) if told else set())
     if len(different) > 1:
         fix = "one command for each camera, with --camera ID (and a [[camera]] in vsd.toml for each)"
         yield _merged_cameras(case, f"the names of these files tell of {len(different)} cameras", different, fix)
         return
     known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
-    if case.files and known and (own := cameras_in(case.files[:1])) and not own & known:
+    own = cameras_in(name.rpartition("/")[2] for name in case.files[:1])
+    if known and own and not own & known:
         yield Doubt(
             "W221",
             f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}",

@@ -208,7 +208,8 @@ def _midnights(case: Case) -> Iterator[Doubt]:
 def _closed(case: Case) -> Iterator[Doubt]:
     """W223: times with an offset, or since 1970, of which hardly any is in opening hours."""
     site, sample = case.site, case.sample
-    if site.opening is None or sample.n < 5 * ROWS_MIN or case.options.start is not None:
+    is_stated = case.options.start is not None or case.options.zone is not None
+    if site.opening is None or is_stated or sample.rows["ts_ms"].nunique() < ROWS_MIN:
         return
     local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), site.timezone)
     share = 1 - open_share(local, site)

@@ -62,7 +62,8 @@ class Sample:
         if values.empty:
             return None
         low, high = values.quantile(tail, interpolation="higher"), values.quantile(1 - tail, interpolation="lower")
-        return float(low[across]), float(high[across]), float(low[up]), float(high[up])
+        (left, right), (bottom, top) = (sorted((float(low[c]), float(high[c]))) for c in (across, up))  # of two records
+        return left, right, bottom, top
 
     def speeds_m_s(self, *, step_min_s: float = 0.0) -> np.ndarray:
         """Return the speeds between successive records of one track, in metres a second.
