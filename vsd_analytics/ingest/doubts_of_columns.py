@@ -37,7 +37,7 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
     if not (case.sample.rows["camera"] == camera).all():
         return
     told = [found for name in case.files if (found := cameras_in([name]))]
-    different = set[str]().union(*told) - (set.intersection(*told) if told else set())
+    different = set[str]().union(*told).difference(told[0].intersection(*told) if told else ())
     if len(different) > 1:
         fix = "one command for each camera, with --camera ID (and a [[camera]] in vsd.toml for each)"
         yield _merged_cameras(case, f"the names of these files tell of {len(different)} cameras", different, fix)
