@@ -221,6 +221,7 @@ ODDEST: list[Odd] = [
     Odd("a folder with a workbook", beside_a_workbook, rows=stored(FEW), says="b.xlsx is not read"),
     # what they are
     Odd("a 7z archive", raw("a.7z", b"7z\xbc\xaf\x27\x1c" + bytes(99)), says="a 7z archive"),
+    Odd("a stream of Arrow", raw("a.arrows", b"\xff\xff\xff\xff" + bytes(99)), says="a stream of Arrow"),
     Odd("an HDF5 file", raw("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(99)), says="an HDF5 file"),
     Odd(
         "features of GeoJSON",

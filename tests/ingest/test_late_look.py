@@ -40,6 +40,7 @@ def take(root: Path, **files: str) -> IngestResult:
         (lambda s: line(replace(s, at=s.at.replace(second=0))), "(W224)"),
         (lambda s: line(s, kind="car" if s.track > 3 else "person"), "(W222)"),
         (lambda s: line(replace(s, x_m=0.0, y_m=0.0) if s.track > 3 else s), "exactly 0, 0 (W220)"),
+        (lambda s: line(s).replace(f",{s.track},", ",,", 1), "(W225)"),
         (line, None),
     ],
 )

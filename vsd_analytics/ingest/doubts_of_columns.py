@@ -276,6 +276,10 @@ def _ids(case: Case) -> Iterator[Doubt]:
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
+        n_without = int(sample.rows["track"].isna().sum())
+        if n_without > sample.n / 2:
+            what = f"{n_without:,} of {sample.n:,} rows have no track id"
+            yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
         n_records = sample.rows["track"].value_counts()
         n_frames = sample.rows["ts_ms"].nunique()
         if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:

@@ -147,7 +147,7 @@ def open_table(source: Source, options: IngestOptions) -> TableFile:
     if head.startswith(_ZIP) and is_workbook(source):
         return Workbook(source)
     known = kind_of_no_table(source)
-    if known is not None or (b"\0" in head.partition(b"\n")[0] and not head.startswith((b"\xff\xfe", b"\xfe\xff"))):
+    if known is not None or b"\0" in head.partition(b"\n")[0]:
         what, fix = known or ("a binary file", "export the table as CSV or Parquet")
         raise InputError(f"{source.file_name} is {what}, no table", code="E204", where=Where(source.name), fix=fix)
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"[", b"{")) and options.columns is None:

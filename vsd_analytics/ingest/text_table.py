@@ -22,7 +22,6 @@ from vsd_analytics.ingest.text_lines import line_blocks
 BLOCK_BYTES = 1 << 20  # a block may be all line ends, or lines of one character, each of them a record
 _TITLE_LINES = 30
 """Lines above a header that may hold a title, remarks or the `sep=;` of Excel."""
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class TextTable:
@@ -39,14 +38,6 @@ class TextTable:
     def __init__(self, source: Source, options: IngestOptions) -> None:
         self._source, self._max_bytes = source, options.line_max_bytes
         head = source.head()
-        if head.startswith(_UTF_16):
-            raise InputError(
-                f"{source.file_name} is text in UTF-16",
-                code="E204",
-                where=Where(source.name),
-                why="tables are read as UTF-8",
-                fix=f"iconv -f UTF-16 -t UTF-8 {source.file_name} > utf8.csv   (or save it as CSV UTF-8)",
-            )
         lines = as_text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
         # with --columns there is no header line, so lines that start with # before the first record are comments
         skipped = "#" if options.columns is not None else ()
