@@ -14,7 +14,8 @@ hours, which are many small files: its rows are those of the day's 24 UTC hours.
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
+import os
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -166,11 +167,13 @@ def superseded(files: Iterable[DayFile]) -> list[Path]:
 
     Listing the folders also finds those whose writer was killed between writing the new file and removing the old.
     """
-    wanted = {file.path for file in files}
+    wanted: dict[Path, set[str]] = defaultdict(set)
+    for file in files:
+        wanted[file.path.parent].add(file.path.name)
     found: list[Path] = []
-    for folder in sorted({path.parent for path in wanted}):
+    for folder, own in sorted(wanted.items()):
         with contextlib.suppress(FileNotFoundError):
-            others = (p for p in folder.iterdir() if p not in wanted)
+            others = [folder / name for name in os.listdir(folder) if name not in own]
             found += [p for p in others if p.suffix == ".parquet" or is_temporary(p)]
     return found
 

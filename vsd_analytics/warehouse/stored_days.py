@@ -36,14 +36,19 @@ def stored_stretches(site: Site) -> list[Extent]:
     if store.n_spooled():
         store.fold()
     seals = Seals(site.root / FOLDER, site_id=site.site_id)
-    hours = {p.hour for t in TABLES for p in store.parts(t)}
-    found = []
-    for days in stretches({h // 24 for h in hours} | set(seals.days())):
-        inside = [h for h in hours if days[0] <= h // 24 <= days[-1]]
-        ends = [*inside, *(seals.hours(first_day=days[0], last_day=days[-1]) or ())]
+    stored, found = store.days(), []
+    for days in stretches(stored | set(seals.days())):
+        own = [day for day in days if day in stored]
+        ends = [h for day in {*own[:1], *own[-1:]} for h in _hours_of(store, day)]
+        ends += seals.hours(first_day=days[0], last_day=days[-1]) or ()
         if ends:
             found.append(Extent(_local(site, min(ends) * 3600), _local(site, max(ends) * 3600 + 3599)))
     return found
+
+
+def _hours_of(store: Store, day: int) -> list[int]:
+    """Return the hours of a UTC day with records: only those of the ends of a stretch are read, whatever is stored."""
+    return [p.hour for t in TABLES for p in store.parts(t, first_hour=day * 24, last_hour=day * 24 + 23)]
 
 
 def stored_extent(site: Site, *, near: date | None = None) -> Extent | None:
