@@ -94,13 +94,14 @@ def list_parts(
 
 def list_days(root: Path, table: str, site_id: str) -> list[int]:
     """Return the UTC day numbers (days since 1970) that have files of a table, in order; see `list_parts`."""
-    days = _days(_site_folder(root, table, site_id))
+    days = day_folders(root, table, site_id)
     return [day for day in days if any(map(_PART.match, _names(_day_folder(root, table, site_id, day))))]
 
 
-def _days(folder: Path) -> list[int]:
-    """Return the UTC day numbers of the folders of days, in order."""
-    return sorted(day for name in _names(folder) if (day := _day_of(name)) is not None)
+def day_folders(root: Path, table: str, site_id: str) -> list[int]:
+    """Return the UTC day numbers of the folders of a table, in order. A removal that was killed may leave empty ones."""
+    names = _names(_site_folder(root, table, site_id))
+    return sorted(day for name in names if (day := _day_of(name)) is not None)
 
 
 @lru_cache(maxsize=4096)
@@ -123,7 +124,7 @@ def _names(folder: Path) -> list[str]:
 
 def _parts(root: Path, table: str, site_id: str, first_hour: int | None, last_hour: int | None) -> Iterator[Part]:
     ends = (-_EVER if first_hour is None else first_hour, _EVER if last_hour is None else last_hour)
-    days = _days(_site_folder(root, table, site_id))
+    days = day_folders(root, table, site_id)
     for day in days[bisect_left(days, ends[0] // 24) : bisect_right(days, ends[1] // 24)]:
         folder = _day_folder(root, table, site_id, day)
         for name in _names(folder):
