@@ -99,7 +99,7 @@ def list_days(root: Path, table: str, site_id: str) -> list[int]:
 
 
 def day_folders(root: Path, table: str, site_id: str) -> list[int]:
-    """Return the UTC day numbers of the folders of a table, in order. A removal that was killed may leave empty ones."""
+    """Return the UTC day numbers of the folders of a table, in order; a removal that was killed leaves empty ones."""
     names = _names(_site_folder(root, table, site_id))
     return sorted(day for name in names if (day := _day_of(name)) is not None)
 
