@@ -26,7 +26,7 @@ check: $(VENV)/.installed-test
 	$(BIN)/ruff check --quiet .
 	$(BIN)/mypy
 	$(BIN)/sqlfluff lint --disable-progress-bar --processes 2 sql
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation" $(FAST)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" $(FAST)
 
 test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
@@ -38,6 +38,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/sqlfluff lint --disable-progress-bar --processes 2 sql
 
 prove: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m long
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/stats/prove_intervals.py --people 10
 	$(BIN)/python tests/stats/prove_verdicts.py
@@ -52,9 +53,10 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_forecast.py --worlds 20
 	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2
 	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
-	$(BIN)/python tests/stats/prove_sites.py --worlds 600
+	$(BIN)/python tests/stats/prove_sites.py --worlds 300
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
+	$(BIN)/python tests/stats/prove_links.py --sites 100
 	$(BIN)/python tests/stats/prove_queue.py --sites 120
 	$(BIN)/python tests/stats/prove_queue_forecast.py --sites 60
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8
