@@ -395,10 +395,10 @@ def _change_row(
 def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
     footer = css_string(say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year))
-    font = "font: 8pt Arial, sans-serif; color: #525d68"
+    of, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
     pages = (
         f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
-        f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
+        f"@bottom-right {{ content: counter(page) {of} counter(pages); {font} }} }}"
     )
     return shipped_style() + pages + (LETTER if paper == "letter" else "")
 
