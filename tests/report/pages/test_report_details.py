@@ -103,7 +103,12 @@ def test_a_row_that_is_held_back_says_so() -> None:
 
 def test_an_area_that_no_camera_recorded_says_so_and_not_that_few_were_counted() -> None:
     report = weeks.normal()
-    few = Estimate(value=None, state="not_enough_data", verdict="too_little_data", reason=read_reason("fewer than 5 violations were counted in the week before"))
+    few = Estimate(
+        value=None,
+        state="not_enough_data",
+        verdict="too_little_data",
+        reason=read_reason("fewer than 5 violations were counted in the week before"),
+    )
     areas = (replace(report.areas[0], recorded_share=0.0, counted=None, share=None, often=few), *report.areas[1:])
     row = render_html(replace(report, areas=areas, story=None)).split('<table class="cmp" role')[1].split("</tr>")[1]
     assert "nothing was recorded" in row
