@@ -26,7 +26,7 @@ check: $(VENV)/.installed-test
 	$(BIN)/ruff check --quiet .
 	$(BIN)/mypy
 	$(BIN)/sqlfluff lint --disable-progress-bar --processes 2 sql
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation" $(FAST)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" $(FAST)
 
 test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
@@ -38,6 +38,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/sqlfluff lint --disable-progress-bar --processes 2 sql
 
 prove: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m long
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 3000
 	$(BIN)/python tests/stats/prove_intervals.py --people 10
 	$(BIN)/python tests/stats/prove_verdicts.py

@@ -6,6 +6,7 @@ import fcntl
 import os
 import shutil
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ settings.load_profile("steady")
 REPOSITORY = Path(__file__).resolve().parent.parent
 IN_MEMORY = Path("/dev/shm")
 FREE_BYTES_MIN = 8_000_000_000
+LONG = tomllib.loads((Path(__file__).parent / "long_proofs.toml").read_text(encoding="utf-8"))
 
 
 def _write_in_memory() -> None:
@@ -30,6 +32,15 @@ def _write_in_memory() -> None:
 
 
 _write_in_memory()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that only `make prove` runs, before the marks are chosen from."""
+    for item in items:
+        node = item.nodeid.removeprefix("tests/")
+        if node in LONG or node.split("[", maxsplit=1)[0] in LONG:
+            item.add_marker("long")
 
 
 @pytest.fixture(scope="module", autouse=True)

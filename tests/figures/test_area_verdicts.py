@@ -33,9 +33,9 @@ def judged(
         for area in AREAS:
             near, place = close_time.close_time(pair.now, area), pair.now.area(area.area_id)
             alone[area.area_id] = AreaChanges(
-                rates.change_often(pair, place),
+                rates.violation_rate_change(pair, place),
                 close_time.change_close_share(pair, near),
-                rates.change_risky(pair, place),
+                rates.encounter_rate_change(pair, place),
                 close_time.change_burden(pair, near),
             )
         return dict(area_changes(pair)), alone
@@ -72,16 +72,16 @@ def test_the_claims_of_a_week_are_one_family_and_the_rest_are_their_own(tmp_path
             found = area_changes(pair)
             floor = close_time.close_time(pair.now, data.floor)
             of_floor = {
-                "often": rates.change_often(pair, pair.now.whole),
+                "often": rates.violation_rate_change(pair, pair.now.whole),
                 "close": close_time.change_close_share(pair, floor),
-                "risky": rates.change_risky(pair, pair.now.whole),
+                "risky": rates.encounter_rate_change(pair, pair.now.whole),
                 "burden": close_time.change_burden(pair, floor),
             }
             places = [*AREAS, None]
             own = {
-                "often": [rates.change_often(pair, pair.now.area(a and a.area_id)) for a in places],
+                "often": [rates.violation_rate_change(pair, pair.now.area(a and a.area_id)) for a in places],
                 "close": [close_time.change_close_share(pair, close_time.close_time(pair.now, a)) for a in places],
-                "risky": [rates.change_risky(pair, pair.now.area(a and a.area_id)) for a in places],
+                "risky": [rates.encounter_rate_change(pair, pair.now.area(a and a.area_id)) for a in places],
                 "burden": [close_time.change_burden(pair, close_time.close_time(pair.now, a)) for a in places],
             }
         claims = judge_family([(of_floor[name], own[name]) for name in ("often", "close")])

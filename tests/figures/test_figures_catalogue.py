@@ -30,7 +30,7 @@ HEADER = """\
 --   denominator  person-hours
 --   needs        20 person-hours
 --   uncertainty  an interval
---   by           vsd_analytics.figures.rates.level_risky
+--   by           vsd_analytics.figures.rates.encounter_rate_level
 -- assumes: nothing
 select 1 as a
 """
@@ -64,7 +64,7 @@ def test_a_header_tells_a_figure_over_several_lines(tmp_path: Path) -> None:
     (figure,) = read_relation(written(tmp_path, HEADER)).figures
     assert (figure.metric, figure.name, figure.relation) == ("M7", "How risky", "marts/one")
     assert figure.definition == "violations over person-hours"
-    assert figure.by == "vsd_analytics.figures.rates.level_risky"
+    assert figure.by == "vsd_analytics.figures.rates.encounter_rate_level"
 
 
 @pytest.mark.parametrize("lacking", FIGURE_FIELDS)

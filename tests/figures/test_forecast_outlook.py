@@ -28,7 +28,7 @@ from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Camera, Floor, Site
-from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 
@@ -176,7 +176,7 @@ def test_the_trend_has_each_weeks_own_figure_gaps_and_marks(tmp_path: Path) -> N
     assert [(m.text, f"{m.at:%G-W%V}") for m in made.marks] == [("moved the shelf", "2026-W43")]
     n, x = (days[c].fillna(0).to_numpy().reshape(2, -1) for c in ("n", "x"))
     past = np.arange(77, 112)[x[:, 77:112].any(axis=0)]
-    own = how_often(
+    own = violation_rate(
         n[:, 112:], x[:, 112:], weekday=np.arange(7), history_n=n[:, past], history_x_h=x[:, past],
         history_weekday=past % 7,
     )  # fmt: skip

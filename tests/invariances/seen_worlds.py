@@ -13,7 +13,7 @@ import numpy as np
 from warehouse.small_projects import Frame, Pair, Person, make_site, open_days
 
 from vsd_analytics.figures.panels import FloorHours, Period
-from vsd_analytics.figures.rates import level_often, level_risky
+from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -85,7 +85,7 @@ def headline(site: Site, first: str, last: str) -> tuple[RateEstimate, RateEstim
             "sum(violation_records)::double as violation_records, sum(violation_s)::double as violation_s, "
             "sum(n_violations)::double as n_violations, sum(recorded_s)::double as recorded_s from hours"
         )[0]
-        return level_often(period, period.whole), level_risky(period, period.whole), sums
+        return violation_rate_level(period, period.whole), encounter_rate_level(period, period.whole), sums
 
 
 def small_site(root: Path, **more: Any) -> Site:

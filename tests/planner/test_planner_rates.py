@@ -20,8 +20,8 @@ from vsd_analytics.planner.planner_data import PlannerData
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.site.model import Site
-from vsd_analytics.stats.changes import compare_how_often, compare_how_risky
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.changes import compare_encounter_rates, compare_violation_rates
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 pytestmark = pytest.mark.browser
@@ -173,7 +173,7 @@ class Oracle:
         past, past_weekday = self.panel(place, self.this.history_days if has_history else [], days, hours)
         counts, shown_h = past.n.sum(axis=0), past.exposure_h.sum(axis=0)
         known = bool(past.n.shape[1])
-        often = how_often(
+        often = violation_rate(
             panel.n,
             panel.x_h,
             weekday=weekday,
@@ -181,7 +181,7 @@ class Oracle:
             history_x_h=past.x_h if known else None,
             history_weekday=past_weekday if known else None,
         )
-        risky = how_risky(
+        risky = encounter_rate(
             panel.n.sum(axis=0),
             panel.exposure_h.sum(axis=0),
             weekday=weekday,
@@ -200,8 +200,8 @@ class Oracle:
             sides.append(self.data.sums(place, slots, self.pair.used(which)[:, slots], columns))
         a, b = sides
         return (
-            compare_how_often(a.n, a.x_h, b.n, b.x_h),
-            compare_how_risky(
+            compare_violation_rates(a.n, a.x_h, b.n, b.x_h),
+            compare_encounter_rates(
                 a.n.sum(axis=0), a.exposure_h.sum(axis=0), b.n.sum(axis=0), b.exposure_h.sum(axis=0),
                 min_exposure_h=self.settings.min_exposure_h,
             ),

@@ -91,9 +91,24 @@ def read_half_a_year(world: World, n: int, *, before: str) -> Line:
 
 
 def drifts(world: World, n: int) -> Line:
-    """Return how often the running verdict takes a trend for a change."""
-    values = log_e(draw(world.but(weeks_after=8), n, 5)).max(axis=1)
-    return "running verdict, 8 weeks", world.name, n, "named as a doubt", "–", f"{np.mean(values >= LOG_E):.1%}"
+    """Return how often the running verdict takes a trend for a change, and how often the page then names a trend.
+
+    It does where the weeks before had a slope that shows, or could have had one that explains the effect unseen.
+    """
+    drawn = draw(world.but(weeks_after=8), n, 5)
+    is_clear = log_e(drawn).max(axis=1) >= LOG_E
+    named = [_names_a_trend(e, weeks=4) for e, clear in zip(effects(drawn), is_clear, strict=True) if clear]
+    found = f"{is_clear.mean():.1%}; a trend named in {np.mean(named):.0%} of them"
+    return "running verdict, 8 weeks", world.name, n, "named as a doubt", "–", found
+
+
+def _names_a_trend(effect: BeforeAfter, *, weeks: int) -> bool:
+    """Return whether doubts or cautions of the page name a slope (`redesign.unseen_trend`)."""
+    trend = effect.trend
+    if trend is None or effect.theta is None:
+        return False
+    unseen = trend.detectable_per_week
+    return not trend.is_flat or (unseen is not None and abs(np.log(effect.theta)) < weeks * np.log1p(unseen))
 
 
 def power(world: World, n: int) -> Line:

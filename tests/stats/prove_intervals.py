@@ -27,8 +27,8 @@ import numpy as np
 from scipy.special import gammaln, stdtrit
 
 from vsd_analytics.site.model import Site
-from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 
 HOUR = timedelta(hours=1)
 
@@ -191,18 +191,18 @@ def run_levels(world: World, *, weeks: int, seed: int) -> dict[str, Score]:
             "history_n": past_n[i].transpose(1, 0, 2).reshape(4, -1),
         }
         past_x = np.tile(world.open_h, HISTORY_WEEKS)
-        plain, informed = how_often(n[i], x[i]), how_often(n[i], x[i], history_x_h=past_x, **history)
+        plain, informed = violation_rate(n[i], x[i]), violation_rate(n[i], x[i], history_x_h=past_x, **history)
         recorded = float(((world.expected * (x[i] > 0)).sum(axis=1) / x[i].sum(axis=1)).sum())
         up = x[i] > 0
         risk = float((world.expected * up).sum() / (world.expected_people * up).sum())
         days = n[i].sum(axis=0), people[i].sum(axis=0)
         history["history_n"] = past_n[i].sum(axis=1).ravel()
-        risky = how_risky(*days, history_exposure_h=past_people[i].sum(axis=1).ravel(), **history)
+        risky = encounter_rate(*days, history_exposure_h=past_people[i].sum(axis=1).ravel(), **history)
         for name, estimate, truth in (
             ("M0, first weeks", plain, whole_week),
             ("M0, four weeks of history", informed, whole_week),
             ("M0, four weeks, truth of recorded hours", informed, recorded),
-            ("M7, first weeks", how_risky(*days), risk),
+            ("M7, first weeks", encounter_rate(*days), risk),
             ("M7, four weeks of history", risky, risk),
             ("naive", naive_level(rng, n[i], x[i]), whole_week),
         ):
@@ -226,10 +226,10 @@ def run_changes(world: World, *, weeks: int, seed: int, effect: float = 1.0) -> 
         often, people = (n_a[i], x[i], n_b[i], x[i]), (people_a[i], x[i], people_b[i], x[i])
         risky_past = {"history_n": past_n[i].sum(axis=1), "history_exposure_h": past_people[i].sum(axis=1)}
         for name, estimate, truth in (
-            ("M0, first weeks", compare_how_often(*often), effect),
-            ("M0, four weeks", compare_how_often(*often, history_n=past_n[i], history_x_h=past_x), effect),
-            ("M7, first weeks", compare_how_risky(*sums), effect),
-            ("M7, four weeks", compare_how_risky(*sums, **risky_past), effect),
+            ("M0, first weeks", compare_violation_rates(*often), effect),
+            ("M0, four weeks", compare_violation_rates(*often, history_n=past_n[i], history_x_h=past_x), effect),
+            ("M7, first weeks", compare_encounter_rates(*sums), effect),
+            ("M7, four weeks", compare_encounter_rates(*sums, **risky_past), effect),
             ("people, four weeks", compare_exposure(*people, history_h=past_people[i], history_x_h=past_x), 1.0),
             ("D/(D-1)", per_camera_change(often[:2], often[2:]), effect),
             ("naive", naive_change(rng, often[:2], often[2:]), effect),
@@ -328,7 +328,12 @@ def make_people(folder: Path, monday: date, *, weeks: int, seed: int) -> Site:
 def people_table(*, judged: int, weeks: int, seed: int) -> None:
     """Print the last `judged` of `weeks` simulated weeks of people; the truth of levels is the mean of all weeks."""
     from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
-    from vsd_analytics.figures.rates import change_often, change_risky, level_often, level_risky
+    from vsd_analytics.figures.rates import (
+        encounter_rate_change,
+        encounter_rate_level,
+        violation_rate_change,
+        violation_rate_level,
+    )
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     first = date(2026, 1, 5)
@@ -338,9 +343,9 @@ def people_table(*, judged: int, weeks: int, seed: int) -> None:
         with Warehouse(site, first, mondays[-1] + timedelta(days=6)) as warehouse:
             data = FloorHours(warehouse, floor=site.floors[0])
             periods = [Period(data, monday, monday + timedelta(days=6)) for monday in mondays]
-            levels = [(level_often(p, p.whole), level_risky(p, p.whole)) for p in periods]
+            levels = [(violation_rate_level(p, p.whole), encounter_rate_level(p, p.whole)) for p in periods]
             pairs = [TwoPeriods(a, b) for a, b in pairwise(periods)]
-            changes = [(change_often(p, p.now.whole), change_risky(p, p.now.whole)) for p in pairs]
+            changes = [(violation_rate_change(p, p.now.whole), encounter_rate_change(p, p.now.whole)) for p in pairs]
             rows = warehouse.rows("select local_date, sum(violation_records) as n from hours group by all")
     records = np.zeros(weeks)
     for row in rows:

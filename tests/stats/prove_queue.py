@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from queue_worlds import CAPACITY, HOUR_S, WORLDS, Seen, World, of_people, see, truth
 
 from vsd_analytics.stats.dwell import dwell
-from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, waiting
 
 Span = tuple[float | None, float | None, float | None]
@@ -58,7 +58,7 @@ def of_numbers(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | No
     """Return estimates as `vsd_analytics.figures.people_present` makes them of days, and naive values."""
     spans: dict[str, Span] = {}
     for name, amount in OF_PEOPLE.items():
-        found = how_often([seen.time_s @ amount], [seen.time_s.sum(axis=1) / HOUR_S])
+        found = violation_rate([seen.time_s @ amount], [seen.time_s.sum(axis=1) / HOUR_S])
         unknown = found.rate is None or found.lo is None or found.hi is None or found.rate == 0
         spans[name] = (None, None, None) if unknown else tuple(v / HOUR_S for v in (found.rate, found.lo, found.hi))  # type: ignore[operator, assignment]
     return _if_known(spans, seen), of_people(seen.naive_time_s), None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.stats.trend import weekly_trend, why_no_trend
 
 MONDAYS = [date(2026, 9, 7) + timedelta(weeks=i) for i in range(10)]
@@ -29,9 +29,11 @@ def test_each_week_is_what_its_own_report_says(world: tuple[np.ndarray, ...]) ->
     now, past = slice(63, 70), slice(28, 63)
     weekday = np.arange(7)
     history = {"weekday": weekday, "history_weekday": np.tile(weekday, 5)}
-    often = how_often(n[:, now], x_h[:, now], history_n=n[:, past], history_x_h=x_h[:, past], **history)
+    often = violation_rate(n[:, now], x_h[:, now], history_n=n[:, past], history_x_h=x_h[:, past], **history)
     sums = [a.sum(axis=0) for a in (n, exposure_h)]
-    risky = how_risky(sums[0][now], sums[1][now], history_n=sums[0][past], history_exposure_h=sums[1][past], **history)
+    risky = encounter_rate(
+        sums[0][now], sums[1][now], history_n=sums[0][past], history_exposure_h=sums[1][past], **history
+    )
     assert made[-1].often == often
     assert made[-1].risky == risky
 

@@ -12,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky, split_change
+from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates, split_change
 from vsd_analytics.stats.estimates import verdict_of
-from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.rates import violation_rate
 
 HOURS = np.array([[13.0] * 6 + [8.0]] * 2)
 PROFILE = np.array([20, 22, 25, 28, 35, 60, 15])
@@ -52,7 +52,7 @@ def brute_force_change(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray) -> tuple
 def test_change_equals_the_house_plans_formula_when_all_cameras_recorded(
     n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray
 ) -> None:
-    change = compare_how_often(n_a, x, n_b, x)
+    change = compare_violation_rates(n_a, x, n_b, x)
     assert (change.theta, change.lo, change.hi) == pytest.approx(brute_force_change(n_a, n_b, x), rel=1e-9)
     assert change.df == pytest.approx(6)
 
@@ -62,15 +62,15 @@ def test_change_equals_the_house_plans_formula_when_all_cameras_recorded(
 def test_swapping_the_periods_inverts_the_change(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray) -> None:
     x = x.copy()
     x[0, 1:3] = 0
-    there, back = compare_how_often(n_a, x, n_b, x), compare_how_often(n_b, x, n_a, x)
+    there, back = compare_violation_rates(n_a, x, n_b, x), compare_violation_rates(n_b, x, n_a, x)
     assert (there.theta, there.lo, there.hi) == pytest.approx((1 / back.theta, 1 / back.hi, 1 / back.lo))
 
 
 @given(counts, counts, hours, st.permutations(range(7)))
 @settings(max_examples=40, deadline=None)
 def test_order_of_pairs_changes_nothing(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray, order: list[int]) -> None:
-    one = compare_how_often(n_a, x, n_b, x)
-    other = compare_how_often(n_a[:, order], x[:, order], n_b[:, order], x[:, order])
+    one = compare_violation_rates(n_a, x, n_b, x)
+    other = compare_violation_rates(n_a[:, order], x[:, order], n_b[:, order], x[:, order])
     assert (one.theta, one.lo, one.hi) == pytest.approx((other.theta, other.lo, other.hi))
 
 
@@ -80,7 +80,7 @@ def test_camera_days_recorded_in_one_period_only_are_not_compared() -> None:
     n_a, n_b = np.array([PROFILE, PROFILE]), np.array([PROFILE + 3, PROFILE + 2])
     both = HOURS.copy()
     both[0, 2] = both[1, 5] = 0
-    one, other = compare_how_often(n_a, x_a, n_b, x_b), compare_how_often(n_a, both, n_b, both)
+    one, other = compare_violation_rates(n_a, x_a, n_b, x_b), compare_violation_rates(n_a, both, n_b, both)
     assert one == other
     assert (one.n_a, one.exposure_a_h) == (2 * PROFILE.sum() - 25 - 60, 2 * 86 - 26)
 
@@ -89,13 +89,13 @@ def test_camera_without_common_hours_is_left_out_of_both() -> None:
     x_b = HOURS.copy()
     x_b[1] = 0
     n = np.array([PROFILE, PROFILE * 9])
-    change = compare_how_often(n, HOURS, n, x_b)
+    change = compare_violation_rates(n, HOURS, n, x_b)
     assert change.left_out == (1,)
     assert (change.theta, change.n_a) == (1, PROFILE.sum())
 
 
 def test_weekday_profile_cancels_when_weekdays_are_paired() -> None:
-    change = compare_how_often([PROFILE * 20], HOURS[:1], [PROFILE * 10], HOURS[:1])
+    change = compare_violation_rates([PROFILE * 20], HOURS[:1], [PROFILE * 10], HOURS[:1])
     assert change.theta == pytest.approx(0.5)
     assert change.log_se == pytest.approx(math.sqrt(2) * 0.08, abs=1e-12), (
         "only weeks may differ: the prior of weekly steps"
@@ -104,48 +104,48 @@ def test_weekday_profile_cancels_when_weekdays_are_paired() -> None:
 
 
 def test_few_days_or_violations_are_too_little_data() -> None:
-    short = compare_how_often([PROFILE[:4]], HOURS[:1, :4], [PROFILE[:4]], HOURS[:1, :4])
+    short = compare_violation_rates([PROFILE[:4]], HOURS[:1, :4], [PROFILE[:4]], HOURS[:1, :4])
     assert (short.verdict, short.state, short.lo) == ("too_little_data", "not_enough_data", None)
     assert short.theta == 1
     assert "5 pairs of days recorded in both, has 4" in reason_text(short.reason)
-    rare = compare_how_often([[1, 0, 0, 0, 1, 0, 0]], HOURS[:1], [[0, 1, 1, 1, 0, 1, 0]], HOURS[:1])
+    rare = compare_violation_rates([[1, 0, 0, 0, 1, 0, 0]], HOURS[:1], [[0, 1, 1, 1, 0, 1, 0]], HOURS[:1])
     assert (rare.verdict, rare.theta) == ("too_little_data", 2)
 
 
 def test_many_violations_to_none_is_a_clear_fall_and_few_to_none_is_not() -> None:
     none = [[0] * 7]
-    fall = compare_how_often([PROFILE], HOURS[:1], none, HOURS[:1])
+    fall = compare_violation_rates([PROFILE], HOURS[:1], none, HOURS[:1])
     assert (fall.verdict, fall.theta, fall.lo, fall.is_conservative) == ("clear_fall", 0, 0, True)
     assert 3 / PROFILE.sum() < fall.hi < 0.05
-    few = compare_how_often([[1, 1, 1, 1, 1, 1, 0]], HOURS[:1], none, HOURS[:1])
+    few = compare_violation_rates([[1, 1, 1, 1, 1, 1, 0]], HOURS[:1], none, HOURS[:1])
     assert (few.verdict, few.lo, few.hi) == ("too_little_data", None, None)
 
 
 def test_none_to_many_violations_is_a_clear_rise_without_upper_limit() -> None:
-    rise = compare_how_often([[0] * 7], HOURS[:1], [PROFILE], HOURS[:1])
+    rise = compare_violation_rates([[0] * 7], HOURS[:1], [PROFILE], HOURS[:1])
     assert (rise.verdict, rise.theta, rise.change, rise.hi) == ("clear_rise", None, None, None)
     assert rise.lo > 10
 
 
 def test_no_violation_in_either_period_is_too_little_data() -> None:
-    nothing = compare_how_often(np.zeros((2, 7)), HOURS, np.zeros((2, 7)), HOURS)
+    nothing = compare_violation_rates(np.zeros((2, 7)), HOURS, np.zeros((2, 7)), HOURS)
     assert (nothing.verdict, nothing.theta, nothing.rate_a) == ("too_little_data", None, 0)
 
 
 def test_nothing_recorded_in_common_is_too_little_data() -> None:
-    nothing = compare_how_often(np.ones((2, 7)), HOURS, np.ones((2, 7)), np.zeros((2, 7)))
+    nothing = compare_violation_rates(np.ones((2, 7)), HOURS, np.ones((2, 7)), np.zeros((2, 7)))
     assert (nothing.verdict, nothing.rate_a, nothing.n_days) == ("too_little_data", None, 0)
 
 
 def test_cameras_that_recorded_one_day_each_are_too_little_data() -> None:
     n, x = np.eye(5) * 20, np.eye(5) * 10
-    assert compare_how_often(n, x, n, x).verdict == "too_little_data"
+    assert compare_violation_rates(n, x, n, x).verdict == "too_little_data"
 
 
 def test_risk_needs_positions_and_exposure_in_both_periods() -> None:
     n, people = [5] * 7, [30.0] * 7
-    assert compare_how_risky(n, None, n, people).state == "not_measurable"
-    thin = compare_how_risky(n, people, n, [2.0] * 7)
+    assert compare_encounter_rates(n, None, n, people).state == "not_measurable"
+    thin = compare_encounter_rates(n, people, n, [2.0] * 7)
     assert (thin.verdict, thin.state) == ("too_little_data", "not_enough_data")
     assert "20 person-hours in each period, has 14.0" in reason_text(thin.reason)
 
@@ -154,9 +154,9 @@ def test_more_people_at_the_same_risk_explain_the_whole_rise() -> None:
     rng = np.random.default_rng(2)
     people = PROFILE * 10.0 * rng.uniform(0.98, 1.02, 7)
     n = np.round(people * 2)
-    often = compare_how_often(n, HOURS[0], n * 1.5, HOURS[0])
+    often = compare_violation_rates(n, HOURS[0], n * 1.5, HOURS[0])
     crowd = compare_exposure(people, HOURS[0], people * 1.5, HOURS[0])
-    risky = compare_how_risky(n, people, n * 1.5, people * 1.5)
+    risky = compare_encounter_rates(n, people, n * 1.5, people * 1.5)
     split = split_change(often=often, people=crowd, risky=risky)
     assert (often.verdict, crowd.verdict, risky.verdict) == ("clear_rise", "clear_rise", "cannot_tell")
     assert split.people_share == pytest.approx(1)
@@ -169,16 +169,16 @@ def test_split_multiplies_back_to_the_whole_change() -> None:
     n_a, n_b = rng.poisson(PROFILE * 20), rng.poisson(PROFILE * 25)
     people_a, people_b = PROFILE * rng.gamma(50, 0.2, 7), PROFILE * rng.gamma(50, 0.22, 7)
     split = split_change(
-        often=compare_how_often(n_a, HOURS[0], n_b, HOURS[0]),
+        often=compare_violation_rates(n_a, HOURS[0], n_b, HOURS[0]),
         people=compare_exposure(people_a, HOURS[0], people_b, HOURS[0]),
-        risky=compare_how_risky(n_a, people_a, n_b, people_b),
+        risky=compare_encounter_rates(n_a, people_a, n_b, people_b),
     )
     assert split.people.theta * split.risky.theta * split.rest == pytest.approx(split.often.theta)
     assert split.rest == pytest.approx(1)
 
 
 def test_split_of_an_unclear_change_names_no_share() -> None:
-    same = compare_how_often([PROFILE], HOURS[:1], [PROFILE[::-1]], HOURS[:1])
+    same = compare_violation_rates([PROFILE], HOURS[:1], [PROFILE[::-1]], HOURS[:1])
     assert same.verdict == "cannot_tell"
     assert split_change(often=same, people=same, risky=same).people_share is None
 
@@ -206,8 +206,8 @@ def test_verdict_is_clear_only_when_the_interval_excludes_no_change(
 
 
 def test_one_sided_limits_split_the_error_between_the_two_periods() -> None:
-    before = how_often([PROFILE], HOURS[:1], confidence=0.975)
-    change = compare_how_often([PROFILE], HOURS[:1], [[0, 0, 1, 0, 0, 1, 0]], HOURS[:1])
+    before = violation_rate([PROFILE], HOURS[:1], confidence=0.975)
+    change = compare_violation_rates([PROFILE], HOURS[:1], [[0, 0, 1, 0, 0, 1, 0]], HOURS[:1])
     upper = stats.chi2.ppf(1 - 0.0125, 2 * 2 + 2) / 2 / 86
     lower = stats.chi2.ppf(0.0125, 2 * 2) / 2 / 86
     assert (change.lo, change.hi) == pytest.approx((lower / before.hi, upper / before.lo))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from prove_intervals import World, run_changes, run_levels
 
-from vsd_analytics.stats.changes import compare_how_often
+from vsd_analytics.stats.changes import compare_violation_rates
 
 pytestmark = pytest.mark.simulation
 WEEKS = 400
@@ -92,5 +92,5 @@ def test_a_clear_verdict_without_a_change_stays_rare_when_violations_are_few(epi
     world = World(episodes, 0.25)
     rng = np.random.default_rng(6)
     (n_a, _), (n_b, _), x = world.draw(rng, WEEKS), world.draw(rng, WEEKS), world.hours(rng, 1)[0]
-    verdicts = [compare_how_often(a, x, b, x).verdict for a, b in zip(n_a, n_b, strict=True)]
+    verdicts = [compare_violation_rates(a, x, b, x).verdict for a, b in zip(n_a, n_b, strict=True)]
     assert np.mean([verdict.startswith("clear") for verdict in verdicts]) <= 0.06

@@ -13,7 +13,7 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.influence import as_counts, equal_weights, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile, zero_events_limit
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 
 HOURS = np.array([[13.0] * 6 + [8.0]] * 3)
 WEEK = np.arange(7)
@@ -56,7 +56,7 @@ def brute_force_m0(n: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
 @given(counts, hours)
 @settings(max_examples=60, deadline=None)
 def test_how_often_equals_the_house_plans_formula_when_all_cameras_recorded(n: np.ndarray, x: np.ndarray) -> None:
-    estimate = how_often(n, x)
+    estimate = violation_rate(n, x)
     assert (estimate.rate, estimate.lo, estimate.hi) == pytest.approx(brute_force_m0(n, x), rel=1e-9)
     assert estimate.df == pytest.approx(6)
     assert estimate.is_conservative
@@ -66,7 +66,7 @@ def test_how_often_equals_the_house_plans_formula_when_all_cameras_recorded(n: n
 @settings(max_examples=60, deadline=None)
 def test_how_risky_equals_the_ratio_estimator_of_r3(n: np.ndarray, x: np.ndarray) -> None:
     n_d, x_d = n[0], x[0] * 10
-    estimate = how_risky(n_d, x_d)
+    estimate = encounter_rate(n_d, x_d)
     rate = n_d.sum() / x_d.sum()
     var_log = brute_force_inflation(0.14, 7) * 7 / 6 * ((n_d - rate * x_d) ** 2).sum() / x_d.sum() ** 2 / rate**2
     factor = np.exp(stats.t.ppf(0.975, 6) * np.sqrt(var_log))
@@ -90,7 +90,7 @@ def test_standard_error_is_near_the_delete_one_day_jackknife(down: tuple[int, ..
             totals = np.where(recorded, n[:, keep], 0).sum(axis=1) / np.nansum(x[:, keep], axis=1)
             logs.append(np.log(totals.sum()))
         jackknife = np.sqrt(27 / 28 * ((logs - np.mean(logs)) ** 2).sum())
-        ratios.append(how_often(n, x).log_se / jackknife)
+        ratios.append(violation_rate(n, x).log_se / jackknife)
     # the jackknife takes days as independent
     assert np.median(ratios) / np.sqrt(brute_force_inflation(0.14, 28)) == pytest.approx(1, abs=0.04)
 
@@ -102,22 +102,22 @@ def test_order_of_days_and_cameras_changes_nothing(
 ) -> None:
     x = x.copy()
     x[1, 2:4] = 0
-    one, other = how_often(n, x), how_often(n[cameras][:, days], x[cameras][:, days])
+    one, other = violation_rate(n, x), violation_rate(n[cameras][:, days], x[cameras][:, days])
     assert (one.rate, one.lo, one.hi, one.df) == pytest.approx((other.rate, other.lo, other.hi, other.df))
 
 
 @given(counts, hours, st.floats(0.01, 100))
 @settings(max_examples=40, deadline=None)
 def test_unit_of_exposure_scales_rate_and_limits_alike(n: np.ndarray, x: np.ndarray, scale: float) -> None:
-    one, other = how_often(n, x), how_often(n, x * scale)
+    one, other = violation_rate(n, x), violation_rate(n, x * scale)
     assert (one.rate, one.lo, one.hi) == pytest.approx(tuple(scale * v for v in (other.rate, other.lo, other.hi)))
 
 
 @given(counts, hours, st.sampled_from([0.0, np.nan]))
 @settings(max_examples=40, deadline=None)
 def test_camera_without_recorded_hour_is_left_out_and_named(n: np.ndarray, x: np.ndarray, empty: float) -> None:
-    with_dead = how_often(np.insert(n, 1, 99, axis=0), np.insert(x, 1, empty, axis=0))
-    alone = how_often(n, x)
+    with_dead = violation_rate(np.insert(n, 1, 99, axis=0), np.insert(x, 1, empty, axis=0))
+    alone = violation_rate(n, x)
     assert with_dead.left_out == (1,)
     assert (with_dead.rate, with_dead.lo, with_dead.hi, with_dead.n_events) == pytest.approx(
         (alone.rate, alone.lo, alone.hi, alone.n_events)
@@ -127,15 +127,15 @@ def test_camera_without_recorded_hour_is_left_out_and_named(n: np.ndarray, x: np
 @given(counts, hours)
 @settings(max_examples=40, deadline=None)
 def test_an_unrecorded_day_is_not_a_day_without_violations(n: np.ndarray, x: np.ndarray) -> None:
-    more = how_often(np.insert(n, 3, 0, axis=1), np.insert(x, 3, np.nan, axis=1))
-    same(more, how_often(n, x))
-    empty_night = how_often(np.insert(n, 3, 0, axis=1), np.insert(x, 3, 12.0, axis=1))
+    more = violation_rate(np.insert(n, 3, 0, axis=1), np.insert(x, 3, np.nan, axis=1))
+    same(more, violation_rate(n, x))
+    empty_night = violation_rate(np.insert(n, 3, 0, axis=1), np.insert(x, 3, 12.0, axis=1))
     assert empty_night.rate < more.rate
 
 
 def test_empty_night_does_not_change_the_risk() -> None:
     n, x = np.array([8, 9, 12, 10, 7, 11, 9]), np.array([9.0, 10, 11, 10, 8, 12, 9])
-    same(how_risky(np.append(n, 0), np.append(x, 0.0)), how_risky(n, x))
+    same(encounter_rate(np.append(n, 0), np.append(x, 0.0)), encounter_rate(n, x))
 
 
 def test_camera_down_half_the_week_does_not_move_the_expectation() -> None:
@@ -145,8 +145,8 @@ def test_camera_down_half_the_week_does_not_move_the_expectation() -> None:
     x_down[0, :4] = 0
     for _ in range(1500):
         n = rng.poisson(HOURS * np.array([[3.0], [2.0], [1.0]]) * rng.gamma(25, 1 / 25, 7))
-        up.append(how_often(n, HOURS).rate)
-        down.append(how_often(np.where(x_down > 0, n, 0), x_down).rate)
+        up.append(violation_rate(n, HOURS).rate)
+        down.append(violation_rate(np.where(x_down > 0, n, 0), x_down).rate)
     assert np.mean(up) == pytest.approx(6, rel=0.01)
     assert np.mean(down) == pytest.approx(6, rel=0.01)
 
@@ -154,9 +154,9 @@ def test_camera_down_half_the_week_does_not_move_the_expectation() -> None:
 def test_missing_days_widen_the_interval_but_keep_it_usable() -> None:
     n = np.array([[40, 44, 37, 52, 61, 80, 30], [20, 25, 18, 30, 33, 41, 15]])
     x = HOURS[:2].copy()
-    whole = how_often(n, x)
+    whole = violation_rate(n, x)
     x[1, 1:] = 0
-    one_day = how_often(n, x)
+    one_day = violation_rate(n, x)
     assert one_day.state == "ok"
     assert whole.log_se < one_day.log_se < 3 * whole.log_se
     assert one_day.df > 2
@@ -168,12 +168,12 @@ def test_weekday_differences_leave_the_interval_with_four_weeks_of_history() -> 
     past = rng.poisson(np.tile(profile, (3, 4)))
     now = rng.poisson(np.tile(profile, (3, 1)))
     known = {"weekday": WEEK, "history_weekday": np.tile(WEEK, 4), "history_x_h": np.tile(HOURS, 4)}
-    informed, plain = how_often(now, HOURS, history_n=past, **known), how_often(now, HOURS)
+    informed, plain = violation_rate(now, HOURS, history_n=past, **known), violation_rate(now, HOURS)
     assert informed.rate == plain.rate
     assert not informed.is_conservative
     assert informed.hi / informed.lo < (plain.hi / plain.lo) ** 0.5
     three = {"weekday": WEEK, "history_weekday": np.tile(WEEK, 3), "history_x_h": np.tile(HOURS, 3)}
-    short = how_often(now, HOURS, history_n=past[:, :21], **three)
+    short = violation_rate(now, HOURS, history_n=past[:, :21], **three)
     assert (short.df, short.is_conservative) == (plain.df, True), "three weeks are no profile"
 
 
@@ -181,7 +181,7 @@ def test_interval_reaches_to_the_usual_rate_with_the_weekdays_a_camera_missed() 
     profile = np.array([20, 22, 25, 28, 35, 60, 15])
     past, x = np.tile(profile, (3, 4)), HOURS.copy()
     x[2, 5] = 0
-    estimate = how_often(
+    estimate = violation_rate(
         np.tile(profile, (3, 1)), x, weekday=WEEK, history_weekday=np.tile(WEEK, 4), history_n=past,
         history_x_h=np.tile(HOURS, 4),
     )  # fmt: skip
@@ -194,7 +194,7 @@ def test_interval_reaches_down_to_the_usual_rate_when_a_quiet_weekday_was_missed
     counts = np.array([3, 22, 25, 28, 35, 60, 15])
     past, x = np.tile(counts, (3, 4)), HOURS.copy()
     x[2, 0] = 0
-    estimate = how_often(
+    estimate = violation_rate(
         np.tile(counts, (3, 1)), x, weekday=WEEK, history_weekday=np.tile(WEEK, 4), history_n=past,
         history_x_h=np.tile(HOURS, 4),
     )  # fmt: skip
@@ -209,7 +209,7 @@ def test_weekday_profile_needs_all_but_one_of_its_weeks_recorded(n_missing: int,
     past_x = np.tile(HOURS, 4)
     past_x[0, [5, 12][:n_missing]] = 0
     rng = np.random.default_rng(10)
-    estimate = how_often(
+    estimate = violation_rate(
         rng.poisson(30, (3, 7)), HOURS, weekday=WEEK, history_n=rng.poisson(30, (3, 28)), history_x_h=past_x,
         history_weekday=np.tile(WEEK, 4),
     )  # fmt: skip
@@ -220,8 +220,8 @@ def test_history_read_backwards_changes_nothing() -> None:
     rng = np.random.default_rng(9)
     past, now, order = rng.poisson(30, (3, 28)), rng.poisson(30, (3, 7)), np.arange(28)[::-1]
     weekdays, hours = np.tile(WEEK, 4), np.tile(HOURS, 4)
-    one = how_often(now, HOURS, weekday=WEEK, history_n=past, history_x_h=hours, history_weekday=weekdays)
-    other = how_often(
+    one = violation_rate(now, HOURS, weekday=WEEK, history_n=past, history_x_h=hours, history_weekday=weekdays)
+    other = violation_rate(
         now, HOURS, weekday=WEEK, history_n=past[:, order], history_x_h=hours[:, order],
         history_weekday=weekdays[order],
     )  # fmt: skip
@@ -231,37 +231,37 @@ def test_history_read_backwards_changes_nothing() -> None:
 def test_no_violation_gives_the_rule_of_three() -> None:
     x = HOURS.copy()
     x[1, :2] = 0
-    estimate = how_often(np.zeros((3, 7)), x)
+    estimate = violation_rate(np.zeros((3, 7)), x)
     assert (estimate.rate, estimate.lo, estimate.state) == (0, 0, "ok")
     assert estimate.hi == pytest.approx(3 / (86 - 26))
-    assert how_risky(np.zeros(7), np.full(7, 30.0)).hi == pytest.approx(3 / 210)
+    assert encounter_rate(np.zeros(7), np.full(7, 30.0)).hi == pytest.approx(3 / 210)
 
 
 def test_too_few_days_or_violations_give_the_rate_without_an_interval() -> None:
-    few_days = how_often([[20, 30, 25, 22]], [[13.0] * 4])
+    few_days = violation_rate([[20, 30, 25, 22]], [[13.0] * 4])
     assert (few_days.state, few_days.lo, few_days.hi) == ("not_enough_data", None, None)
     assert few_days.rate == pytest.approx(97 / 52)
     assert "5 recorded days, has 4" in reason_text(few_days.reason)
-    few_events = how_often([[1, 0, 0, 2, 0, 1, 0]], HOURS[:1])
+    few_events = violation_rate([[1, 0, 0, 2, 0, 1, 0]], HOURS[:1])
     assert few_events.rate == pytest.approx(4 / 86)
     assert few_events.lo is None
     assert "5 violations, has 4" in reason_text(few_events.reason)
 
 
 def test_nothing_recorded_is_not_zero() -> None:
-    estimate = how_often(np.zeros((2, 7)), np.full((2, 7), np.nan))
+    estimate = violation_rate(np.zeros((2, 7)), np.full((2, 7), np.nan))
     assert (estimate.rate, estimate.state, estimate.left_out) == (None, "not_enough_data", (0, 1))
 
 
 def test_risk_needs_positions_and_exposure() -> None:
-    assert how_risky([3] * 7, None).state == "not_measurable"
-    thin = how_risky([3] * 7, [2.5] * 7)
+    assert encounter_rate([3] * 7, None).state == "not_measurable"
+    thin = encounter_rate([3] * 7, [2.5] * 7)
     assert (thin.rate, thin.state) == (None, "not_enough_data")
     assert "20 person-hours, has 17.5" in reason_text(thin.reason)
 
 
 def test_few_violations_spread_evenly_by_luck_do_not_look_certain() -> None:
-    estimate = how_often([[1] * 7], [[10.0] * 7])
+    estimate = violation_rate([[1] * 7], [[10.0] * 7])
     assert estimate.log_se == pytest.approx(0, abs=1e-12)
     assert np.log(estimate.hi / estimate.rate) == pytest.approx(1.96 / np.sqrt(7), rel=1e-3)
 
@@ -278,7 +278,7 @@ def test_few_violations_spread_evenly_by_luck_do_not_look_certain() -> None:
 )
 def test_impossible_numbers_are_refused(n: list[list[float]], x: list[list[float]]) -> None:
     with pytest.raises(ValueError, match="must"):
-        how_often(n, x)
+        violation_rate(n, x)
 
 
 def test_small_sample_correction_is_unbiased_where_a_day_moves_all_cameras() -> None:
@@ -336,7 +336,7 @@ def test_interval_with_history_equals_its_formula_written_with_loops() -> None:
     profile = np.array([20, 22, 25, 28, 35, 60, 15])
     past, past_x, x = rng.poisson(np.tile(profile, 5)), rng.uniform(6, 13, 35), rng.uniform(6, 13, 7)
     n = rng.poisson(profile)
-    estimate = how_often(n, x, weekday=WEEK, history_n=past, history_x_h=past_x, history_weekday=np.tile(WEEK, 5))
+    estimate = violation_rate(n, x, weekday=WEEK, history_n=past, history_x_h=past_x, history_weekday=np.tile(WEEK, 5))
     usual = [sum(past[w::7]) / sum(past_x[w::7]) for w in range(7)]
     expected = [x[w] * usual[w] / sum(x[v] * usual[v] for v in range(7)) for w in range(7)]
     total, second, third = sum(n), sum(q**2 for q in expected), sum(q**3 for q in expected)

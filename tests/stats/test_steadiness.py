@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
+from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
 from vsd_analytics.stats.influence import as_counts
 from vsd_analytics.stats.steadiness import pooled, usual_variance
 
@@ -68,8 +68,8 @@ def test_weeks_less_steady_than_ever_are_judged_by_themselves() -> None:
 def test_a_steady_past_narrows_a_change_and_moves_nothing_else() -> None:
     past, hours = steady(3, sd=0.05, weeks=12), np.broadcast_to(HOURS, (12, 1, N_DAYS))
     a, b = steady(4, sd=0.05, weeks=2)
-    alone = compare_how_often(a, HOURS, b, HOURS)
-    informed = compare_how_often(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
+    alone = compare_violation_rates(a, HOURS, b, HOURS)
+    informed = compare_violation_rates(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
     assert (informed.theta, informed.n_a, informed.n_days) == (alone.theta, alone.n_a, alone.n_days)
     assert informed.hi / informed.lo < alone.hi / alone.lo
 
@@ -77,8 +77,10 @@ def test_a_steady_past_narrows_a_change_and_moves_nothing_else() -> None:
 def test_all_three_changes_use_the_past_alike() -> None:
     past, hours = steady(5, sd=0.05), np.broadcast_to(HOURS, (N_WEEKS, 1, N_DAYS))
     a, b = steady(6, sd=0.05, weeks=2)
-    often = compare_how_often(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
-    risky = compare_how_risky(a[0], HOURS[0], b[0], HOURS[0], history_n=past[:, 0], history_exposure_h=hours[:, 0])
+    often = compare_violation_rates(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
+    risky = compare_encounter_rates(
+        a[0], HOURS[0], b[0], HOURS[0], history_n=past[:, 0], history_exposure_h=hours[:, 0]
+    )
     people = compare_exposure(a, HOURS, b, HOURS, history_h=past, history_x_h=hours)
     assert (often.lo, often.hi) == pytest.approx((risky.lo, risky.hi))
     assert (often.lo, often.hi) == pytest.approx((people.lo, people.hi))
@@ -89,7 +91,7 @@ def test_a_camera_that_missed_a_day_is_judged_by_weeks_over_the_camera_days_it_h
     x = np.full((2, N_DAYS), 10.0)
     x[1, 2] = 0
     a, b = past[0], past[1]
-    known = compare_how_often(a, x, b, x, history_n=past, history_x_h=hours)
-    blanked = compare_how_often(a, x, b, x, history_n=past, history_x_h=np.where(x > 0, hours, 0.0))
+    known = compare_violation_rates(a, x, b, x, history_n=past, history_x_h=hours)
+    blanked = compare_violation_rates(a, x, b, x, history_n=past, history_x_h=np.where(x > 0, hours, 0.0))
     assert known == blanked
-    assert known.lo != compare_how_often(a, x, b, x).lo
+    assert known.lo != compare_violation_rates(a, x, b, x).lo

@@ -11,13 +11,13 @@ import pytest
 from day_worlds import AREAS, OFFICE, WEEKDAYS_OFFICE, Variation, World, step
 from scipy import stats
 
-from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
+from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
 from vsd_analytics.stats.day_correlation import day_correlation, inflation
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.false_alarms import FalseAlarms, false_alarm_rate, together, wilson
 from vsd_analytics.stats.family import judge_family, p_value, pull_changes, q_values
 from vsd_analytics.stats.influence import as_counts
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.stats.weekly_steps import mean_square, step_variance, weekly_steps
 
 A, B, X = [40, 44, 37, 52, 27], [30, 41, 26, 47, 16], [10.0] * 5
@@ -26,7 +26,7 @@ WEEKS = [[180, 210, 190, 205, 195, 200, 170, 220, 185, 198, 207, 192]]
 
 def test_a_level_by_hand() -> None:
     # 200 violations in 50 h; usual share of a day 40; residuals 0, 4, -3, 12, -13 -> squares 338
-    level = how_often([A], [X])
+    level = violation_rate([A], [X])
     assert level.rate == 4.0
     variance = 5 / 4 * 338 / 200**2
     # correlation .14: 1 + 2 (4/5 .14 + 3/5 .0196 + 2/5 .002744 + 1/5 .00038416)
@@ -35,7 +35,7 @@ def test_a_level_by_hand() -> None:
     assert level.log_se == pytest.approx(math.sqrt(variance), rel=1e-9)
     half = 2.7764451051977934 * math.sqrt(variance)  # Student's t at .975 on 4 degrees of freedom
     assert (level.lo, level.hi) == pytest.approx((4 * math.exp(-half), 4 * math.exp(half)), rel=1e-6)
-    risky = how_risky(A, X)
+    risky = encounter_rate(A, X)
     assert (risky.lo, risky.hi) == pytest.approx((level.lo, level.hi))
 
 
@@ -46,10 +46,10 @@ def test_a_change_without_history_by_hand() -> None:
     noise = 1 / 200 + 1 / 160
     by_weeks = by_days + max(2.6 * (by_days - noise), 2 * 0.08**2)
     halves = [2.7764451051977934 * math.sqrt(by_days), 2.4469118511449692 * math.sqrt(by_weeks)]  # t on 4 and on 6
-    found = compare_how_often([A], [X], [B], [X])
+    found = compare_violation_rates([A], [X], [B], [X])
     assert found.theta == 0.8
     assert (found.lo, found.hi) == pytest.approx((0.8 * math.exp(-max(halves)), 0.8 * math.exp(max(halves))), rel=1e-6)
-    assert (compare_how_risky(A, X, B, X).lo, compare_exposure([A], [X], [B], [X]).lo) == pytest.approx(
+    assert (compare_encounter_rates(A, X, B, X).lo, compare_exposure([A], [X], [B], [X]).lo) == pytest.approx(
         (found.lo, found.lo)
     )
 
@@ -66,7 +66,7 @@ def test_a_change_with_twelve_weeks_is_as_wide_as_its_weekly_steps_by_hand() -> 
     steps = [math.log(totals[i + 1] / totals[i]) for i in range(12)]
     cap = (3 * median(abs(d) for d in steps) / stats.norm.ppf(0.75)) ** 2
     variance, df = mean(min(d * d, cap) for d in steps), 2 * 144 / 35
-    found = compare_how_often([A], [X], [[0.8 * v for v in A]], [X], history_n=n, history_x_h=x)
+    found = compare_violation_rates([A], [X], [[0.8 * v for v in A]], [X], history_n=n, history_x_h=x)
     half = stats.t.ppf(0.975, df) * math.sqrt(variance)
     assert found.df == pytest.approx(df)
     assert (found.lo, found.hi) == pytest.approx((0.8 * math.exp(-half), 0.8 * math.exp(half)), rel=1e-6)
@@ -139,8 +139,8 @@ def test_p_values_are_student_s() -> None:
 
 
 def test_a_change_with_poisson_limits_has_a_small_p_value_only_when_it_is_clear() -> None:
-    gone = compare_how_often([[20, 22, 25, 28, 35]], [X], [[0, 0, 1, 0, 1]], [X])
-    few = compare_how_often([[2, 2, 1, 1, 2]], [X], [[0, 1, 1, 0, 1]], [X])
+    gone = compare_violation_rates([[20, 22, 25, 28, 35]], [X], [[0, 0, 1, 0, 1]], [X])
+    few = compare_violation_rates([[2, 2, 1, 1, 2]], [X], [[0, 1, 1, 0, 1]], [X])
     assert gone.verdict == "clear_fall"
     assert (p_value(gone, confidence=0.95) or 1) < 1e-3
     assert few.verdict == "too_little_data"
@@ -205,7 +205,7 @@ def test_a_site_with_three_open_days_gets_a_verdict_from_eight_steps_on() -> Non
     drawn = world.draw(np.random.default_rng(3), sites=1, weeks=12, effect=step(12, at=11, ratio=0.4))
     n, x = drawn.n[0], np.broadcast_to(drawn.x_h, drawn.n.shape[1:])
     few, enough = (
-        compare_how_often(n[10], x[10], n[11], x[11], history_n=n[k:10], history_x_h=x[k:10]) for k in (3, 2)
+        compare_violation_rates(n[10], x[10], n[11], x[11], history_n=n[k:10], history_x_h=x[k:10]) for k in (3, 2)
     )
     assert few.verdict == "too_little_data"
     assert enough.verdict == "clear_fall"
@@ -233,7 +233,7 @@ def test_areas_of_a_site_in_which_nothing_changes_seldom_get_a_clear_verdict() -
     x = drawn.x_h[0]
     for n in drawn.n:
         floor, *areas = (
-            compare_how_often(c[12], x, c[13], x, history_n=c[:12, None], history_x_h=np.tile(x, (12, 1, 1)))
+            compare_violation_rates(c[12], x, c[13], x, history_n=c[:12, None], history_x_h=np.tile(x, (12, 1, 1)))
             for c in (n.sum(axis=1), *np.moveaxis(n, 1, 0))
         )
         n_clear += sum(area.verdict.startswith("clear") for area in judge_family([(floor, areas)])[0])

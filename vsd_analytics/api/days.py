@@ -173,7 +173,7 @@ class Days:
                 for where in places:
                     is_floor = isinstance(where, Floor)
                     area_id = where.area_id if isinstance(where, Area) else None
-                    often = rates.level_often(period, period.whole if is_floor else period.area(area_id))
+                    often = rates.violation_rate_level(period, period.whole if is_floor else period.area(area_id))
                     close = close_time.close_share(period, close_time.close_time(period, where))
                     rows.append(
                         {

@@ -67,8 +67,8 @@ def area_changes(pair: TwoPeriods) -> Mapping[str | None, AreaChanges]:
 def _changes(pair: TwoPeriods, place: Place, where: Floor | Area | None) -> AreaChanges:
     close = close_time.close_time(pair.now, where)
     return AreaChanges(
-        often=rates.change_often(pair, place),
+        often=rates.violation_rate_change(pair, place),
         close=close_time.change_close_share(pair, close),
-        risky=rates.change_risky(pair, place),
+        risky=rates.encounter_rate_change(pair, place),
         burden=close_time.change_burden(pair, close),
     )

@@ -191,7 +191,7 @@ def before_after(
     chosen, left_out = _comparison_areas(pair, area, windows, site)
     doubts = other_changes(site, entry, area, windows)
     place = pair.now.area(area.area_id)
-    alone, people = rates.change_risky(pair, place), rates.change_people(pair, place)
+    alone, people = rates.encounter_rate_change(pair, place), rates.change_people(pair, place)
     few = Reason("redesign.stored", n=windows.n_weeks, weeks=weeks)
     notes = (few,) if windows.n_weeks < weeks else ()
     if not chosen:
@@ -232,7 +232,7 @@ def before_after(
         ),
         burden=burden, close=close, routes=_routes(burden, close), running=so_far,
         floor=whole, effect=effect, often=often, alone=alone,
-        comparison=rates.change_risky(pair, _together(others)), people=people,
+        comparison=rates.encounter_rate_change(pair, _together(others)), people=people,
         neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
         areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS, notes=notes,
     )  # fmt: skip
@@ -363,7 +363,7 @@ def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighb
     if not place.exposure_h.any():
         return None
     return Neighbours(
-        risky=rates.change_risky(pair, place),
+        risky=rates.encounter_rate_change(pair, place),
         people=rates.change_people(pair, place),
         effect=_effect(pair, place, others) if others else None,
     )

@@ -13,11 +13,11 @@ import numpy as np
 
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Period, Place, TwoPeriods
-from vsd_analytics.figures.rates import NOT_RECORDED, change_often, change_risky, not_measured
+from vsd_analytics.figures.rates import NOT_RECORDED, encounter_rate_change, not_measured, violation_rate_change
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 
 SECONDS: Final = 3600.0
 MINUTES: Final = 60.0
@@ -55,7 +55,7 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
-    found = how_risky(
+    found = encounter_rate(
         now.n.sum(axis=0),
         now.exposure_h.sum(axis=0),
         confidence=settings.confidence,
@@ -94,7 +94,7 @@ def burden(period: Period, place: Place) -> RateEstimate:
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days))
-    found = how_often(
+    found = violation_rate(
         now.n,
         now.x_h,
         confidence=settings.confidence,
@@ -106,12 +106,12 @@ def burden(period: Period, place: Place) -> RateEstimate:
 
 def change_close_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of the share of person-time in violation (M6) over the camera-hours compared."""
-    return _change_in_units(change_risky(pair, _with_known_distances(pair, place)), SECONDS)
+    return _change_in_units(encounter_rate_change(pair, _with_known_distances(pair, place)), SECONDS)
 
 
 def change_burden(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of person-minutes in violation per open hour over the camera-hours compared."""
-    return _change_in_units(change_often(pair, _with_known_distances(pair, place)), MINUTES)
+    return _change_in_units(violation_rate_change(pair, _with_known_distances(pair, place)), MINUTES)
 
 
 def knows_distances(period: Period) -> Flags:

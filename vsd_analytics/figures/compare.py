@@ -235,7 +235,7 @@ def _place(
     before, now = (p.whole if isinstance(where, Floor) else p.area(area_id) for p in periods)
     close = close_time.close_time(pair.now, where)
     if isinstance(where, Floor) or area_id not in family:
-        often, risky = rates.change_often(pair, now), rates.change_risky(pair, now)
+        often, risky = rates.violation_rate_change(pair, now), rates.encounter_rate_change(pair, now)
         close_share, burden = close_time.change_close_share(pair, close), close_time.change_burden(pair, close)
     else:
         changes = family[area_id]
@@ -244,10 +244,10 @@ def _place(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
         area_id=area_id,
         name="Rest of the floor" if where is None else where.name,
-        often_a=rates.level_often(pair.before, before),
-        often_b=rates.level_often(pair.now, now),
-        risky_a=rates.level_risky(pair.before, before),
-        risky_b=rates.level_risky(pair.now, now),
+        often_a=rates.violation_rate_level(pair.before, before),
+        often_b=rates.violation_rate_level(pair.now, now),
+        risky_a=rates.encounter_rate_level(pair.before, before),
+        risky_b=rates.encounter_rate_level(pair.now, now),
         close_share_a=close_time.close_share(pair.before, close_time.close_time(pair.before, where)),
         close_share_b=close_time.close_share(pair.now, close),
         close_share=close_share,

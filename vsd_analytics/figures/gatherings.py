@@ -24,7 +24,7 @@ from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import NOTHING
 from vsd_analytics.figures.operator_counts import local_instant
 from vsd_analytics.figures.panels import FloorHours, Period, Place
-from vsd_analytics.figures.rates import level_often, not_measured
+from vsd_analytics.figures.rates import not_measured, violation_rate_level
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import gatherings as stats
@@ -160,7 +160,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
             found.append(_gathering(warehouse, row))
     sizes = warehouse.table(_SIZES, {"floor": floor.floor_id, "first": period.first, "last": period.last})
     has_history = _is_whole(data, warehouse.first, period.first)
-    rate = level_often(
+    rate = violation_rate_level(
         period,
         Place(n, period.whole.exposure_h, period.whole.cameras),
         since=None if has_history else period.span_ms[0],  # hours without the facts have no gatherings: no history

@@ -19,7 +19,7 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.operator_counts import local_instant
 from vsd_analytics.figures.panels import FloorHours, Period, Place
-from vsd_analytics.figures.rates import level_often, level_risky
+from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Camera
@@ -237,7 +237,7 @@ def camera_lives(
 
 
 def between_groups(period: Period, able: set[str] | None = None) -> Place:
-    """Return the whole floor of a period with the violations between groups only: for `level_often` and its like.
+    """Return the whole floor of a period with the violations between groups only, for `violation_rate_level`.
 
     Args:
         period: The days.
@@ -324,10 +324,10 @@ def _readings(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[GroupR
         made.append(
             GroupReadings(
                 floor_id=floor.floor_id,
-                often=level_often(period, whole),
-                often_between=level_often(period, between),
-                risky=level_risky(period, whole),
-                risky_between=level_risky(period, between),
+                often=violation_rate_level(period, whole),
+                often_between=violation_rate_level(period, between),
+                risky=encounter_rate_level(period, whole),
+                risky_between=encounter_rate_level(period, between),
             )
         )
     return tuple(made)

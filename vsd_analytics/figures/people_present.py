@@ -20,7 +20,7 @@ from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.stats.recorded_hours import RecordedHours, recorded_hours
 
 NOBODY: Final = Reason("nobody.on_camera")
@@ -180,7 +180,7 @@ class Presence:
         x_h = by_day(time_s, now) / 3600
         if not x_h.any():
             return NOT_RECORDED
-        found = how_often(
+        found = violation_rate(
             by_day(amount, now),
             x_h,
             confidence=settings.confidence,

@@ -18,7 +18,7 @@ from vsd_analytics.figures.rates import not_measured
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.dimensions import QUARTER_MS
 
 NO_GROUPS: Final = Reason("ids.no_groups")
@@ -93,7 +93,7 @@ def _people(period: Period) -> RateEstimate:
     """Return the mean number of people. Person-seconds are used as events, so rules for small counts do not apply."""
     data, settings = period.data, period.data.site.settings
     now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
-    found = how_often(
+    found = violation_rate(
         now.exposure_h * 3600,
         now.x_h,
         confidence=settings.confidence,

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from vsd_analytics.figures.panels import WEEK, Panel, Period, Place, TwoPeriods
 from vsd_analytics.result import Reason
-from vsd_analytics.stats.changes import compare_exposure, compare_how_often, compare_how_risky
+from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
-from vsd_analytics.stats.rates import how_often, how_risky
+from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.stats.weekly_steps import MAX_STEPS
 
 _NOTHING: Final = Reason("recorded.nothing")
@@ -27,7 +27,9 @@ NOT_COMPARED: Final = ChangeEstimate(
 """Its change."""
 
 
-def level_often(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:
+def violation_rate_level(
+    period: Period, place: Place, *, since: int | None = None, until: int | None = None
+) -> RateEstimate:
     """Return how often violations happened in a place (M0): sum over cameras of violations / recorded open hours.
 
     Args:
@@ -43,7 +45,7 @@ def level_often(period: Period, place: Place, *, since: int | None = None, until
     panel, history = _panels(period, place, since, until)
     settings = period.data.site.settings
     has_history = history.n.shape[1] > 0
-    return how_often(
+    return violation_rate(
         panel.n,
         panel.x_h,
         weekday=_weekdays(period.days),
@@ -55,8 +57,10 @@ def level_often(period: Period, place: Place, *, since: int | None = None, until
     )
 
 
-def level_risky(period: Period, place: Place, *, since: int | None = None, until: int | None = None) -> RateEstimate:
-    """Return how risky a place is (M7): violations per person-hour; arguments as for `level_often`."""
+def encounter_rate_level(
+    period: Period, place: Place, *, since: int | None = None, until: int | None = None
+) -> RateEstimate:
+    """Return encounters per person-hour of a place (M7); arguments as for `violation_rate_level`."""
     if (why := period.why_no_violations or period.why_no_exposure) is not None:
         return not_measured(why)
     if not period.knows(place):
@@ -64,7 +68,7 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
     panel, history = _panels(period, place, since, until)
     settings = period.data.site.settings
     has_history = history.n.shape[1] > 0
-    return how_risky(
+    return encounter_rate(
         panel.n.sum(axis=0),
         panel.exposure_h.sum(axis=0),
         weekday=_weekdays(period.days),
@@ -77,7 +81,7 @@ def level_risky(period: Period, place: Place, *, since: int | None = None, until
     )
 
 
-def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
+def violation_rate_change(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`.
 
     Of a place that counts person-seconds in violation instead of violations it is the change of the burden.
@@ -86,7 +90,7 @@ def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
         return NOT_COMPARED
     before, now = pair.compared(place, since=since)
     settings, past = pair.data.site.settings, past_weeks(pair, place, since)
-    return compare_how_often(
+    return compare_violation_rates(
         before.n,
         before.x_h,
         now.n,
@@ -99,8 +103,8 @@ def change_often(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
     )
 
 
-def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
-    """Return the change in how risky (M7) over the camera-hours compared.
+def encounter_rate_change(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
+    """Return the change in encounters per person-hour (M7) over the camera-hours compared.
 
     Of a place that counts person-seconds in violation instead of violations it is the change of their share (M6).
     """
@@ -108,7 +112,7 @@ def change_risky(pair: TwoPeriods, place: Place, *, since: int | None = None) ->
         return NOT_COMPARED
     before, now = pair.compared(place, since=since)
     settings, past = pair.data.site.settings, past_weeks(pair, place, since)
-    return compare_how_risky(
+    return compare_encounter_rates(
         before.n.sum(axis=0),
         before.exposure_h.sum(axis=0),
         now.n.sum(axis=0),

@@ -18,7 +18,7 @@ from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.rates import how_often
+from vsd_analytics.stats.rates import violation_rate
 
 NO_TRACK_IDS: Final = Reason("engine.no_track_ids")
 NOBODY: Final = Reason("nobody.on_camera")
@@ -189,7 +189,7 @@ def per_open_hour(period: Period, place: Place, n: Array, x_h: Array, *, what: s
     if not period.knows(place):
         return NOT_RECORDED
     settings = period.data.site.settings
-    found = how_often(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
+    found = violation_rate(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
     if found.reason is None or found.reason.code not in _OWN_WORDS:
         return found
     return replace(found, reason=Reason(found.reason.code.replace("level", what), **found.reason.values))

@@ -1,4 +1,4 @@
-"""Changes between two periods, same weekdays paired: how often, how risky, how many people, and how they split.
+"""Changes between two periods, same weekdays paired: violation rate, encounters, people, and how they split.
 
 ln theta = ln r_B - ln r_A. The interval is ln theta +- the larger of two half widths:
 
@@ -43,7 +43,7 @@ NO_STEPS: Final = np.zeros(0)
 Kind = Literal["violations", "person-hours"]
 
 
-def compare_how_often(
+def compare_violation_rates(
     n_a: npt.ArrayLike,
     x_a_h: npt.ArrayLike,
     n_b: npt.ArrayLike,
@@ -83,7 +83,7 @@ def compare_how_often(
     Example:
         >>> before, hours = [[40, 44, 37, 52, 61, 80, 30]], [[13, 13, 13, 13, 13, 13, 8]]
         >>> after = [[22, 25, 20, 26, 35, 41, 17]]
-        >>> change = compare_how_often(before, hours, after, hours)
+        >>> change = compare_violation_rates(before, hours, after, hours)
         >>> print(f"{change.change:+.0%} ({change.change_lo:+.0%} to {change.change_hi:+.0%}): {change.verdict}")
         -46% (-49% to -43%): clear_fall
     """
@@ -94,7 +94,7 @@ def compare_how_often(
     )  # fmt: skip
 
 
-def compare_how_risky(
+def compare_encounter_rates(
     n_a: npt.ArrayLike,
     exposure_a_h: npt.ArrayLike | None,
     n_b: npt.ArrayLike,
@@ -114,15 +114,15 @@ def compare_how_risky(
         exposure_a_h: Person-hours of A, same shape; None = the engine sends no positions.
         n_b: Violations of B, same shape.
         exposure_b_h: Person-hours of B, same shape; None = the engine sends no positions.
-        history_n: Violations of the weeks before A, shape (n_weeks, n_pairs); as for `compare_how_often`.
+        history_n: Violations of the weeks before A, shape (n_weeks, n_pairs); as for `compare_violation_rates`.
         history_exposure_h: Person-hours of these weeks, same shape.
         confidence: Confidence level.
-        min_days: As for `compare_how_often`.
+        min_days: As for `compare_violation_rates`.
         min_exposure_h: Person-hours each period needs.
-        about_same_share: As for `compare_how_often`.
+        about_same_share: As for `compare_violation_rates`.
 
     Returns:
-        As `compare_how_often`, with rates per person-hour.
+        As `compare_violation_rates`, with rates per person-hour.
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
@@ -162,14 +162,14 @@ def compare_exposure(
         x_a_h: Recorded open hours of A that were compared, same shape.
         exposure_b_h: Person-hours of B, same shape.
         x_b_h: Recorded open hours of B that were compared, same shape.
-        history_h: Person-hours of the weeks before A, shape (n_weeks, n_cameras, n_pairs); see `compare_how_often`.
+        history_h: Person-hours of the weeks before A, shape (n_weeks, n_cameras, n_pairs).
         history_x_h: Recorded open hours of these weeks, same shape.
         confidence: Confidence level.
-        min_days: As for `compare_how_often`.
-        about_same_share: As for `compare_how_often`.
+        min_days: As for `compare_violation_rates`.
+        about_same_share: As for `compare_violation_rates`.
 
     Returns:
-        As `compare_how_often`; `n_a` and `n_b` are person-hours, the rates mean numbers of people.
+        As `compare_violation_rates`; `n_a` and `n_b` are person-hours, the rates mean numbers of people.
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
@@ -187,9 +187,9 @@ def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: Change
     theta_often = theta_people theta_risk rest; people_share = ln theta_people / ln theta_often.
 
     Args:
-        often: From `compare_how_often`.
+        often: From `compare_violation_rates`.
         people: From `compare_exposure` over the same camera-hours.
-        risky: From `compare_how_risky` over the same camera-hours.
+        risky: From `compare_encounter_rates` over the same camera-hours.
 
     Returns:
         The three changes, the rest, and the share people explain (None unless `often` is a clear fall or rise).

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vsd_analytics.settings import DEFAULTS
-from vsd_analytics.stats.changes import compare_how_often
+from vsd_analytics.stats.changes import compare_violation_rates
 from vsd_analytics.stats.quantiles import z_quantile
 
 MIN_WEEKS: Final = 10  # eight steps before the first of two weeks that are compared
@@ -57,14 +57,14 @@ def false_alarm_rate(
             violations per person-hour one row in place of the cameras.
         history_x_h: Recorded open hours (or person-hours), same shape; 0 or NaN = not recorded.
         shuffles: Random orders; the first is the weeks as they came, shifted by half their number.
-        confidence: As for `compare_how_often`.
-        min_days: As for `compare_how_often`.
+        confidence: As for `compare_violation_rates`.
+        min_days: As for `compare_violation_rates`.
 
     Returns:
         The share of clear verdicts; None with fewer than 10 weeks in which anything was recorded, or without a verdict.
 
     Raises:
-        ValueError: As for `compare_how_often`.
+        ValueError: As for `compare_violation_rates`.
     """
     n, x_h = np.asarray(history_n, dtype=np.float64), np.asarray(history_x_h, dtype=np.float64)
     used = (np.nan_to_num(x_h) > 0).any(axis=(1, 2)) if len(n) else np.zeros(0, dtype=bool)
@@ -77,7 +77,7 @@ def false_alarm_rate(
     n_clear = n_verdicts = 0
     for order in orders:
         *past, a, b = order.tolist()
-        change = compare_how_often(
+        change = compare_violation_rates(
             n[a], x_h[a], n[b], x_h[b],
             history_n=n[past], history_x_h=x_h[past], confidence=confidence, min_days=min_days,
         )  # fmt: skip

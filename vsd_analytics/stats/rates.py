@@ -1,4 +1,4 @@
-"""Levels with intervals: how often (M0) and how risky (M7), day-clustered.
+"""Levels with intervals: violation rate (M0) and encounters per person-hour (M7), day-clustered.
 
 The unit of replication is the day: violations of one day share its weather, staff and crowds, so intervals come from
 how days differ (formula and sources: `vsd_analytics.stats.influence`), never from the number of records. Days in a row
@@ -40,7 +40,7 @@ SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never
 RateKind = Literal["often", "risky"]
 
 
-def how_often(
+def violation_rate(
     n: npt.ArrayLike,
     x_h: npt.ArrayLike,
     *,
@@ -82,7 +82,7 @@ def how_often(
         ValueError: Shapes do not fit, or a number is negative or infinite.
 
     Example:
-        >>> estimate = how_often([[40, 44, 37, 52, 61, 80, 30]], [[13, 13, 13, 13, 13, 13, 8]])
+        >>> estimate = violation_rate([[40, 44, 37, 52, 61, 80, 30]], [[13, 13, 13, 13, 13, 13, 8]])
         >>> print(f"{estimate.rate:.2f} ({estimate.lo:.2f} to {estimate.hi:.2f})")
         4.00 (3.03 to 5.28)
     """
@@ -93,7 +93,7 @@ def how_often(
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="often")
 
 
-def how_risky(
+def encounter_rate(
     n: npt.ArrayLike,
     exposure_h: npt.ArrayLike | None,
     *,
@@ -106,10 +106,10 @@ def how_risky(
     min_exposure_h: float = DEFAULTS.min_exposure_h,
     min_history_weeks: int = MIN_HISTORY_WEEKS,
 ) -> RateEstimate:
-    """Return how risky a person-hour is: M7, violations per person-hour of exposure, with its interval.
+    """Return encounters per person-hour (M7): violations per person-hour of exposure, with its interval.
 
     r = sum_d n_d / sum_d x_d; var(ln r) = a D/(D-1) sum_d (n_d - r x_d)^2 / (sum n)^2; r * exp(+-t_{D-1} sqrt(var)):
-    the ratio estimator with days as clusters. Weekday profiles and a as for `how_often`.
+    the ratio estimator with days as clusters. Weekday profiles and a as for `violation_rate`.
 
     Args:
         n: Violations, shape (n_days,).
@@ -165,7 +165,7 @@ def level(
     min_days: int,
     past: Past | None = None,
 ) -> RateEstimate:
-    """Return the rate of checked counts with its interval: what `how_often` and `how_risky` have in common.
+    """Return the rate of checked counts with its interval: what `violation_rate` and `encounter_rate` have in common.
 
     Args:
         counts: Cameras with exposure, at least one.

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.rates import HISTORY_WEEKS, how_often, how_risky
+from vsd_analytics.stats.rates import HISTORY_WEEKS, encounter_rate, violation_rate
 
 Floats = npt.NDArray[np.float64]
 SECONDS: Final = 3600.0
@@ -67,8 +67,8 @@ def weekly_trend(
 ) -> tuple[WeekRates, ...]:
     """Return the headline figures of each of the last weeks, gaps included, over the cameras of the last one.
 
-    Each week is `how_often` and `how_risky` of its seven days, with the recorded days of the five weeks before it as
-    history. A week recorded for less than `min_coverage` of its open camera-hours is a gap. Cameras that recorded
+    Each week is `violation_rate` and `encounter_rate` of its seven days, with the recorded days of five weeks before
+    as history. A week recorded for less than `min_coverage` of its open camera-hours is a gap. Cameras that recorded
     nothing in the last week are left out of all weeks, so that a camera that broke does not look like a fall; a week in
     which another one recorded less than `min_coverage` of the open hours names it in `missing`.
 
@@ -111,7 +111,7 @@ def weekly_trend(
         days = np.arange(7 * max(w - HISTORY_WEEKS, 0), 7 * w)
         days = days[(hours[:, days] > 0).any(axis=0) & (open_hours[now] > 0)[days % 7]]
         weekday, past_weekday = (np.arange(7), days % 7) if len(days) else (None, None)
-        often = how_often(
+        often = violation_rate(
             counts[:, now],
             hours[:, now],
             weekday=weekday,
@@ -137,7 +137,7 @@ def _per_person_hour(
     """Return events per person-hour of the days `now`, with those of the days `past` as history, all cameras."""
     if len(past):
         rules |= {"history_n": events[:, past].sum(axis=0), "history_exposure_h": people[:, past].sum(axis=0)}
-    return how_risky(events[:, now].sum(axis=0), people[:, now].sum(axis=0), **rules)
+    return encounter_rate(events[:, now].sum(axis=0), people[:, now].sum(axis=0), **rules)
 
 
 def _as_share(close: RateEstimate) -> RateEstimate:

@@ -38,7 +38,7 @@ def verdict_without(data: WeekData, place: Place) -> Verdict | None:
     """Return the verdict on how often (M0) on the floor without a place."""
     whole = data.whole
     rest = Place(whole.n - place.n * whole.cameras[:, None], whole.exposure_h - place.exposure_h, whole.cameras)
-    return rates.change_often(data.pair, rest).verdict
+    return rates.violation_rate_change(data.pair, rest).verdict
 
 
 def _sums(data: WeekData, place: Place, which: int) -> tuple[np.ndarray, np.ndarray]:

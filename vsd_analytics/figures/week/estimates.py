@@ -103,7 +103,7 @@ def without_change(estimate: Estimate, reason: Reason) -> Estimate:
 
 
 def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
-    level = rates.level_often(data.this, place, since=since, until=until)
+    level = rates.violation_rate_level(data.this, place, since=since, until=until)
     is_silent = level is rates.NOT_RECORDED
     if (
         level.rate is None
@@ -115,16 +115,16 @@ def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None
         return Estimate(value=None, state="not_enough_data", reason=why)
     if level.state == "not_measurable" or not is_compared:
         return _estimate(level)
-    change = rates.change_often(data.pair, place, since=since)
+    change = rates.violation_rate_change(data.pair, place, since=since)
     below = data.site.settings.mask_below
     return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
 
 
 def _risky(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
-    level = rates.level_risky(data.this, place, since=since, until=until)
+    level = rates.encounter_rate_level(data.this, place, since=since, until=until)
     if level.state == "not_measurable" or not is_compared:
         return _estimate(level)
-    change = rates.change_risky(data.pair, place, since=since)
+    change = rates.encounter_rate_change(data.pair, place, since=since)
     below = data.site.settings.mask_below
     return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
 

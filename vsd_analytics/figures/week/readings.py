@@ -5,7 +5,7 @@ from __future__ import annotations
 from vsd_analytics.figures.group_areas import between_groups_by_area
 from vsd_analytics.figures.groups import GroupReadings as Found
 from vsd_analytics.figures.groups import Groups
-from vsd_analytics.figures.rates import level_often
+from vsd_analytics.figures.rates import violation_rate_level
 from vsd_analytics.figures.suppression import held_back, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
@@ -73,7 +73,7 @@ def _between(own: Found, *, below: int) -> Reading:
 def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: int) -> tuple[AreaReading, ...]:
     able = {c.camera_id for c in found.cameras if c.lives.state == "ok"}
     places = between_groups_by_area(data.this, able)
-    rates = {key: level_often(data.this, place) for key, place in places.items()}
+    rates = {key: violation_rate_level(data.this, place) for key, place in places.items()}
     between = {key: int(rate.n_events or 0) for key, rate in rates.items()}
     within = {a.area_id: (a.counted or 0) - between[a.area_id] for a in areas if a.area_id in between}
     give = sorted(within, key=lambda key: between[key])
