@@ -366,10 +366,8 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
 
 
 def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
-    often = [replace(a.often, reason=UNSEEN) if a.recorded_share == 0 else a.often for a in report.areas]
-    rows = [
-        _change_row(a.name, e, limit=limit, is_masked=a.is_masked) for a, e in zip(report.areas, often, strict=True)
-    ]
+    pairs = [(a, replace(a.often, reason=UNSEEN) if a.recorded_share == 0 else a.often) for a in report.areas]
+    rows = [_change_row(a.name, often, limit=limit, is_masked=a.is_masked) for a, often in pairs]
     return (*rows, _change_row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
 
 
