@@ -53,9 +53,10 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_forecast.py --worlds 20
 	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2
 	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
-	$(BIN)/python tests/stats/prove_sites.py --worlds 600
+	$(BIN)/python tests/stats/prove_sites.py --worlds 300
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
+	$(BIN)/python tests/stats/prove_links.py --sites 100
 	$(BIN)/python tests/stats/prove_queue.py --sites 120
 	$(BIN)/python tests/stats/prove_queue_forecast.py --sites 60
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8

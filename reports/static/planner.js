@@ -110,8 +110,15 @@ function draw() {
     if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
     setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
   }
-  setCut(); setRect(); setChange(); setLayout(); tell(); setControls(); remember();
+  setCut(); setRect(); setFlow(); setChange(); setLayout(); tell(); setControls(); remember();
   document.body.dataset.ms = (performance.now() - began).toFixed(1);
+}
+
+/* The layer of flow; an area that is chosen shows its own lines only. */
+function setFlow() {
+  const kind = $('flow'), of = state.place.startsWith('area:') ? state.place : '';
+  document.body.dataset.flow = state.flow; if (kind) kind.value = state.flow;
+  all('.dl').forEach(p => p.classList.toggle('off', of !== '' && p.dataset.from !== of && p.dataset.to !== of));
 }
 
 function setCut() {
@@ -206,7 +213,7 @@ function middleRectangle() {
   const v = state.view, x = M.extent[0] + (v.x + v.w / 2) / 100, y = M.extent[3] - (v.y + v.h / 2) / 100;
   setRectangle([x - 2, y - 2, x + 2, y + 2]);
 }
-const retell = () => { setRect(); tell(); setControls(); later(); };
+const retell = () => { setRect(); setFlow(); tell(); setControls(); later(); };
 function floorAt(e) {
   const r = svg.getBoundingClientRect(), v = state.view;
   return [M.extent[0] + (v.x + (e.clientX - r.left) / r.width * v.w) / 100, M.extent[3] - (v.y + (e.clientY - r.top) / r.height * v.h) / 100];
@@ -218,6 +225,7 @@ function remember() {
   if (s.change) out.push(`change=${s.change}`);
   if (s.show !== 'week') out.push(`show=${s.show}`);
   if (s.map !== 'violations') out.push(`map=${s.map}`);
+  if (s.flow !== 'none') out.push(`flow=${s.flow}`);
   if (!s.days.every(Boolean)) out.push(`days=${s.days.map(d => d ? 1 : 0).join('')}`);
   if (s.from !== hours[0]) out.push(`from=${s.from}`);
   if (s.to !== hours[1]) out.push(`to=${s.to}`);
@@ -239,6 +247,7 @@ function recall() {
   if (s.show === 'difference' && M.notCompared && !isPaired) s.show = 'week';
   const kind = take('map', /^[a-z]{1,12}$/); s.map = kind && Object.hasOwn(M.maps, kind) ? kind : 'violations';
   if (s.map === 'excess' && s.show !== 'week' && (isPaired || s.show === 'difference')) s.map = 'violations';
+  const flow = take('flow', /^[a-z]{1,12}$/); s.flow = $('flow') && [...$('flow').options].some(o => o.value === flow) ? flow : 'none';
   s.days = (take('days', /^[01]{7}$/) || '1111111').split('').map(Number);
   s.from = whole('from', hours[0], hours[1] - 1, hours[0]); s.to = whole('to', s.from + 1, hours[1], hours[1]);
   const r = numbers('rect', 4); s.rect = null; if (r && week.cells) setRectangle(r, false);
@@ -266,11 +275,12 @@ async function picture() {
   c.save(); c.beginPath(); c.rect(0, head, canvas.width, canvas.height - head - foot); c.clip();
   c.translate(-state.view.x * k, head - state.view.y * k); c.scale(k, k);
   const unit = 1 / k * scale, cut = state.view.x + state.view.w * state.cut / 100;
-  for (const e of svg.querySelectorAll('rect,path,line,circle,text,image')) {
+  for (const e of svg.querySelectorAll('rect,path,line,circle,text,image,use')) {
     if (e.closest('defs') || e.hasAttribute('hidden')) continue;
     const s = css(e); if (s.display === 'none' || s.visibility === 'hidden') continue;
     c.save();
     const bands = e.closest('#ga,#gb'); if (e.closest('#gs')) for (const id of ['sure', 'known-gb']) c.clip(new Path2D($(id).getAttribute('d') || [...$(id).children].map(p => p.getAttribute('d')).join('')), 'evenodd'); if (bands) c.clip(new Path2D($(`known-${bands.id}`).getAttribute('d')), 'evenodd');
+    if (e.matches('.dl,.da')) c.clip(new Path2D($('known-gb').getAttribute('d')), 'evenodd');
     if (state.show === 'split' && e.closest('#ga,#gb,#gs,#wa,#wb')) { const left = e.closest('#ga,#wa'); c.beginPath(); c.rect(left ? -1e5 : cut, -1e5, left ? cut + 1e5 : 2e5, 3e5); c.clip(); }
     if (s.filter !== 'none') c.filter = s.filter;
     if (s.mixBlendMode !== 'normal') c.globalCompositeOperation = s.mixBlendMode;
@@ -282,7 +292,7 @@ async function picture() {
       if (e.classList.contains('halo')) { c.strokeStyle = s.stroke; c.lineWidth = 4 * unit; c.lineJoin = 'round'; c.strokeText(e.textContent, x, y); }
       c.fillStyle = s.fill; c.fillText(e.textContent, x, y);
     } else {
-      const p = new Path2D(e.tagName === 'path' ? e.getAttribute('d') : ''); if (e.tagName === 'rect') p.rect(a('x'), a('y'), a('width'), a('height'));
+      const p = new Path2D(e.tagName === 'path' ? e.getAttribute('d') : e.tagName === 'use' ? $(e.getAttribute('href').slice(1)).getAttribute('d') : ''); if (e.tagName === 'rect') p.rect(a('x'), a('y'), a('width'), a('height'));
       if (e.tagName === 'line') { p.moveTo(a('x1'), a('y1')); p.lineTo(a('x2'), a('y2')); }
       if (e.tagName === 'circle') p.arc(a('cx'), a('cy'), parseFloat(s.r) || a('r'), 0, 7);
       if (s.fill.includes('#dots')) { c.save(); c.clip(p, 'evenodd'); c.fillStyle = css($('dot')).fill; for (let x = 0; x < W; x += 8 * unit) for (let y = 0; y < H; y += 8 * unit) { c.beginPath(); c.arc(x, y, 1.2 * unit, 0, 7); c.fill(); } c.restore(); } else if (s.fill.startsWith('url')) { c.save(); c.clip(p, 'evenodd'); c.strokeStyle = css($('hatline')).stroke; c.lineWidth = 1.2 * unit; c.beginPath(); for (let x = -H; x < W + H; x += 9 * unit) { c.moveTo(x, 0); c.lineTo(x + H, H); } c.stroke(); c.restore(); } else if (s.fill !== 'none') { c.fillStyle = s.fill; c.globalAlpha = +s.fillOpacity; c.fill(p, 'evenodd'); c.globalAlpha = 1; }

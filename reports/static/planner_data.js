@@ -96,7 +96,7 @@ function readSplit(r, nCells, across) {
 }
 
 /* ---- what is selected ---- */
-const hours = M.hours, state = { show: 'week', map: 'violations', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0 };
+const hours = M.hours, state = { show: 'week', map: 'violations', flow: 'none', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0 };
 let week, before, past, fine, seen = null, isDrawing = false, corner = null;
 
 const chosen = p => Uint8Array.from(p.hour, (h, i) => state.days[p.weekday[i]] && h >= state.from && h < state.to ? 1 : 0);

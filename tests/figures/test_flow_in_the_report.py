@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from figures.walkers_between_areas import AREAS, WALK_M, walk
+from figures.walkers_between_areas import HOSTILE, week_of_walkers
 from report import ingested_worlds as w
-from warehouse.small_projects import DAY, HOUR, T0, Person, beats, put
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
@@ -22,32 +21,11 @@ from vsd_analytics.figures.walks import is_directed
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.week import render_html
 
-ROUND, SHORT, RARE = ("door", "bread", "till", "door"), ("door", "wine", "door"), ("door", "till", "door")
-HOSTILE = "<b>Bread</b>"
-
 
 @pytest.fixture(scope="module")
 def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a project with a week of walkers: two routes, a rare one, every tenth person lost."""
-    root = tmp_path_factory.mktemp("flow")
-    areas = {
-        n: (HOSTILE if n == "bread" else n.title(), (k * WALK_M, 0, k * WALK_M + 2, 2)) for k, n in enumerate(AREAS)
-    }
-    text = w.toml(cameras=("cam",), areas=areas, opening='{ mon-sun = "09:00-10:00" }')
-    for n in AREAS:
-        door = "\ndoor = true" if n == "door" else ""
-        text = text.replace(f'id = "{n}"\n', f'id = "{n}"\nvisits = true{door}\n')
-    (root / "vsd.toml").write_text(text, encoding="utf-8")
-    rng = np.random.default_rng(5)
-    rows: list[Person] = []
-    for d in range(7):
-        for k in range(40):
-            way = RARE if (d, k) in ((1, 3), (2, 5)) else ROUND if rng.random() < 0.6 else SHORT
-            lost = int(rng.integers(4, 20)) if rng.random() < 0.1 else None
-            rows += walk(way, T0 + d * DAY + k * 80_000, f"{d}-{k}", lost_after_s=lost)
-        rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
-    put(load_site(root), rows)
-    return root
+    return week_of_walkers(tmp_path_factory.mktemp("flow"))
 
 
 def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:

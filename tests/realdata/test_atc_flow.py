@@ -26,7 +26,6 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 pytestmark = pytest.mark.realdata
 DAY = date(2012, 10, 24)
-FILES = tuple(f"atc-1024-9_{part}.csv.gz" for part in ("train", "test"))
 BOXES = {
     "west": (-38.0, -6.0, -28.0, 3.0),
     "hall": (-22.0, -3.0, -8.0, 11.0),
@@ -87,10 +86,12 @@ def km_median(stays: Sequence[RawVisit]) -> float:
     return float(curve.quantiles[curve.probabilities <= 0.5][0])
 
 
+@pytest.mark.parametrize("hour", [9, 10, 11])
 def test_visits_dwell_and_flow_of_a_shopping_centre_are_those_of_its_raw_files(
-    realdata: Callable[[str], Path], tmp_path: Path
+    realdata: Callable[[str], Path], tmp_path: Path, hour: int
 ) -> None:
-    paths = [realdata(f"atc/{name}") for name in FILES]
+    """The first hour is that the figures were written with; the others were held back until all was done."""
+    paths = [realdata(f"atc/atc-1024-{hour}_{part}.csv.gz") for part in ("train", "test")]
     names = ["t", "id", "x", "y", "speed", "angle"]
     raw = pd.concat([pd.read_csv(path, header=None, names=names) for path in paths])
     raw = raw.sort_values("t")
@@ -116,14 +117,21 @@ def test_visits_dwell_and_flow_of_a_shopping_centre_are_those_of_its_raw_files(
     for of, moved in zip(stays, found.areas, strict=True):
         name = of.area.area_id
         own = [v for v in every if v.area == name and v.is_entered]
-        assert of.dwell.n_visits == len(own) > 90
+        assert of.dwell.n_visits == len(own) > 80
         assert of.dwell.median.value_s == pytest.approx(km_median(own), abs=1.0)
         # a last record outside may share the whole second of the one inside
         assert moved.following.n == pytest.approx(left[name], rel=0.03)
         assert {to.areas[0].area_id: to.share.n for to in moved.to} == {
             b: n for (a, b), n in moves.items() if a == name
         }
-    # where people come and go where no area is, the flows do not add up to the arrivals: 185 came from the east end
+        gone_on = sum(n for (a, _), n in moves.items() if a == name), sum(to.share.n for to in moved.to)
+        medians = f"{km_median(own):.1f} | {of.dwell.median.value_s:.1f}"
+        print(  # the table in docs/statistics.md
+            f"| {hour} | {name} | {len(own)} | {of.dwell.n_visits} | {medians} | {left[name]} | {moved.following.n} "
+            f"| {gone_on[0]} | {gone_on[1]} |"
+        )
+    # where people come and go where no area is, the flows do not add up to the arrivals: most came from the east end
     east = found.areas[-1].inflow
     assert east.ratio is not None
-    assert east.ratio > 5
+    print(f"came into east, over what the flows bring: {east.ratio:.1f}")
+    assert east.ratio > 1.5

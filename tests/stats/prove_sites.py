@@ -75,7 +75,10 @@ def one(world: SiteWorld, seed: int) -> Found:
         is_false=bool(named[~does_differ].any()),
         power=float(named[does_differ].mean()) if world.effects else np.nan,
         is_dead_named=bool(named[-1]) and world.has_gaps,
-        covered=(float(np.mean(covered)), float(np.mean(covered_named)) if covered_named else np.nan),
+        covered=(
+            float(np.mean(covered)) if covered else np.nan,
+            float(np.mean(covered_named)) if covered_named else np.nan,
+        ),
         naive=float(does_differ[pointed].mean()),
         is_naive_dead=unseen,
         usual_sd=compared.usual_sd or np.nan,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsd_analytics.stats.shrinkage import between_places, pull
+from vsd_analytics.stats.shrinkage import between_places, pull, pull_limited
 
 
 def limits(rates: np.ndarray, se: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
@@ -69,3 +69,28 @@ def test_the_variance_between_places_is_found() -> None:
     found = [between_places(rng.normal(1.0, np.sqrt(0.25 + 0.04), 40), np.full(40, 0.04)) for _ in range(200)]
     assert np.mean([mean for mean, _ in found]) == pytest.approx(1.0, abs=0.03)
     assert np.mean([tau2 for _, tau2 in found]) == pytest.approx(0.25, abs=0.02)
+
+
+def test_a_place_that_may_be_of_another_kind_keeps_the_truth_in_its_range() -> None:
+    """Two of twenty differ by half: pulled without a limit, more of their ranges miss the truth."""
+    rng, held, held_without = np.random.default_rng(6), [], []
+    truth = np.where(np.arange(20) < 2, np.log(1.5), 0.0)
+    for _ in range(200):
+        df = rng.integers(4, 12, 20).astype(float)
+        v = 0.15**2 * rng.chisquare(df) / df
+        logs = truth + rng.normal(0, 0.15, 20)
+        found = pull_limited(logs, v, df, tau=0.06, confidence=0.95)
+        without = pull(np.exp(logs), *limits(np.exp(logs), np.sqrt(v)), confidence=0.95)
+        assert without is not None
+        held.append([np.log(p.lo) < x < np.log(p.hi) for p, x in zip(found, truth, strict=True)])
+        held_without.append([np.log(p.lo) < x < np.log(p.hi) for p, x in zip(without, truth, strict=True)])
+    share = np.mean(held, axis=0)
+    assert share[:2].mean() > np.mean(held_without, axis=0)[:2].mean() + 0.1 > 0.6
+    assert share[2:].mean() == pytest.approx(0.97, abs=0.025)
+
+
+def test_within_the_limit_a_place_is_pulled_as_among_normal_ones_and_of_three_none_is() -> None:
+    near, far, *_ = pull_limited([0.1, 0.8, 0.0, 0.0, 0.0], [0.04] * 5, [1e9] * 5, tau=0.2, confidence=0.95)
+    assert near.weight == pytest.approx(1 - 2 / 4 * 0.04 / 0.08)
+    assert far.rate == pytest.approx(np.exp(0.8 - 0.25 * np.sqrt(0.08)))
+    assert [p.weight for p in pull_limited([0.3, 0.0, 0.1], [0.04] * 3, [9.0] * 3, tau=0.1, confidence=0.95)] == [1] * 3

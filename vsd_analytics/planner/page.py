@@ -20,9 +20,11 @@ from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import PackedNumbers, packed_numbers
 from vsd_analytics.planner.fixture_drawings import FixtureLabel, drawn_fixtures
+from vsd_analytics.planner.flow_layer import FlowLayer, flow_layer
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import script, sentences
+from vsd_analytics.planner.space_use import SpaceUseView, space_use_view
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
@@ -70,6 +72,7 @@ class PlannerDrawing:
     fixture_names: tuple[FixtureLabel, ...]
     hotspots: tuple[tuple[str, str, Label], ...]
     labels: tuple[Label, ...]
+    flow: FlowLayer | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +118,7 @@ class PlannerPage:
     spots: tuple[tuple[str, str, FloorSpot], ...]
     changes: tuple[ChangeWords, ...]
     has_pairs: bool
+    use: SpaceUseView | None
     watching: tuple[str, ...]
     is_made_up: bool
     mask: int
@@ -170,6 +174,7 @@ def _page(data: PlannerData) -> PlannerPage:
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
         changes=tuple(change_words(c) for c in data.changes),
         has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
+        use=space_use_view(data.space),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
         mask=int(site.settings.mask_below),
@@ -366,7 +371,7 @@ def _likely_share(close: Estimate) -> str:
 
 
 def _drawing(data: PlannerData) -> PlannerDrawing:
-    shown = data.shown
+    shown, settings = data.shown, data.site.settings
     assert shown is not None
     x0, y0, x1, y1 = shown.extent
     width, height = round((x1 - x0) * UNIT), round((y1 - y0) * UNIT)
@@ -402,6 +407,7 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         fixture_names=names,
         hotspots=tuple(spots),
         labels=tuple(labels),
+        flow=flow_layer(data.space, shown, frame, least=int(settings.mask_below), distance_unit=settings.distance_unit),
     )
 
 

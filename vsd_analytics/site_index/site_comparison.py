@@ -26,7 +26,7 @@ from vsd_analytics.site_index.floor_weeks import FloorKey, FloorWeeks
 from vsd_analytics.site_index.read_reports import IndexedReport
 from vsd_analytics.stats.funnel import Funnel, funnel
 from vsd_analytics.stats.quantiles import t_quantile
-from vsd_analytics.stats.shrinkage import Pulled, pull
+from vsd_analytics.stats.shrinkage import Pulled, pull_limited
 from vsd_analytics.stats.standard_ratio import SiteTime, StandardRatio, known_shares, standard_ratios
 
 CONFIDENCE: Final = 0.95
@@ -254,9 +254,12 @@ def _judged(shown: Sequence[ComparedFloor], own: Sequence[StandardRatio], seen: 
     ranges have a confidence of 1 - .05 R / k, R the number named (Benjamini & Yekutieli, Journal of the American
     Statistical Association 100, 2005).
     """
-    usual = [f for f, d in zip(shown, seen.differs.tolist(), strict=True) if not d]
-    values = [(f.ratio or 1.0, f.lo or 1.0, f.hi or 1.0) for f in usual]
-    pulled = iter(pull(*zip(*values, strict=True), confidence=CONFIDENCE) or [Pulled(*v, 1.0) for v in values])
+    is_usual = (~seen.differs).tolist()
+    usual = [r for r, u in zip(own, is_usual, strict=True) if u]
+    logs = [math.log(r.ratio) - seen.middle for r in usual]
+    pulled = iter(
+        pull_limited(logs, [r.variance for r in usual], [r.df for r in usual], tau=seen.tau, confidence=CONFIDENCE)
+    )
     chosen = 1 - (1 - CONFIDENCE) * (len(shown) - len(usual)) / len(shown)
     judged = []
     for floor, found, differs in zip(shown, own, seen.differs.tolist(), strict=True):

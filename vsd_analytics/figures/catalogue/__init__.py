@@ -13,9 +13,11 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
 from typing import Final
 
 from vsd_analytics.figures.catalogue.form import MAKERS, Asked
+from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 
 OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
@@ -31,18 +33,37 @@ for _file in pkgutil.iter_modules(__path__):
     importlib.import_module(f"{__name__}.{_file.name}")
 
 
+OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
+"""Figures of how a space is used, which places of the floor ask for."""
+
+
 def figures(asked: Asked) -> Mapping[str, Figure]:
     """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks.
 
     Figures of visits, queues and capacities are absent where no place of the floor asks for them.
     """
     left_out = set[str]() if asked.data.is_week else set(OF_WEEKS)
-    floor, areas = asked.data.floor, asked.data.areas
-    if not any(area.has_visits for area in areas):
-        left_out |= OF_VISITS
-    if not any(area.is_queue for area in areas):
-        left_out |= OF_QUEUES
-    if floor.capacity is None and all(area.capacity is None for area in areas):
-        left_out |= OF_CAPACITIES
-    every = sorted(MAKERS.keys() - left_out, key=lambda metric: int(metric[1:]))
-    return {metric: MAKERS[metric](asked) for metric in every}
+    return _made(asked, MAKERS.keys() - left_out)
+
+
+def space_figures(asked: Asked) -> Mapping[str, Figure]:
+    """Return the figures of how the space is used, as `figures` has them; empty where no place of the floor asks."""
+    return _made(asked, OF_SPACE)
+
+
+def asks_for(data: WeekData) -> frozenset[str]:
+    """Return which figures of how the space is used some place of the floor asks for."""
+    floor, areas = data.floor, data.areas
+    found = frozenset[str]()
+    if any(area.has_visits for area in areas):
+        found |= OF_VISITS
+    if any(area.is_queue for area in areas):
+        found |= OF_QUEUES
+    if floor.capacity is not None or any(area.capacity is not None for area in areas):
+        found |= OF_CAPACITIES
+    return found
+
+
+def _made(asked: Asked, metrics: AbstractSet[str]) -> Mapping[str, Figure]:
+    wanted = metrics - (OF_SPACE - asks_for(asked.data))
+    return {metric: MAKERS[metric](asked) for metric in sorted(wanted, key=lambda metric: int(metric[1:]))}

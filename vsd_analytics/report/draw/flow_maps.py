@@ -20,7 +20,7 @@ from vsd_analytics.report.draw.svg import ACCENT, INK, el, straight_path
 
 WIDTHS: Final = (1.0, 1.7, 2.6, 3.8)
 """Of an arrow, SVG units: each step means twice as many people."""
-NAME_FONT: Final = 17
+NAME_FONT: Final = 19
 WIDEST: Final = 15.0
 """Of a desire line; a line of half the people is half as wide."""
 NARROWEST: Final = 1.2
@@ -81,18 +81,8 @@ def mini_directions(
         label: Text alternative.
         is_alone: Carry the plan.
     """
-    frame, taken = mini_frame(floor), _taken(floor)
-    steps, paths = width_steps(arrows), [""] * len(WIDTHS)
-    half = 0.42 * cell_m * frame.scale
-    inside = shapely.box(*floor.extent)
-    for arrow in arrows:
-        x, y = arrow.at
-        cell = shapely.box(x - cell_m / 2, y - cell_m / 2, x + cell_m / 2, y + cell_m / 2)
-        free = cell.intersection(inside).difference(taken)
-        if free.area < SMALLEST_SHARE * cell_m**2:
-            continue
-        k = max(0, int(np.searchsorted(steps, arrow.n_people, side="right")) - 1)
-        paths[k] += _arrow(frame.at((free.centroid.x, free.centroid.y)), arrow, half)
+    frame = mini_frame(floor)
+    paths = direction_paths(floor, arrows, frame, cell_m=cell_m)
     drawn = [
         el("path", class_="fs", fill="none", stroke=INK, stroke_width=width, stroke_linecap="round",
            stroke_linejoin="round", d=path)
@@ -115,45 +105,95 @@ def mini_desire_lines(
         is_alone: Carry the plan.
     """
     frame = mini_frame(floor)
-    areas = {a.area_id: a for a in floor.areas}
-    shown = [i for i in lines if i.start in areas and i.end in areas and i.start != i.end]
-    named = [a for a in floor.areas if any(a.area_id in (i.start, i.end) for i in shown)]
-    middles = {a.area_id: _middle(a, frame) for a in named}
-    top = max((i.per_open_h for i in shown), default=1.0)
-    hidden = shapely.Polygon() if not floor.unseen else shapely.union_all(
-        [shapely.Polygon(frame.ring(p[0]), [frame.ring(r) for r in p[1:]]).buffer(0) for p in floor.unseen]
-    )  # fmt: skip
+    paths = line_paths(floor, lines, frame)
+    ends = {area_id for line, _ in paths for area_id in (line.start, line.end)}
+    named = [a for a in floor.areas if a.area_id in ends]
     drawn = [draw.area_outline(a.ring, frame) for a in named]
-    for line in sorted(shown, key=lambda i: -i.per_open_h):
-        wide = max(NARROWEST, WIDEST * line.per_open_h / top)
-        shape = _curve(middles[line.start], middles[line.end], wide).difference(hidden)
-        rings = [list(p.exterior.coords) for p in shapely.get_parts(shape) if isinstance(p, shapely.Polygon)]
-        if rings:
-            path = straight_path(rings)
-            drawn.append(el("path", class_="vs", fill=ACCENT, fill_opacity=0.55, stroke="none", d=path))
+    drawn += [
+        el("path", class_="vs", fill=ACCENT, fill_opacity=0.55, stroke="none", d=path) for _, path in paths if path
+    ]
     drawn += [_name(a, frame) for a in named]
     return mini(floor, frame, drawn, name, label, is_alone, is_over=True)
 
 
-def _arrow(at: Point, arrow: Arrow, half: float) -> str:
+def direction_paths(
+    floor: FloorMap, arrows: Sequence[Arrow], frame: Frame, *, cell_m: float, unit: float = 1.0
+) -> tuple[str, ...]:
+    """Return the arrows of each width of `WIDTHS`, as paths to stroke.
+
+    Args:
+        floor: The map whose fixtures and unseen floor have no arrow.
+        arrows: The cells.
+        frame: Where they are drawn.
+        cell_m: Side of a cell.
+        unit: Units of the frame in a unit of a small drawing.
+    """
+    taken, inside = _taken(floor), shapely.box(*floor.extent)
+    steps, paths = width_steps(arrows), [""] * len(WIDTHS)
+    half = 0.42 * cell_m * frame.scale
+    for arrow in arrows:
+        x, y = arrow.at
+        cell = shapely.box(x - cell_m / 2, y - cell_m / 2, x + cell_m / 2, y + cell_m / 2)
+        free = cell.intersection(inside).difference(taken)
+        if free.area < SMALLEST_SHARE * cell_m**2:
+            continue
+        k = max(0, int(np.searchsorted(steps, arrow.n_people, side="right")) - 1)
+        paths[k] += _arrow(frame.at((free.centroid.x, free.centroid.y)), arrow, half, unit)
+    return tuple(paths)
+
+
+def line_paths(
+    floor: FloorMap, lines: Sequence[DesireLine], frame: Frame, *, unit: float = 1.0
+) -> list[tuple[DesireLine, str]]:
+    """Return the lines between areas of the map, widest first, each with a path to fill; empty over unseen floor only.
+
+    Args:
+        floor: The map whose areas they join.
+        lines: Who goes where; areas that the map lacks are left out.
+        frame: Where they are drawn.
+        unit: Units of the frame in a unit of a small drawing.
+    """
+    areas = {a.area_id: a for a in floor.areas}
+    shown = [i for i in lines if i.start in areas and i.end in areas and i.start != i.end]
+    middles = {k: _middle(a, frame) for k, a in areas.items() if any(k in (i.start, i.end) for i in shown)}
+    top = max((i.per_open_h for i in shown), default=1.0)
+    hidden = shapely.Polygon() if not floor.unseen else shapely.union_all(
+        [shapely.Polygon(frame.ring(p[0]), [frame.ring(r) for r in p[1:]]).buffer(0) for p in floor.unseen]
+    )  # fmt: skip
+    found = []
+    for line in sorted(shown, key=lambda i: -i.per_open_h):
+        wide = max(NARROWEST, WIDEST * line.per_open_h / top) * unit
+        shape = _curve(middles[line.start], middles[line.end], wide, unit).difference(hidden)
+        rings = [list(p.exterior.coords) for p in shapely.get_parts(shape) if isinstance(p, shapely.Polygon)]
+        found.append((line, straight_path(rings)))
+    return found
+
+
+def _arrow(at: Point, arrow: Arrow, half: float, unit: float) -> str:
     x, y = at
+    digits = 1 if unit == 1 else 0
+
+    def point(dx: float, dy: float) -> str:
+        return f"{x + dx:.{digits}f} {y + dy:.{digits}f}"
+
     if arrow.direction_deg is None:
-        return f"M{x - 1.2:.1f} {y:.1f}a1.2 1.2 0 1 0 2.4 0a1.2 1.2 0 1 0-2.4 0"
+        r = 1.2 * unit
+        return f"M{point(-r, 0)}a{r:.1f} {r:.1f} 0 1 0 {2 * r:.1f} 0a{r:.1f} {r:.1f} 0 1 0-{2 * r:.1f} 0"
     angle = math.radians(arrow.direction_deg)
     dx, dy = half * math.cos(angle), -half * math.sin(angle)  # y grows downwards in SVG
-    path = f"M{x - dx:.1f} {y - dy:.1f}L{x + dx:.1f} {y + dy:.1f}" + _head((x + dx, y + dy), angle, half)
-    return path + _head((x - dx, y - dy), angle + math.pi, half) if arrow.is_both else path
+
+    def head(sign: int, towards: float) -> str:
+        sides = [
+            (sign * dx - 0.75 * half * math.cos(towards + turn), sign * dy + 0.75 * half * math.sin(towards + turn))
+            for turn in (0.5, -0.5)
+        ]
+        return f"M{point(*sides[0])}L{point(sign * dx, sign * dy)}L{point(*sides[1])}"
+
+    path = f"M{point(-dx, -dy)}L{point(dx, dy)}" + head(1, angle)
+    return path + head(-1, angle + math.pi) if arrow.is_both else path
 
 
-def _head(tip: Point, angle: float, half: float) -> str:
-    ends = [
-        (tip[0] - 0.75 * half * math.cos(angle + turn), tip[1] + 0.75 * half * math.sin(angle + turn))
-        for turn in (0.5, -0.5)
-    ]
-    return f"M{ends[0][0]:.1f} {ends[0][1]:.1f}L{tip[0]:.1f} {tip[1]:.1f}L{ends[1][0]:.1f} {ends[1][1]:.1f}"
-
-
-def _curve(start: Point, end: Point, wide: float) -> shapely.Polygon:
+def _curve(start: Point, end: Point, wide: float, unit: float) -> shapely.Polygon:
     """Return a bent line with a head at its end, SVG units: it begins and ends beside the middles of the areas."""
     a, b = np.array(start), np.array(end)
     along = b - a
@@ -161,14 +201,14 @@ def _curve(start: Point, end: Point, wide: float) -> shapely.Polygon:
     t = np.linspace(0.0, 1.0, 25)[:, None]
     points = (1 - t) ** 2 * a + 2 * t * (1 - t) * ((a + b) / 2 + 2 * right) + t**2 * b
     length = float(np.linalg.norm(along))
-    away = min(16.0, 0.2 * length)
+    away = min(16.0 * unit, 0.2 * length)
     way = shapely.LineString(points)
-    head = min(max(9.0, 1.5 * wide), 0.35 * length)
+    head = min(max(9.0 * unit, 1.5 * wide), 0.35 * length)
     body = shapely.ops.substring(way, away, max(way.length - away - head, away + 0.1))
     neck = np.array(body.coords[-1])
     tip = np.array(way.interpolate(way.length - away).coords[0])
     side = np.array([-(tip - neck)[1], (tip - neck)[0]])
-    side = side / max(float(np.linalg.norm(side)), 1e-9) * max(4.0, 0.95 * wide)
+    side = side / max(float(np.linalg.norm(side)), 1e-9) * max(4.0 * unit, 0.95 * wide)
     triangle = shapely.Polygon([neck + side, tip, neck - side])
     return shapely.union_all([body.buffer(wide / 2, cap_style="flat"), triangle])
 

@@ -212,7 +212,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
         close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
-        figures=_with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
+        figures=with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
 
 
@@ -223,7 +223,7 @@ def _ref(data: WeekData, first: date) -> WeekRef:
     return WeekRef.of_days(first, first + data.span - timedelta(days=1), zone=zone)
 
 
-def _with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
+def with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
     """Return figures whose rows hold sentences instead of reasons: rows are plain values, as JSON has them."""
 
     def text(row: Mapping[str, Any]) -> Mapping[str, Any]:

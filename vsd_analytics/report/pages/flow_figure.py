@@ -13,7 +13,7 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 
-_Rows = Sequence[Mapping[str, Any]]
+Rows = Sequence[Mapping[str, Any]]
 
 
 def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
@@ -27,18 +27,12 @@ def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFi
     between, cells = (_rows(report, key) for key in ("M37", "M42"))
     number, panels = report.week.number, []
     if cells:
-        arrows = [flow_maps.Arrow((c["x_m"], c["y_m"]), c["value"], c["ways"] == "both", c["n_people"]) for c in cells]
         label = say("maps.flow_label_directions", floor=floor.title, number=number)
         drawing = flow_maps.mini_directions(
-            floor, arrows, cell_m=cells[0]["cell_m"], name="wd", label=label, is_alone=is_alone
+            floor, arrows_of(cells), cell_m=cells[0]["cell_m"], name="wd", label=label, is_alone=is_alone
         )
         panels.append(MapPanel(title=say("maps.flow_directions"), drawing=drawing))
-    lines = [
-        flow_maps.DesireLine(r["area"], r["to_areas"], r["per_open_h"])
-        for r in between
-        if r["value"] is not None and r["per_open_h"] is not None and " " not in r["to_areas"]
-    ]
-    if lines:
+    if lines := lines_of(between):
         label = say("maps.flow_label_lines", floor=floor.title, number=number)
         drawing = flow_maps.mini_desire_lines(floor, lines, name="dl", label=label, is_alone=is_alone)
         panels.append(MapPanel(title=say("maps.flow_lines"), drawing=drawing))
@@ -57,17 +51,23 @@ def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFi
     )
 
 
-def _rows(report: WeekReport, key: str) -> _Rows:
-    figure = report.figures.get(key)
-    return () if figure is None or figure.rows is None else figure.rows
+def arrows_of(cells: Rows) -> list[flow_maps.Arrow]:
+    """Return the rows of M42 as arrows."""
+    return [flow_maps.Arrow((c["x_m"], c["y_m"]), c["value"], c["ways"] == "both", c["n_people"]) for c in cells]
 
 
-def _said(report: WeekReport, between: _Rows, cells: _Rows) -> list[str]:
-    """Return what is drawn, and what is not known."""
-    said = [say("maps.flow_sub_lines")]
-    if cells:
-        cell = fmt.distance(cells[0]["cell_m"], report.rules.distance_unit)
-        said = [say("maps.flow_sub", cell=cell, people=report.rules.mask_below)]
+def lines_of(between: Rows) -> list[flow_maps.DesireLine]:
+    """Return the rows of M37 as desire lines, without those of several areas together."""
+    return [
+        flow_maps.DesireLine(r["area"], r["to_areas"], r["per_open_h"])
+        for r in between
+        if r["value"] is not None and r["per_open_h"] is not None and " " not in r["to_areas"]
+    ]
+
+
+def doubts(between: Rows) -> list[str]:
+    """Return sentences on what is not known of the rows of M37, or does not fit."""
+    said = []
     if unknown := dict.fromkeys(r["place"] for r in between if r["value"] is None):
         said.append(say("maps.flow_unknown", places=terms.joined(unknown)))
     if off := dict.fromkeys(r["place"] for r in between if r["fits_arrivals"] is False):
@@ -75,6 +75,20 @@ def _said(report: WeekReport, between: _Rows, cells: _Rows) -> list[str]:
     if unseen := dict.fromkeys(r["place"] for r in between if r.get("in_view_only") and r["value"] is not None):
         said.append(say("maps.flow_in_view", places=terms.joined(unseen)))
     return said
+
+
+def _rows(report: WeekReport, key: str) -> Rows:
+    figure = report.figures.get(key)
+    return () if figure is None or figure.rows is None else figure.rows
+
+
+def _said(report: WeekReport, between: Rows, cells: Rows) -> list[str]:
+    """Return what is drawn, and what is not known."""
+    said = [say("maps.flow_sub_lines")]
+    if cells:
+        cell = fmt.distance(cells[0]["cell_m"], report.rules.distance_unit)
+        said = [say("maps.flow_sub", cell=cell, people=report.rules.mask_below)]
+    return said + doubts(between)
 
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.reasons import reason_text
@@ -44,9 +44,13 @@ class WaitingView:
     capacities: tuple[str, ...]
 
 
-def waiting(report: WeekReport) -> WaitingView | None:
-    """Return what is known of queues and capacities; None where no place asks for it."""
-    people, waits, use = (report.figures.get(metric) for metric in ("M39", "M40", "M41"))
+def waiting(figures: Mapping[str, Figure]) -> WaitingView | None:
+    """Return what is known of queues and capacities; None where no place asks for it.
+
+    Args:
+        figures: Of the report, by catalogue id.
+    """
+    people, waits, use = (figures.get(metric) for metric in ("M39", "M40", "M41"))
     if people is None and use is None:
         return None
     of_people, of_waits, of_use = ((figure.rows or ()) if figure else () for figure in (people, waits, use))

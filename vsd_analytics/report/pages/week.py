@@ -266,7 +266,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         redesigns=sections.redesigns(report),
         trend=weeks,
         outlook=sections.outlook(report),
-        waiting=waiting(report),
+        waiting=waiting(report.figures),
         log=log_rows(report, with_weeks=log_section == "trend"),
         log_section=log_section,
         messages=_messages(report),
