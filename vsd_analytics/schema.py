@@ -66,30 +66,23 @@ SCHEMAS: Final[dict[TableName, pa.Schema]] = {
 # A record is counted once however often it is delivered: these expressions identify it. Records with a track id are
 # identified by camera, instant and track; records without one by camera, instant and place, so that the same person
 # delivered again in another file, or in another order, is recognised.
+TRACKS: Final[dict[TableName, tuple[str, ...]]] = {
+    "frames": (),
+    "observations": ("track_id",),
+    "pairs": ("track_a", "track_b"),
+}
+PLACES: Final[dict[TableName, tuple[str, ...]]] = {
+    "frames": (),
+    "observations": ("x_mm", "y_mm", "u_px", "v_px"),
+    "pairs": ("x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm", "person_a", "person_b", "distance_mm"),
+}
+"""What a record without a track id is identified by, besides camera and instant."""
 KEYS: Final[dict[TableName, tuple[str, ...]]] = {
-    "frames": ("camera_id", "ts"),
-    "observations": (
-        "camera_id",
-        "ts",
-        "track_id",
-        "case when track_id is null then x_mm end",
-        "case when track_id is null then y_mm end",
-        "case when track_id is null then u_px end",
-        "case when track_id is null then v_px end",
-    ),
-    "pairs": (
-        "camera_id",
-        "ts",
-        "track_a",
-        "track_b",
-        "case when track_a is null or track_b is null then x_a_mm end",
-        "case when track_a is null or track_b is null then y_a_mm end",
-        "case when track_a is null or track_b is null then x_b_mm end",
-        "case when track_a is null or track_b is null then y_b_mm end",
-        "case when track_a is null or track_b is null then person_a end",
-        "case when track_a is null or track_b is null then person_b end",
-        "case when track_a is null or track_b is null then distance_mm end",
-    ),
+    table: (
+        *("camera_id", "ts", *TRACKS[table]),
+        *(f"case when {' or '.join(f'{t} is null' for t in TRACKS[table])} then {p} end" for p in PLACES[table]),
+    )
+    for table in TABLES
 }
 
 # The output of adapters, before validation, unit conversion and pseudonyms: engine's own names and metres.

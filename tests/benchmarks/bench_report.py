@@ -39,9 +39,9 @@ from datetime import date
 from pathlib import Path
 from vsd_analytics.cli import GARBAGE_AFTER
 from vsd_analytics.config import load_site
-from vsd_analytics.report.assemble import week_report
-from vsd_analytics.report.render import render_html
-from vsd_analytics.report.twins import to_json
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.pages.json_and_csv import to_json
 gc.set_threshold(GARBAGE_AFTER)
 site, monday = load_site(Path(sys.argv[1])), date.fromisocalendar(*map(int, sys.argv[2].split("-W")), 1)
 times = [time.perf_counter()]

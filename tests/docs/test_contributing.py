@@ -16,7 +16,7 @@ from markdown_pages import REPOSITORY, blocks
 from site_text import site_text
 
 from vsd_analytics import settings
-from vsd_analytics.ingest import adapters, pipeline
+from vsd_analytics.ingest import adapters, recognise
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.warehouse import sqlfiles
 
@@ -52,7 +52,7 @@ def test_the_adapter_example_reads_its_format(tmp_path: Path, monkeypatch: pytes
     path.write_text("#acme 1\n0.5;p1;1.25;3\nnonsense\n1.5;p1;1.5;3\n", encoding="utf-8")
     options = IngestOptions(camera="cam-1")
 
-    adapter = pipeline.find_adapter(Source(path), options)
+    adapter = recognise.find_adapter(Source(path), options)
     (batch,) = adapter.read(Source(path), options)
 
     assert adapter.name == "acme"

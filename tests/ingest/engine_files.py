@@ -166,6 +166,84 @@ def azure(people: list[list[Person]], *, is_calibrated: bool = True) -> list[dic
     return found
 
 
+def azure_preview(people: list[list[Person]]) -> list[dict[str, Any]]:
+    """Return count events of the first preview, one person in two events; positions are shares of the picture."""
+    found = []
+    for k, each in enumerate(people):
+        detections = [
+            {
+                "types": [{"name": "person", "confidence": 0.7}],
+                "id": f"{k}-{track}",
+                "rectangle": {"width": 0.02, "height": 0.1, "left": x - 0.01, "top": y - 0.1},
+            }
+            for track, x, y in each
+        ]
+        cart = {"types": [{"name": "cart"}], "id": f"{k}-cart", "rectangle": {}}
+        events = [
+            {
+                "id": f"e{k}-{label}",
+                "detections": some,
+                "metadataType": "personCountEvent",
+                "metadata": {"label": label, "trigger": "event", "detectionCount": len(some) + (label == "door")},
+            }
+            for label, some in (("queue", [*detections, cart]), ("door", detections[:1]))
+        ]
+        found.append({"schemaVersion": "0.1", "sourceInfo": {"id": "cam-1", "timestamp": iso(k)}, "events": events})
+    crossing = {"id": "x", "types": [{"name": "person"}], "metadataType": "personLineEvent", "rectangle": {}}
+    return [*found, {"sourceInfo": {"id": "cam-1", "timestamp": iso(0)}, "detections": [crossing]}]
+
+
+def azure_preview_distances(people: list[list[Person]]) -> list[dict[str, Any]]:
+    """Return distance events of the first preview, which list persons with a point on the ground in feet."""
+    return [
+        {
+            "events": [
+                {
+                    "metadataType": "personDistanceEvent",
+                    "metadata": {
+                        "personCount": len(each) + 1,
+                        "eventName": "TooClose",
+                        "distanceViolationPersonInfo": [
+                            {
+                                "bbox": {"width": 0.01, "height": 0.02, "left": 0.1, "top": 0.1},
+                                "centerGroundPoint": {"x": x / 0.3048, "y": y / 0.3048},
+                            }
+                            for _, x, y in each
+                        ],
+                    },
+                }
+            ],
+            "sourceInfo": {"id": "cam-1", "timestamp": iso(k), "cameraCalibrationInfo": {"status": "Complete"}},
+        }
+        for k, each in enumerate(people)
+    ]
+
+
+def video_analyzer(people: list[list[Person]]) -> list[dict[str, Any]]:
+    """Return messages of Azure Video Analyzer; positions are shares of the picture, times 90,000ths of a second."""
+    return [
+        {
+            "timestamp": round(datetime.fromisoformat(iso(k)).timestamp() * 90_000),
+            "inferences": [
+                *(
+                    {
+                        "type": "entity",
+                        "inferenceId": f"{k}-{track}",
+                        "entity": {
+                            "tag": {"value": "person", "confidence": 0.9},
+                            "box": {"l": x - 0.01, "t": y - 0.1, "w": 0.02, "h": 0.1},
+                        },
+                        "extensions": {"centerGroundPointX": "0.0", "centerGroundPointY": "0.0"},
+                    }
+                    for track, x, y in each
+                ),
+                {"type": "event", "inferenceId": f"e{k}", "event": {"name": "personCountEvent"}},
+            ],
+        }
+        for k, each in enumerate(people)
+    ]
+
+
 def onvif(people: list[list[Person]], *, per_document: int = 1, in_pixels: bool = False) -> bytes:
     """Return metadata documents; positions are shares of the picture. Each person has a head as a part."""
     documents = []

@@ -16,6 +16,8 @@ from walks import Step
 FEW = STEPS[:120]
 MAP_XY = ("--map", "x_m=x,y_m=y")
 IN_FEET = [Step(s.at, s.track, s.x_m / 0.3048, s.y_m / 0.3048) for s in FEW]
+LATE = timedelta(hours=14, minutes=59, seconds=50)
+ROUNDED = stored([Step(s.at, s.track, round(s.x_m), round(s.y_m)) for s in FEW])
 PAST_NOON = [
     Step(datetime(2025, 11, 25, 12, 59, 30, tzinfo=UTC) + (s.at - STEPS[0].at), s.track, s.x_m, s.y_m) for s in STEPS
 ]
@@ -59,6 +61,11 @@ def beside_a_workbook(folder: Path) -> Path:
     return day
 
 
+def in_a_list(s: Step) -> dict[str, object]:
+    seen = {"id": s.track, "x": s.x_m, "y": s.y_m}
+    return {"t": s.at.isoformat(), "cams": [{"who": [seen]}, {"who": [seen]}]}
+
+
 def two_in_a_row(names: str, *, has_ids: bool = False) -> object:
     couples = [(FEW[i], FEW[i + 1]) for i in range(0, len(FEW), 6)]
     made = [
@@ -97,7 +104,43 @@ ODDEST: list[Odd] = [
         places(("x_m", "y_m"), lambda s: (s.x_m * (s.track > 2), s.y_m * (s.track > 2))),
         says="exactly 0, 0",
     ),
+    Odd(
+        "speeds", places(("vel_x", "vel_y"), lambda s: (s.x_m, s.y_m)), ("--map", "x_m=vel_x,y_m=vel_y"), says="a speed"
+    ),
+    Odd(
+        "whole metres",
+        places(("x_m", "y_m"), lambda s: (round(s.x_m), round(s.y_m))),
+        rows=ROUNDED,
+        says="whole metres",
+    ),
+    Odd(
+        "people inside each other",
+        table(NAMES, plain, [*FEW, *(Step(s.at, s.track + 50, s.x_m + 0.03, s.y_m) for s in FEW)]),
+        says="within 20 cm",
+    ),
+    Odd(
+        "narrow blanks and minus signs",
+        places(
+            ("x_mm", "y_mm"),
+            lambda s: (f"{s.x_m * -1000:,.0f}".replace(",", "\u202f").replace("-", "\u2212"), s.y_m * 1000),
+        ),
+        ("--map", "x_m=x_mm,y_m=y_mm"),
+        rows=stored([Step(s.at, s.track, -s.x_m, s.y_m) for s in FEW]),
+    ),
     # times
+    Odd(
+        "a date that stays",
+        times(lambda s: f"2025-11-25T{s.at + LATE:%H:%M:%S}"),
+        ("--zone", "UTC"),
+        says="at midnight",
+    ),
+    Odd(
+        "an hour that clocks skip",
+        times(lambda s: f"2025-03-30 02:{s.at:%M:%S}"),
+        ("--zone", "Europe/Berlin"),
+        rows=[(c, ms - 20_764_800_000, *more) for c, ms, *more in stored(FEW)],
+        says="skips",
+    ),
     Odd("twelve hours without AM and PM", times(lambda s: f"{s.at:%Y-%m-%d %I:%M:%S}", PAST_NOON), says="W227"),
     Odd("seconds since 2001", times(lambda s: s.at.timestamp() - 978_307_200), says="in the year 1994"),
     Odd("digits of a date", times(lambda s: f"{s.at:%Y%m%d%H%M%S}"), says='--time-format "%Y%m%d%H%M%S"'),
@@ -140,7 +183,30 @@ ODDEST: list[Odd] = [
         ("--where", "class = 'person'"),
         says="'class' holds Person",
     ),
+    Odd(
+        "states",
+        with_column("track_state", lambda s: "lost" if s.track > 4 else "tracked"),
+        says="track_state = 'tracked'",
+    ),
+    Odd("weak detections", with_column("conf", lambda s: 0.05 * s.track), rows=stored(FEW), says="conf >= 0.3"),
+    Odd("staff and customers", with_column("type_of_person", lambda s: "staff"), rows=stored(FEW)),
+    Odd("kinds of people", with_column("category", lambda s: "staff"), rows=stored(FEW), says="W222"),
+    Odd("a column twice", table((*NAMES, "x_m"), lambda s: [*plain(s), s.y_m]), says="more than one column 'x_m'"),
     # other shapes
+    Odd(
+        "a second header in another order",
+        raw(
+            "a.csv",
+            b"ts,track_id,x_m,y_m\n2025-11-25T09:00:00Z,1,5,6\nts,track_id,y_m,x_m\n2025-11-25T09:00:01Z,1,6,5\n",
+        ),
+        says="a second header",
+    ),
+    Odd(
+        "one of two lists of people",
+        raw("a.jsonl", b"".join(json.dumps(in_a_list(s)).encode() + b"\n" for s in FEW)),
+        ("--persons", "cams.0.who", "--map", "ts=t,track_id=id,x_m=x,y_m=y"),
+        says="'cams.0' is one entry",
+    ),
     Odd("two people in a row", two_in_a_row("ts p1_x p1_y p2_x p2_y"), says="several people"),
     Odd("the first of two", two_in_a_row("ts p1_x p1_y p2_x p2_y"), ("--map", "x_m=p1_x,y_m=p1_y"), says="W228"),
     Odd("pairs", two_in_a_row("ts id1 id2 x1 y1 x2 y2", has_ids=True), says="track_a=id1,track_b=id2,x_a_m=x1"),
@@ -155,6 +221,7 @@ ODDEST: list[Odd] = [
     Odd("a folder with a workbook", beside_a_workbook, rows=stored(FEW), says="b.xlsx is not read"),
     # what they are
     Odd("a 7z archive", raw("a.7z", b"7z\xbc\xaf\x27\x1c" + bytes(99)), says="a 7z archive"),
+    Odd("a stream of Arrow", raw("a.arrows", b"\xff\xff\xff\xff" + bytes(99)), says="a stream of Arrow"),
     Odd("an HDF5 file", raw("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(99)), says="an HDF5 file"),
     Odd(
         "features of GeoJSON",

@@ -15,6 +15,8 @@ from engine_files import (
     START_MS,
     axis,
     azure,
+    azure_preview,
+    azure_preview_distances,
     contacts,
     deepstream,
     frames,
@@ -24,6 +26,7 @@ from engine_files import (
     supervision_csv,
     supervision_json,
     trajectories,
+    video_analyzer,
 )
 from walks import project
 
@@ -91,6 +94,19 @@ FORMATS = {
         "azure-spatial-analysis", "a.json", json.dumps(azure(METRES, is_calibrated=False)[0], indent=1).encode()
         + b"\n" + lines(azure(METRES, is_calibrated=False)[1:]),
         [[(t, x / 20, y / 20) for t, x, y in each] for each in METRES], is_picture=True, has_ids=False,
+    ),
+    "azure preview": Format(
+        "azure-spatial-analysis", "a.jsonl", lines(azure_preview(SHARES)), options={"size_px": SIZE}, **PICTURE,
+        has_ids=False, left_out={"not a person": N_FRAMES, "a crossing of a line or zone": 1,
+                                 "a person whose place the event does not give": N_FRAMES},
+    ),
+    "azure preview, distances": Format(
+        "azure-spatial-analysis", "a.jsonl", lines(azure_preview_distances(METRES)), METRES, has_ids=False,
+        left_out={"a person whose place the event does not give": N_FRAMES},
+    ),
+    "azure video analyzer": Format(
+        "azure-spatial-analysis", "a.jsonl", lines(video_analyzer(SHARES)), options={"size_px": SIZE}, **PICTURE,
+        has_ids=False,
     ),
     "onvif": Format(
         "onvif", "a.xml", onvif(SHARES), options={"size_px": SIZE}, **PICTURE,

@@ -259,7 +259,7 @@ def test_what_msgspec_writes_the_reader_reads(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damaged", ["\x00\x00\x00\x00", 'am": "cam-1"}', '{"v', "[" * 100_000 + "\n" + "\x00"])
 def test_a_damaged_first_line_is_quarantined_and_the_others_are_read(tmp_path: Path, damaged: str) -> None:
-    from vsd_analytics.ingest.pipeline import find_adapter
+    from vsd_analytics.ingest.recognise import find_adapter
 
     path = tmp_path / "a.jsonl"
     path.write_text(f"{damaged}\n{line()}\n")

@@ -15,8 +15,9 @@ from raw_reading import NOW, small_site
 from vsd_analytics.errors import InputError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source
 from vsd_analytics.ingest.adapters import adapter
-from vsd_analytics.ingest.pipeline import find_adapter, ingest
+from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.ingest.quarantine_writer import STORED_PER_SOURCE, Quarantine
+from vsd_analytics.ingest.recognise import find_adapter
 from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.settings import Settings
 from vsd_analytics.store import Store

@@ -11,7 +11,7 @@ import pytest
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest import adapters
 from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.pipeline import find_adapter
+from vsd_analytics.ingest.recognise import find_adapter
 
 MODULE = """
 class Hall:

@@ -68,7 +68,7 @@ def test_the_image_copies_what_exists_and_installs_what_the_core_needs() -> None
                 assert (REPOSITORY / source).exists(), source
     assert any("core-requirements.txt" in line and "--no-deps" in line for line in lines)
     user = next(line for line in lines if line.startswith("USER"))
-    assert user == "USER vsd"
+    assert user == "USER 10001"  # a number: a host without this user can check that it is not root
     assert 'ENTRYPOINT ["vsd"]' in lines
 
 

@@ -57,6 +57,9 @@ WORLDS: Final = {
     "the shop in waves": LinkWorld(is_wave=False),
     "both in waves of their own": LinkWorld(),
     "both in waves of twenty": LinkWorld(wave_people=20.0),
+    "both in couples": LinkWorld(wave_people=1.0),
+    "both in waves of three": LinkWorld(wave_people=3.0),
+    "one cause, couples, shop 6 s later": LinkWorld(others="same", later_s=6.0, wave_people=1.0),
     "one cause, at the same time": LinkWorld(others="same"),
     "one cause, shop 6 s later": LinkWorld(others="same", later_s=6.0),
     "one cause, shop 30 s later": LinkWorld(others="same", later_s=30.0),
@@ -121,12 +124,14 @@ def row(world: LinkWorld, n_sites: int, *, make: Callable[..., LinkedShare] = li
     """Return the cells of a world: bias, coverage and unknown with people who walk, and what is said without any."""
     walked = [make(world, np.random.default_rng([s, 1])) for s in range(n_sites)]
     known = [f for f in walked if f.value is not None and f.lo is not None and f.hi is not None]
-    bias = np.mean([(f.value or 0.0) / world.walk_share - 1 for f in known]) if known else np.nan
-    held = np.mean([(f.lo or 0.0) <= world.walk_share <= (f.hi or 0.0) for f in known]) if known else np.nan
     chance = np.mean([f.n_chance / f.n for f in walked])
     none = [make(replace(world, walk_share=0.0), np.random.default_rng([s, 2])) for s in range(n_sites)]
     said = np.mean([(f.lo or 0.0) > 0 for f in none])
     value = np.mean([f.value or 0.0 for f in none])
+    if not known:
+        return f"unknown | - | {chance:.0%} | {said:.1%} | {value:.3f}"
+    bias = np.mean([(f.value or 0.0) / world.walk_share - 1 for f in known])
+    held = np.mean([(f.lo or 0.0) <= world.walk_share <= (f.hi or 0.0) for f in known])
     unknown = f" (unknown in {1 - len(known) / n_sites:.0%})" if len(known) < n_sites else ""
     return f"{bias:+.0%} | {held:.1%}{unknown} | {chance:.0%} | {said:.1%} | {value:.3f}"
 

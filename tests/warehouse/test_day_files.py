@@ -18,9 +18,11 @@ from vsd_analytics.errors import StoreError
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Area, Camera, Site
 from vsd_analytics.store import durable
+from vsd_analytics.warehouse import day_files as day_files_module
 from vsd_analytics.warehouse import sources
 from vsd_analytics.warehouse.analyst_query import run_query
 from vsd_analytics.warehouse.day_files import FOLDER, relations_stored_by_day
+from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -114,6 +116,41 @@ def test_a_day_is_computed_once(project: Site, monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(warehouse._sources, "_rows_of_days", never)
         warehouse.materialise(*KEPT)
     assert day_files(project) == before
+
+
+def test_days_while_a_place_is_closed_are_computed_once_until_late_records_come(
+    project: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed, first, last = FIRST - timedelta(days=8), FIRST - timedelta(days=12), FIRST
+    at_once = rows(project, first=first, last=last, uses_days=False)
+    with monkeypatch.context() as nothing_written:
+        nothing_written.setattr(day_files_module, "NEAR_DAYS", 0)
+        assert rows(project, first=first, last=last) == at_once
+        assert not any(f"date={closed}" in name for name in day_files(project))
+    assert rows(project, first=first, last=last) == at_once
+    assert any(f"date={closed}" in name for name in day_files(project))
+
+    def never(*args: object) -> None:
+        raise AssertionError
+
+    with monkeypatch.context() as nothing_computed:
+        nothing_computed.setattr(Warehouse, "_rows_of_days", never)
+        assert rows(project, first=first, last=last) == at_once
+    noon_ms = round(datetime(closed.year, closed.month, closed.day, 12, tzinfo=UTC).timestamp() * 1000)
+    put(project, [Frame(noon_ms, "left"), Person(noon_ms, "late", 1000, 1000, "left")])
+    now = rows(project, first=first, last=last)
+    assert now == rows(project, first=first, last=last, uses_days=False) != at_once
+
+
+def test_facts_of_no_records_have_the_types_of_their_files(project: Site) -> None:
+    n_files = 0
+    with Warehouse(project, FIRST, LAST) as warehouse:
+        for name, relation in relations("facts").items():
+            for path in [*(project.root / "facts" / name).rglob("*.parquet")][:1]:
+                file = warehouse.con.sql(f"select * from read_parquet('{path}', hive_partitioning = false)")
+                assert warehouse.con.sql(sources._empty(relation)).types == file.types, name
+                n_files += 1
+    assert n_files > 20
 
 
 def test_days_with_sealed_hours_have_their_facts_in_one_file(project: Site) -> None:

@@ -71,7 +71,8 @@ cameras that vsd.toml does not describe, lines that broke off.
 Fix: look at the example; correct the export or vsd.toml and ingest again: what was read already counts once.""",
     "W211": """\
 Some local times of a file happened twice: clocks were set back, and times without an offset do not say which of the two
-hours they mean. The message says how they were read.
+hours they mean. The message says how they were read. Or some happened never: clocks were put forward over them, so they
+were written by a clock of another zone.
 Fix: export times in UTC or with their offset, and set clock of the camera in vsd.toml.""",
     "W212": """\
 A file was read to its end and held no record.
@@ -83,24 +84,27 @@ Common cause: a camera or engine that lost its clock and began again at 1990 or 
 Fix: set the clock (NTP), and remove the records: vsd purge --camera ID --range DAYS with the days of the message.""",
     "W220": """\
 Positions or distances do not look like metres: people would be faster than anybody runs, or far outside the floor.
-Common causes: millimetres, centimetres or feet; pixels or degrees mapped to x_m y_m; the height above the floor mapped
-to y_m; 0, 0 for people whom the engine has lost; a plan with a wrong origin or scale.
+Or people would stand inside each other, or on whole metres.
+Common causes: millimetres, centimetres or feet; pixels, degrees or speeds mapped to x_m y_m; the height above the floor
+mapped to y_m; one place for people whom the engine has lost; a person twice in a frame; times without their decimals,
+which make one frame of many; a plan with a wrong origin or scale.
 Fix: --unit mm, cm or ft; columns that name their unit, such as x_mm, are converted without it. Pixels go to u_px v_px.
 A plan is placed by plan_origin_m and plan_m_per_px in vsd.toml.""",
     "W221": """\
-A column that is not read, or the names of a folder's files, tell of several cameras or floors, and all rows would go to
-one camera.
+A column that is not read, or the names of files, tell of several cameras or floors, and all rows would go to one
+camera.
 People of different places would then be compared as if they stood on the same floor in view.
 Fix: --map camera_id=COLUMN, and engine_ids = ["its name"] under each [[camera]] of vsd.toml; or --where with one of
-them, one command for each.""",
+them, one command for each. Files named after cameras: one command for each, with --camera.""",
     "W222": """\
-A column says what each row is, and some rows are no persons, or mark people whom the engine has lost. Every row that is
-read counts as a person.
+A column says what each row is, and some rows are no persons, or people whom the engine has lost, or the engine is not
+sure of many of them. Every row that is read counts as a person.
 Fix: --where "class_name = 'person'", with the column and word of the file. Rows left out are counted.
 A limit of the engine's confidence goes into the same filter: --where "class_name = 'person' and confidence >= 0.4".""",
     "W223": """\
 Times have no offset from UTC, and nobody stated their clock, so they are taken as UTC. The message shows what they are
 in the site's zone then, what they would be if they were on the site's clock, and how many would be in opening hours.
+Or the times are certain, and hardly any is in opening hours: the engine's clock may be that of another zone.
 Fix: --zone Europe/Rome, or for good clock = "Europe/Rome" under [[camera]]; clock = "UTC" if UTC is right.""",
     "W224": """\
 Many rows name the same person, camera and time at different places. A person has one place at a time, so only one of
@@ -118,11 +122,18 @@ Fix: --size 1280x720, the size of the picture, converts shares. Otherwise calibr
 the engine works at, and state that size as picture_px in vsd.toml. A box is two corners, a corner and its size, or its
 centre and its size, and pixels are counted from the upper edge down.""",
     "W227": """\
-The times cannot be right: they are in another century, or they come from a clock of twelve hours without AM and PM.
+The times cannot be right: they are in another century, or come from a clock of twelve hours without AM and PM, or the
+date beside them does not change at midnight.
 Common causes: ticks or days that are not counted from 1970, digits of a date read as a number, a wrong unit.
 Fix: export ISO times, or state how they are written: --time-format "%Y%m%d%H%M%S".""",
     "W228": """\
 A part of the source is not read: columns of another person in each row, or files of a folder that are no tables.
+Or a path of a JSON message takes one entry of a list that has more, such as the first of several cameras.
 Fix: one row for each person; --format pairs where a row is two people and their distance. Name other files in a command
-of their own.""",
+of their own; write one message for each camera.""",
+    "W229": """\
+The first 50,000 records of a source looked right, so it was stored; later ones do not. The message says from about
+which line on, and what is wrong there, with the code of that doubt (vsd explain CODE).
+Common causes: exports joined in one file, an engine whose settings were changed, a clock that was set.
+Fix: vsd purge --import ID removes what the file brought. Cut it where it changes, and import each part as it is.""",
 }

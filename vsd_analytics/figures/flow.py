@@ -162,7 +162,7 @@ def _of_those_in_view(of: AreaFlow, unseen: Links) -> AreaFlow:
 
     They are lost because of where they go, so that the shares are those of people who stay in view.
     """
-    linked = sum(link.share.value or 0.0 for link in unseen.found if link.origin == of.area)
+    linked = sum(link.share.possible for link in unseen.found if link.origin == of.area)
     share = min(linked, of.following.not_followed.value or 0.0)
     if share <= MOST_LINKED or of.following.reason is not None:
         return of

@@ -13,7 +13,7 @@ import numpy as np
 
 from vsd_analytics.figures.panels import Period, positions
 from vsd_analytics.site.model import Area
-from vsd_analytics.stats.track_links import LinkedShare, TrackEnds, link_counts, linked_share
+from vsd_analytics.stats.track_links import IN_WAVES, LinkedShare, TrackEnds, link_counts, linked_share
 
 _WAYS: Final = """
 select
@@ -64,7 +64,8 @@ class Links:
     """Links of a floor in a period.
 
     Attributes:
-        found: Those that are more than chance gives, most first. Fewer than `mask_below` people are none.
+        found: Those that are more than chance gives, most first. Fewer than `mask_below` people are none. Where people
+            come in waves they have no share, as one cause may send them to both areas.
         recorded_share: Share of the open hours in which all cameras recorded.
     """
 
@@ -121,6 +122,7 @@ def links(period: Period) -> Links:
                 confidence=settings.confidence, min_days=int(settings.min_days),
             )  # fmt: skip
             is_enough = share.n_links - share.n_chance >= int(settings.mask_below)
-            if a != b and is_enough and share.value and (share.lo is None or share.lo > 0):
+            is_in_waves = share.reason is not None and share.reason.code == IN_WAVES
+            if a != b and is_enough and (is_in_waves or (share.value and (share.lo is None or share.lo > 0))):
                 found.append(AreaLink(origin, to, share))
-    return Links(tuple(sorted(found, key=lambda link: -(link.share.value or 0.0))), recorded)
+    return Links(tuple(sorted(found, key=lambda link: -link.share.possible)), recorded)

@@ -11,6 +11,7 @@ import contextlib
 import io
 import os
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -69,6 +70,7 @@ class RawBatch:
         engines: Engine names and versions the records came from.
         first_line: Line needed above a rejected line to read it again: a table's header, "" for none. None = lines of
             this format cannot be read on their own.
+        values: How often each value occurs in columns that nobody mapped, and whose names tell of cameras or classes.
     """
 
     tables: Mapping[TableName, pa.Table] = field(default_factory=dict)
@@ -78,6 +80,7 @@ class RawBatch:
     done_bytes: int = 0
     engines: Sequence[str] = ()
     first_line: str | None = None
+    values: Mapping[str, Counter[str]] = field(default_factory=dict)
 
     def table(self, name: TableName) -> pa.Table:
         """Return the raw table `name`, empty if the batch has none."""
@@ -119,6 +122,7 @@ class IngestOptions:
         is_sure: The user says that the file is right, whatever looks wrong about it.
         persons: Path of the list of persons in a JSON message that is read by `map`; None = a message is one person.
         profile: Id of the `[[source]]` of vsd.toml that gave some of them; None = none fits.
+        is_only_camera: `camera` is the site's only one, and nobody said that it is meant.
     """
 
     format: str | None = None
@@ -150,6 +154,7 @@ class IngestOptions:
     is_sure: bool = False
     persons: str | None = None
     profile: str | None = None
+    is_only_camera: bool = False
 
 
 @dataclass(frozen=True, slots=True)

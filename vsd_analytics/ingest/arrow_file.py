@@ -19,7 +19,7 @@ from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source
 from vsd_analytics.ingest.arrow_cells import is_text, plain, text_lengths
 from vsd_analytics.ingest.limits import records_max, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.raw import rejected
-from vsd_analytics.ingest.table_file import Chunk, Header, unique_names
+from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
 
 MAGIC: Final = b"ARROW1"
 _METADATA_MAX: Final = 16 << 20
@@ -42,7 +42,7 @@ class ArrowTable:
             self._check(raw)
             with pa.ipc.open_file(raw) as file:
                 self._schema = file.schema
-        self.header = Header(unique_names(self._schema.names))
+        self.header = Header(unique_names(self._schema.names), repeated=repeated_names(self._schema.names))
         self.first_line: str | None = None
         self.has_decimal_comma = False
 

@@ -17,6 +17,7 @@ NO_ID = frozenset(
 )
 """What programs write for a person whom no tracker follows (in lower case); -1 is that of MOTChallenge and others,
 the largest number of 64 bits that of DeepStream."""
+_THOUSANDS = re.compile("(?<=\\d)[\u00a0\u2009\u202f\u2019'](?=\\d{3}(?!\\d))")
 _SCIENTIFIC = re.compile(r"^-?\d\.\d+[eE][+-]\d{2,3}$")
 
 
@@ -45,13 +46,17 @@ def numbers(values: pa.Array, *, decimal_comma: bool = False) -> tuple[np.ndarra
         try:
             floats = texts.cast(pa.float64())
         except pa.ArrowInvalid:
-            floats = pa.array(
-                pd.to_numeric(pd.Series(texts.to_pylist(), dtype="object"), errors="coerce"), pa.float64()
-            )
+            written = pd.Series([None if t is None else _plain_number(t) for t in texts.to_pylist()], dtype="object")
+            floats = pa.array(pd.to_numeric(written, errors="coerce"), pa.float64())
     found = np.array(floats.to_numpy(zero_copy_only=False), dtype=np.float64)
     is_wrong = is_known & ~np.isfinite(found)
     found[is_wrong] = np.nan
     return found, is_wrong
+
+
+def _plain_number(text: str) -> str:
+    """Return a number with a plain minus sign, and without the blanks or apostrophes that part its thousands."""
+    return _THOUSANDS.sub("", text.replace("\u2212", "-")) if not text.isascii() or "'" in text else text
 
 
 def floats_or_null(values: np.ndarray) -> pa.Array:

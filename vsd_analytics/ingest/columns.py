@@ -198,9 +198,11 @@ def _refuse_same_names(source: Source, header: Header, at: int) -> None:
     """Raise InputError (E203) when two columns have the name of one that is read: nobody knows which is meant."""
     name = header.names[at].strip().lower()
     same = [i + 1 for i, other in enumerate(header.names) if other.strip().lower() == name]
-    if len(same) > 1 and not header.names[at].startswith("_"):
+    is_twice = header.names[at] in header.repeated
+    if (len(same) > 1 or is_twice) and not header.names[at].startswith("_"):
+        places = f": {', '.join(map(str, same[:5]))}" if not is_twice else ""
         raise InputError(
-            f"{source.file_name} has more than one column {header.names[at]!r}: {', '.join(map(str, same[:5]))}",
+            f"{source.file_name} has more than one column {header.names[at]!r}{places}",
             code="E203",
             where=Where(source.name, header.line, header.text),
             why="the two may differ, and only one can be read",

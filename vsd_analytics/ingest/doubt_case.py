@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -45,12 +46,14 @@ class Case:
         options: What the user says, completed from vsd.toml.
         sample: The first records.
         head: The columns, for tables; None for formats without columns of the user's choice.
+        files: Names of the source, then of others of the command and of earlier imports.
     """
 
     site: Site
     options: IngestOptions
     sample: Sample
     head: TableHead | None
+    files: Sequence[str] = ()
 
     @property
     def cameras(self) -> tuple[Camera, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, quoted
 from vsd_analytics.ingest.telling_names import (
+    GONE,
     OBJECTS,
     PERSON,
     VAGUE,
@@ -21,6 +22,36 @@ from vsd_analytics.ingest.telling_names import (
     named_like,
     of_another_person,
 )
+
+WEAK: Final = 0.3
+"""Confidence below which detectors hardly ever show a box."""
+WEAK_SHARE: Final = 0.5
+
+
+def _cameras_of_files(case: Case) -> Iterator[Doubt]:
+    """W221: files whose names tell of several cameras, where nobody said which camera is meant."""
+    camera = case.options.camera
+    is_named = case.head is not None and "camera_id" in case.head.plan.theirs
+    if not case.options.is_only_camera or is_named or not case.sample.n:
+        return
+    if not (case.sample.rows["camera"] == camera).all():
+        return
+    told = [found for name in case.files if (found := cameras_in([name]))]
+    different = set[str]().union(*told).difference(told[0].intersection(*told) if told else ())
+    if len(different) > 1:
+        fix = "one command for each camera, with --camera ID (and a [[camera]] in vsd.toml for each)"
+        yield _merged_cameras(case, f"the names of these files tell of {len(different)} cameras", different, fix)
+        return
+    known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
+    own = cameras_in(name.rpartition("/")[2] for name in case.files[:1])
+    if known and own and not own & known:
+        yield Doubt(
+            "W221",
+            f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}",
+            "people of another place would be counted there",
+            "--camera says which camera it is; engine_ids in vsd.toml hold its other names",
+            is_note=True,
+        )
 
 
 def _cameras(case: Case) -> Iterator[Doubt]:
@@ -90,11 +121,12 @@ def _classes(case: Case) -> Iterator[Doubt]:
         if not others or case.is_settled_by_where(column):
             continue
         words = {letters(value) for value in values}
-        if letters(column) in VAGUE and not words & (PERSON | OBJECTS):
+        if letters(column.rpartition(".")[2]) in VAGUE and not words & (PERSON | OBJECTS):
             continue
         people = [value for value in values if _is_person(value)]
         wanted = people[0] if people else first if numbers else "person"
-        is_sure = len(values) > 1 or bool(words & OBJECTS) or not all(v.isdecimal() for v in others)
+        # words that are neither may name kinds of people, such as staff and customers
+        is_sure = bool(words & (PERSON | OBJECTS)) or (bool(numbers) and len(values) > 1)
         n_others = sum(values[value] for value in others)
         yield Doubt(
             "W222",
@@ -122,6 +154,45 @@ def _absent(case: Case) -> Iterator[Doubt]:
                 "people whom the tracker does not see would count where it guesses them",
                 f'--where "{quoted(column)} = {no if no.isdecimal() else repr(no)}"',
                 is_sure=True,
+            )
+
+
+def _states(case: Case) -> Iterator[Doubt]:
+    """W222: rows of tracks that the tracker has lost, or only predicts."""
+    if case.head is None or case.sample.is_pairs:
+        return
+    for column in named_like(case.head.values, "state"):
+        values = case.head.values[column]
+        gone = [value for value in values if letters(value) in GONE]
+        seen = [value for value in values if value not in gone]
+        if gone and seen and not case.is_settled_by_where(column):
+            n_gone = sum(values[value] for value in gone)
+            yield Doubt(
+                "W222",
+                f"{column[:80]!r} says {', '.join(v[:20] for v in gone[:3])} for {n_gone:,} of "
+                f"{sum(values.values()):,} rows",
+                "people whom the tracker does not see would count where it guesses them",
+                f'--where "{quoted(column)} = {max(seen, key=lambda v: values[v])!r}"',
+                is_sure=True,
+            )
+
+
+def _weak(case: Case) -> Iterator[Doubt]:
+    """W222: many rows of which the engine itself is not sure."""
+    if case.head is None or case.sample.is_pairs:
+        return
+    for column in named_like(case.head.values, "confidence"):
+        found = {float(v): n for v, n in case.head.values[column].items() if is_number(v)}
+        if not found or min(found) < 0 or max(found) > 100 or sum(found.values()) < 5 * ROWS_MIN:
+            continue
+        limit = WEAK * (100 if max(found) > 1.5 else 1)
+        share = sum(n for value, n in found.items() if value < limit) / sum(found.values())
+        if share > WEAK_SHARE and not case.is_settled_by_where(column):
+            yield Doubt(
+                "W222",
+                f"{column[:80]!r} is below {limit:g} in {share:.0%} of the rows",
+                "the engine is not sure that these are people, and each would count as one",
+                f'--where "{quoted(column)} >= {limit:g}"',
             )
 
 
@@ -168,6 +239,14 @@ def _others_in_a_row(case: Case) -> Iterator[Doubt]:
             "--format pairs --map track_a=...,track_b=...,x_a_m=...,y_a_m=...,x_b_m=...,y_b_m=...",
             is_sure=True,
         )
+    for path in case.head.passed_over:
+        yield Doubt(
+            "W228",
+            f"{path[:80]!r} is one entry of a list that has more of them",
+            "who is in the other entries would not be counted",
+            "write one message for each entry, or read each by a command of its own (--camera, --persons)",
+            is_sure=True,
+        )
     if unread := case.head.unread:
         more = f" and {len(unread) - 3} more" if len(unread) > 3 else ""
         yield Doubt(
@@ -197,6 +276,10 @@ def _ids(case: Case) -> Iterator[Doubt]:
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
+        n_without = int(sample.rows["track"].isna().sum())
+        if n_without > sample.n / 2:
+            what = f"{n_without:,} of {sample.n:,} rows have no track id"
+            yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
         n_records = sample.rows["track"].value_counts()
         n_frames = sample.rows["ts_ms"].nunique()
         if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
@@ -205,9 +288,12 @@ def _ids(case: Case) -> Iterator[Doubt]:
 
 
 COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+    _cameras_of_files,
     _cameras,
     _classes,
     _absent,
+    _states,
+    _weak,
     _confidences,
     _others_in_a_row,
     _ids,

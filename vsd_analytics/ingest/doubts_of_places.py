@@ -10,7 +10,7 @@ import numpy as np
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
-from vsd_analytics.ingest.telling_names import named_like, names_degrees
+from vsd_analytics.ingest.telling_names import named_like, names_degrees, names_motion
 from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
 
 SPEED_MAX_M_S: Final = 8.0
@@ -41,6 +41,14 @@ def _units(case: Case) -> Iterator[Doubt]:
                 f"{ours} is read from {theirs[:80]!r}, which names an angle",
                 "degrees are no metres: everybody would stand within a metre, or far from where they are",
                 "convert positions to metres of the floor before the export",
+                is_sure=True,
+            )
+        if ours in LENGTHS and names_motion(theirs):
+            yield Doubt(
+                "W220",
+                f"{ours} is read from {theirs[:80]!r}, which names a speed",
+                "a speed is no place: everybody would stand near one point",
+                "map the columns that hold the place",
                 is_sure=True,
             )
         if ours in LENGTHS and unit == PIXELS:
@@ -77,7 +85,8 @@ def _units(case: Case) -> Iterator[Doubt]:
     ):
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
         fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
-        yield Doubt("W220", what, "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this", fix)
+        why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
+        yield Doubt("W220", what, why, fix, is_sure=median > SPEED_MAX_M_S)
     is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
     yield from _far_out(case, is_walking=is_walking)
 

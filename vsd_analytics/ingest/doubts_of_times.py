@@ -18,6 +18,7 @@ _DAY_MS, _HOUR_MS, _MINUTE_MS = 86_400_000, 3_600_000, 60_000
 _FIRST_MS, _LAST_MS = (int(pd.Timestamp(f"{year}-01-01", tz="UTC").timestamp() * 1000) for year in (2005, 2100))
 FRAME_MIN_MS: Final = 20
 """No engine sends frames faster."""
+CLOSED_SHARE: Final = 0.9
 ALONE_SHARE: Final = 0.9
 """Share of records with a time of their own beyond which no frame has several people."""
 LIFE_STEPS: Final = 10
@@ -183,6 +184,46 @@ def _half_days(case: Case) -> Iterator[Doubt]:
         )
 
 
+def _midnights(case: Case) -> Iterator[Doubt]:
+    """W227: times of day that pass midnight beside a date that does not change."""
+    sample = case.sample
+    zones = np.unique(sample.zones)
+    if sample.n < ROWS_MIN or not (sample.zones != "").all() or len(zones) != 1:
+        return
+    local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), zones[0])
+    camera = sample.rows["camera"].fillna("").to_numpy()
+    is_back = (camera[1:] == camera[:-1]) & (np.diff(local) < -_HOUR_MS)
+    last, then = local[:-1][is_back], local[1:][is_back]
+    is_midnight = (last % _DAY_MS > _DAY_MS - _HOUR_MS) & (then % _DAY_MS < _HOUR_MS) & (last - then < _DAY_MS)
+    if len(last) and is_midnight.all():
+        yield Doubt(
+            "W227",
+            f"after {_clock(int(last[0]))} comes {_clock(int(then[0]))}: the date does not change at midnight",
+            "the hours after midnight would be stored as those of the day before",
+            "export dates that change with the day; the column may hold the day of the export",
+            is_sure=True,
+        )
+
+
+def _closed(case: Case) -> Iterator[Doubt]:
+    """W223: times with an offset, or since 1970, of which hardly any is in opening hours."""
+    site, sample = case.site, case.sample
+    is_stated = case.options.start is not None or case.options.zone is not None
+    if site.opening is None or is_stated or sample.rows["ts_ms"].nunique() < ROWS_MIN:
+        return
+    local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), site.timezone)
+    share = 1 - open_share(local, site)
+    if share > CLOSED_SHARE:
+        yield Doubt(
+            "W223",
+            f"{share:.0%} of the records are outside opening hours: {_clock(int(local.min()))} to "
+            f"{_clock(int(local.max()))} in {site.timezone}",
+            "the engine's clock may be that of another zone; hours outside opening enter no figure",
+            "check the first time on the card against the clock on the wall, and opening in vsd.toml",
+            is_note=True,
+        )
+
+
 def _scattered(case: Case) -> Iterator[Doubt]:
     """W224: people of one frame with times of their own, so that nobody is ever seen together with anybody."""
     sample = case.sample
@@ -221,4 +262,12 @@ def _busy_ms(lives: pd.DataFrame) -> float:
     return float((lasts - firsts).sum())
 
 
-TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_years, _half_days, _zones, _merging, _scattered)
+TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+    _years,
+    _half_days,
+    _midnights,
+    _zones,
+    _closed,
+    _merging,
+    _scattered,
+)

@@ -11,7 +11,7 @@ from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
 
-_SAYS_NOTHING = frozenset({"is_sure", "profile", "line_max_bytes", "persons_max", "pairs_max"})
+_SAYS_NOTHING = frozenset({"is_sure", "is_only_camera", "profile", "line_max_bytes", "persons_max", "pairs_max"})
 """Options that do not change how a record is read."""
 
 

@@ -158,11 +158,22 @@ def ambiguous_note(zone: str) -> str:
     )
 
 
+def skipped_note(zone: str) -> str:
+    """Return the warning about times that no clock of a zone shows."""
+    return (
+        f"W211: some times are in the hour that {zone} skips when clocks are put forward, so they are not of that "
+        "zone's clock: state the zone that they are in, and import again"
+    )
+
+
 def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: str) -> Instants:
     if is_exact.all():
         return Instants(ms, is_wrong)
-    ms[~is_exact], is_ambiguous = local_to_utc(ms[~is_exact], zone)
+    local_ms = ms[~is_exact]
+    ms[~is_exact], is_ambiguous = local_to_utc(local_ms, zone)
     notes = [ambiguous_note(zone)] if is_ambiguous.any() else []
+    if (utc_to_local(ms[~is_exact], zone) != local_ms).any():
+        notes.append(skipped_note(zone))
     zones = pc.if_else(pa.array(is_exact), pa.scalar(None, pa.string()), zone)
     return Instants(ms, is_wrong, notes, zones)
 

@@ -26,7 +26,7 @@ from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.table_head import VALUES_MAX, TableHead
 from vsd_analytics.ingest.table_rows import LEFT_OUT
-from vsd_analytics.ingest.telling_names import named_like
+from vsd_analytics.ingest.telling_names import Role, named_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import OPERATORS, parse_where
 
@@ -36,7 +36,7 @@ _HEAD_MESSAGES: Final = 500
 _LEAF_DEPTH: Final = 4
 _KEYS_MAX: Final = 10
 _KEY_CHARS: Final = 40
-_ABSENT: Final = object()
+_TELLING: Final[tuple[Role, ...]] = ("camera", "id", "class", "confidence", "absent", "state", "storey")
 
 
 class JsonMap(JsonMessages):
@@ -72,9 +72,12 @@ class JsonMap(JsonMessages):
         paths = message_paths(options)
         read = {*paths.theirs.values(), *(c.column for c in paths.where)}
         values: dict[str, Counter[str]] = {}
+        passed_over: set[str] = set()
         for _, message, _, _ in islice(messages(source, options), _HEAD_MESSAGES):
             if message is None:
                 continue
+            if paths.persons is not None:
+                passed_over.update(_passed_over(message, paths.persons))
             try:
                 people = [person for _, person in _persons(message, paths.persons)]
             except BadRowError:
@@ -94,8 +97,8 @@ class JsonMap(JsonMessages):
             {c.column: 0 for c in paths.where},
             options.time_format,
         )
-        telling = {n: c for n, c in values.items() if any(named_like([n], r) for r in ("camera", "id", "class"))}
-        return TableHead(plan, list(values), telling)
+        telling = {n: c for n, c in values.items() if any(named_like([n], role) for role in _TELLING)}
+        return TableHead(plan, list(values), telling, passed_over=sorted(passed_over))
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +182,16 @@ def _persons(message: Mapping[str, Any], path: str | None) -> list[tuple[str | N
     if any(not isinstance(person, dict | list) for _, person in people):
         raise BadRowError("bad-message", f"a person at {path[:80]!r} is neither an object nor a list")
     return people
+
+
+def _passed_over(message: Mapping[str, Any], path: str) -> Iterator[str]:
+    """Yield the beginning of a path that takes one entry of a list that has more."""
+    names = path.split(".")
+    for i, name in enumerate(names):
+        if name.isdecimal():
+            found = value_at(message, ".".join(names[:i])) if i else None
+            if isinstance(found, list) and len(found) > 1:
+                yield ".".join(names[: i + 1])
 
 
 def _no_list(message: Mapping[str, Any], path: str, found: Any) -> str:

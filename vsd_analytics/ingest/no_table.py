@@ -11,6 +11,7 @@ from vsd_analytics.ingest.adapter import Source
 
 _CSV: Final = "export the table as CSV or Parquet"
 _UNPACK: Final = "unpack it, and name the files inside; gzip, bzip2, zstd, zip and tar are read as they are"
+_UTF_8: Final = "save it as CSV UTF-8, or: iconv -f UTF-16 -t UTF-8 FILE > utf8.csv"
 _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\xd0\xcf\x11\xe0", "an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
     (
@@ -33,6 +34,11 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\x80\x04", "a Python pickle", _CSV),
     (b"\x80\x05", "a Python pickle", _CSV),
     (b"MATLAB", "a MATLAB file", _CSV),
+    (b"ORC", "an ORC file", "write it as Parquet"),
+    (b"Obj\x01", "an Avro file", "write it as Parquet"),
+    (b"\xff\xff\xff\xff", "a stream of Arrow", "write it as an Arrow file, Feather or Parquet"),
+    (b"\xff\xfe", "text in UTF-16", _UTF_8),
+    (b"\xfe\xff", "text in UTF-16", _UTF_8),
     (b"#ROSBAG", "a ROS bag", "export the topic of positions as CSV, or as JSON lines"),
     (b"\x89PNG", "a picture", "name the file with the positions"),
     (b"\xff\xd8\xff", "a picture", "name the file with the positions"),

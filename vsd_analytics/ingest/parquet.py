@@ -21,7 +21,7 @@ from vsd_analytics.ingest.arrow_cells import is_text, plain, text_lengths
 from vsd_analytics.ingest.limits import MB, records_max, too_many, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.parquet_pages import PageError, ParquetPage, pages
 from vsd_analytics.ingest.raw import rejected
-from vsd_analytics.ingest.table_file import Chunk, Header, unique_names
+from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
 
 READ_ROWS = BATCH_ROWS // 2
 READ_BYTES = 16 * MB
@@ -61,7 +61,7 @@ class ParquetTable:
                 fix="copy or export the file again",
             ) from None
         self.names: list[str] = self._schema.names
-        self.header = Header(unique_names(self.names))
+        self.header = Header(unique_names(self.names), repeated=repeated_names(self.names))
         self.first_line: str | None = None
         self.has_decimal_comma = False
         self.n_rows: int = self._metadata.num_rows

@@ -9,27 +9,28 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
-from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, empty, not_a_file
-from vsd_analytics.ingest.adapters import adapter, formats
+from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.import_identity import import_id
 from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
+from vsd_analytics.ingest.late_look import LateLook
 from vsd_analytics.ingest.limits import within_bounds
-from vsd_analytics.ingest.no_table import not_recognised
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
+from vsd_analytics.ingest.recognise import find_adapter
 from vsd_analytics.ingest.sample import SAMPLE_ROWS
 from vsd_analytics.ingest.table_rows import LEFT_OUT
 from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site, SourceProfile
 from vsd_analytics.store import FoldResult, Store
-from vsd_analytics.store.imports import ImportLine, next_run, note_import
+from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
@@ -117,42 +118,6 @@ class IngestResult:
         return sum(sum(s.n_rejected.values()) for s in self.sources) + self.fold.n_sealed
 
 
-def find_adapter(source: Source, options: IngestOptions) -> Adapter:
-    """Return the adapter the user named, or the first that recognises the source.
-
-    Raises:
-        InputError: E201 no such file, E202 empty file, E204 no format recognises it, E205 damaged from its first line.
-    """
-    where = Where(source.name)
-    if not source.path.exists():
-        raise InputError(
-            f"there is no file {source.name}",
-            code="E201",
-            where=where,
-            why="that path is neither a file nor a folder",
-            fix="check the path and the spelling",
-        )
-    if not (source.path.is_file() or source.path.is_dir()):
-        raise not_a_file(source)
-    if source.size_bytes == 0:
-        raise empty(source)
-    if options.format is not None:
-        return adapter(options.format)
-    if options.columns is not None:
-        return adapter("table")
-    if options.persons is not None:
-        return adapter("json")
-    for name in formats():
-        candidate = adapter(name)
-        if candidate.detects(source):
-            return candidate
-    if source.path.is_file() and not source.head(1):
-        raise empty(source)
-    if options.map and source.path.is_file():
-        return adapter("table")
-    raise not_recognised(source, formats())
-
-
 def ingest(
     site: Site,
     paths: Sequence[Path],
@@ -198,14 +163,18 @@ def ingest(
     store = store or Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
+    sources = [Source(path, settings=site.settings, shown=(shown or {}).get(path)) for path in paths]
+    earlier = [line.source for line in imports_of(site.root / "store").values() if not line.is_taken_back]
     results = []
     days = store.days()
     run = next_run(site.root / "store")
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
-        for path in paths:
-            source = Source(path, settings=site.settings, shown=(shown or {}).get(path))
+        for source in sources:
             read = options_for(site, source, options)
-            result = _Ingest(site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run).run()
+            files = tuple(dict.fromkeys([source.name, *(s.name for s in sources), *earlier]))
+            result = _Ingest(
+                site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, files
+            ).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
             results.append(result)
@@ -236,6 +205,7 @@ class _Ingest:
     on_bytes: Callable[[int], None] | None
     on_card: Callable[[SourceResult], None] | None
     run_number: int
+    files: tuple[str, ...]
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -302,10 +272,13 @@ class _Ingest:
             head, error = _head(batches)
             if head:
                 self.understand(result, reader, head)
-            yield from head
+            late = LateLook(self.site, self.source, reader, self.options, result.card, self.files)
+            for batch in chain(head, () if error is not None else batches):
+                late.add(batch)
+                yield batch
+            result.notes += late.notes(import_id=result.import_id)
             if error is not None:
                 raise error
-            yield from batches
         except OSError as error:
             raise InputError(
                 f"{self.source.file_name} cannot be read: {error.strerror or error}",
@@ -317,7 +290,7 @@ class _Ingest:
     def understand(self, result: SourceResult, reader: Adapter, head: Sequence[RawBatch]) -> None:
         """Make the card of the source, and refuse what is almost surely wrong."""
         is_whole = sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS
-        card = understand(self.site, self.source, reader, self.options, head, is_whole=is_whole)
+        card = understand(self.site, self.source, reader, self.options, head, is_whole=is_whole, files=self.files)
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
         if self.on_card is not None:
@@ -391,6 +364,7 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     """
     known = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     camera = options.camera
+    is_only_camera = options.is_only_camera or (camera is None and len(site.cameras) == 1)
     if camera is None and len(site.cameras) == 1:
         camera = site.cameras[0].camera_id
     elif camera is not None and camera not in known:
@@ -410,6 +384,7 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     return replace(
         options,
         camera=camera,
+        is_only_camera=is_only_camera,
         site_map={**site.ingest_map, **options.site_map},
         frame_zone=options.zone or (zones.pop() if len(zones) == 1 else options.frame_zone),
         clocks={**{name: options.zone or c.clock for name, c in known.items()}, **options.clocks},

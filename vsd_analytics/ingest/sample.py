@@ -62,7 +62,8 @@ class Sample:
         if values.empty:
             return None
         low, high = values.quantile(tail, interpolation="higher"), values.quantile(1 - tail, interpolation="lower")
-        return float(low[across]), float(high[across]), float(low[up]), float(high[up])
+        (left, right), (bottom, top) = (sorted((float(low[c]), float(high[c]))) for c in (across, up))  # of two records
+        return left, right, bottom, top
 
     def speeds_m_s(self, *, step_min_s: float = 0.0) -> np.ndarray:
         """Return the speeds between successive records of one track, in metres a second.
@@ -104,11 +105,12 @@ class Sample:
         return None if steps.empty else float(steps.median()) / 1000
 
 
-def sample_of(batches: Sequence[RawBatch], *, is_whole: bool) -> Sample:
-    """Return the sample of the first batches of a source, at most `SAMPLE_ROWS` records."""
+def sample_of(batches: Sequence[RawBatch], *, is_whole: bool, n_last: int | None = None) -> Sample:
+    """Return the sample of some batches of a source: the first `SAMPLE_ROWS` records, or the last `n_last`."""
     name = "observations" if any(b.table("observations").num_rows for b in batches) else "pairs"
     parts = [b.table("pairs" if name == "pairs" else "observations") for b in batches]
-    table = pa.concat_tables(parts).slice(0, SAMPLE_ROWS) if parts else RawBatch().table("observations")
+    whole = pa.concat_tables(parts) if parts else RawBatch().table("observations")
+    table = whole.slice(0, SAMPLE_ROWS) if n_last is None else whole.slice(max(0, whole.num_rows - n_last))
     column = {c: table[c].to_pandas() for c in table.column_names}
     nothing = pd.Series(np.full(table.num_rows, np.nan))
     columns = {"camera": column["camera"], "ts_ms": column["ts_ms"], "line": column["line"]}

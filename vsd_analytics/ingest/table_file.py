@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ class Header:
 
     Attributes:
         names: Column names, each once.
+        repeated: Those that the file has more than once.
         line: Number of the header line; None without a header.
         text: That line, or the first record of a headerless file; None in files that are no text.
     """
@@ -26,6 +28,7 @@ class Header:
     names: Sequence[str]
     line: int | None = None
     text: str | None = None
+    repeated: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +74,11 @@ class TableFile(Protocol):
     def can_read(self, column: int) -> bool:
         """Return whether a column is of a type that can be read."""
         ...
+
+
+def repeated_names(names: Sequence[str]) -> frozenset[str]:
+    """Return the names that come more than once."""
+    return frozenset(name for name, n in Counter(names).items() if n > 1 and name not in ("", "_"))
 
 
 def unique_names(names: Sequence[str]) -> list[str]:

@@ -21,7 +21,9 @@ VALUES_MAX = 200
 SHOWN_ROWS = 3
 _CHARS = 80
 _SIDES = ("bottom", "top")
-_ROLES: tuple[Role, ...] = ("camera", "id", "class", "confidence", "time", "date", "file", "storey", "absent")
+_ROLES: tuple[Role, ...] = ("camera", "id", "class", "confidence", "time", "date", "file", "storey", "absent", "state")
+LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "state")
+"""What is looked at to the end of a file: these columns have few values."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,7 @@ class TableHead:
         n_upside_down: Those whose bottom has the smaller number: y points up.
         parts: Names of the files that are read, of a folder or archive.
         unread: Names of the files of a folder or archive that hold data by their names, and are not read.
+    passed_over: Paths of lists in a JSON message of whose entries one is read.
     """
 
     plan: ColumnPlan
@@ -49,6 +52,7 @@ class TableHead:
     n_upside_down: int = 0
     parts: Sequence[str] = ()
     unread: Sequence[str] = ()
+    passed_over: Sequence[str] = ()
 
 
 def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
@@ -65,9 +69,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     names = file.header.names
     free = [i for i in range(len(names)) if i not in read]
     ignored = [names[i] for i in free if names[i] != f"_{i}"]
-    telling = {names[i] for role in _ROLES for i in free if named_like([names[i]], role)}
-    telling -= set(FILE_COLUMNS) - {"camera_id", "track_id"}
-    watched = {name: i for i, name in enumerate(names) if name in telling and file.can_read(i)}
+    watched = watched_columns(file, plan, _ROLES)
     wanted = {**plan.theirs, **{beside(name): i for name, i in (*watched.items(), *plan.compared.items())}}
     values: dict[str, Counter[str]] = {name: Counter() for name in (*watched, *plan.compared)}
     rows: dict[int, dict[str, str]] = {}
@@ -97,6 +99,22 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
         n_boxes,
         n_upside_down,
     )
+
+
+def watched_columns(file: TableFile, plan: ColumnPlan, roles: Sequence[Role]) -> dict[str, int]:
+    """Return the columns that are not read and whose names tell what they hold, by their names."""
+    read = set(plan.theirs.values()) | set(plan.compared.values())
+    names = file.header.names
+    telling = {n for role in roles for n in named_like((n for i, n in enumerate(names) if i not in read), role)}
+    telling -= set(FILE_COLUMNS) - {"camera_id", "track_id"}
+    return {name: i for i, name in enumerate(names) if name in telling and file.can_read(i)}
+
+
+def values_of(texts: pa.Array) -> Counter[str]:
+    """Return how often each text of a column occurs, of at most `VALUES_MAX`."""
+    counter: Counter[str] = Counter()
+    _count(texts, counter)
+    return counter
 
 
 def _count(texts: pa.Array, counter: Counter[str]) -> None:

@@ -18,13 +18,14 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest import arrow_file
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.archive import archive_kind
-from vsd_analytics.ingest.columns import ColumnPlan, plan_columns
+from vsd_analytics.ingest.cell_values import trimmed
+from vsd_analytics.ingest.columns import ColumnPlan, beside, plan_columns
 from vsd_analytics.ingest.json_table import JsonTable
 from vsd_analytics.ingest.no_table import kind_of_no_table
 from vsd_analytics.ingest.parquet import ParquetTable
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.table_file import TableFile
-from vsd_analytics.ingest.table_head import TableHead, head_of
+from vsd_analytics.ingest.table_head import LASTING, TableHead, head_of, values_of, watched_columns
 from vsd_analytics.ingest.table_parts import PartWithConstants, TablePart, has_parts, parts_of, unread_of
 from vsd_analytics.ingest.table_rows import raw_batch
 from vsd_analytics.ingest.text_table import TextTable, as_text, delimiter_of, split_by
@@ -91,7 +92,9 @@ class Tables:
         if self._is_only_where:
             plan = plan.only_where()
         with file.readable():
-            for chunk in file.chunks(plan.wanted):
+            beside_ours = {} if self._is_only_where else watched_columns(file, plan, LASTING)
+            wanted = {**{beside(name): i for name, i in beside_ours.items()}, **plan.wanted}
+            for chunk in file.chunks(wanted):
                 batch = raw_batch(plan, chunk.columns, chunk.lines, options, decimal_comma=file.has_decimal_comma)
                 bad: list[Rejected] = list(batch.rejected)
                 if chunk.whole is not None:
@@ -101,6 +104,7 @@ class Tables:
                     rejected=[*chunk.rejected, *bad],
                     done_bytes=chunk.done_bytes,
                     first_line=file.first_line,
+                    values={name: values_of(trimmed(chunk.columns[beside(name)])) for name in beside_ours},
                 )
 
     def head(self, source: Source, options: IngestOptions) -> TableHead:
@@ -143,7 +147,7 @@ def open_table(source: Source, options: IngestOptions) -> TableFile:
     if head.startswith(_ZIP) and is_workbook(source):
         return Workbook(source)
     known = kind_of_no_table(source)
-    if known is not None or (b"\0" in head.partition(b"\n")[0] and not head.startswith((b"\xff\xfe", b"\xfe\xff"))):
+    if known is not None or b"\0" in head.partition(b"\n")[0]:
         what, fix = known or ("a binary file", "export the table as CSV or Parquet")
         raise InputError(f"{source.file_name} is {what}, no table", code="E204", where=Where(source.name), fix=fix)
     if head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"[", b"{")) and options.columns is None:

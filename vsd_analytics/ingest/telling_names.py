@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterable
 from typing import Final, Literal
 
-Role = Literal["camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent"]
+Role = Literal["camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent", "state"]
 
 
 def _words(text: str) -> frozenset[str]:
@@ -45,6 +45,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "storey": _words("floor floorid floorname floorno level levelid storey story etage stockwerk geschoss planta"),
     "third axis": _words("z zm zmm zcm zft posz positionz worldz zpos zposition elevation"),
     "absent": _words("lost islost outside outsideview invisible deleted"),
+    "state": _words("state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus"),
 }
 
 _PLACES: Final = (
@@ -111,6 +112,11 @@ PERSON: Final = _words(
     "fuganger uomo donna"
 )
 """Words for what is counted, as classes of detectors name it."""
+
+GONE: Final = _words(
+    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated"
+)
+"""States of a track whom the tracker does not see."""
 
 VAGUE: Final = frozenset({"kind", "type", "tipo", "typ"})
 """Names of columns that hold anything: they name classes only where a class of objects is in them."""
@@ -179,6 +185,9 @@ def unaccented(text: str) -> str:
     return "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
 
 
+_MOTION: Final = re.compile(
+    r"(?:v|vel|velocity|speed|a|acc|accel|acceleration)[xyz]|[xyz](?:vel|velocity|speed|acc|accel|acceleration)"
+)
 _DEGREES: Final = _words(
     "lat latitude latitudine lon lng long longitude longitudine angle bearing azimuth heading theta deg degrees"
 )
@@ -195,6 +204,11 @@ _SIDES: Final = {
 def names_degrees(name: str) -> bool:
     """Return whether a column's name says that it holds an angle, such as a latitude."""
     return any(part.lower() in _DEGREES for part in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name))
+
+
+def names_motion(name: str) -> bool:
+    """Return whether a column's name says that it holds a speed or an acceleration along an axis, such as `vel_x`."""
+    return _MOTION.fullmatch(letters(name.rpartition(".")[2])) is not None
 
 
 def cameras_in(texts: Iterable[str]) -> set[str]:

@@ -12,18 +12,20 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, Adapter, IngestOptions, RawBatch, Source
 from vsd_analytics.schema import RAW_SCHEMAS
+from vsd_analytics.store.layout import HOUR_MS
 
 OTHER_FILES: Final = (b"", b"\n", b"ts,track_id,x_m,y_m\n", b'{"v": 1, "camera": "a"}\n', bytes(range(256)) * 4)
 """Files that no adapter of one engine may take for its own."""
 BATCH_MAX: Final = 2 * BATCH_ROWS
 _CUTS: Final = 25
+_TOKYO: Final = "Asia/Tokyo"  # nine hours before UTC, all year
 _ONE_CAMERA: Final = IngestOptions(camera="cam-1")
 
 
@@ -74,9 +76,25 @@ def prove(make: Callable[[], Adapter], sample: AdapterSample, folder: Path) -> N
     first_ms = min((row["ts_ms"] for row in rows), default=None)
     assert sample.first_ms in (None, first_ms), f"the first record is at {first_ms} ms, not at {sample.first_ms}"
     assert rows == _records(make, sample, sample.data, folder), "the same file gives other records the second time"
+    _prove_zones(make, sample, folder)
     if sample.bad_line is not None:
         _prove_lines(make, sample, folder, rows)
     _prove_damage(make, sample, folder)
+
+
+def _prove_zones(make: Callable[[], Adapter], sample: AdapterSample, folder: Path) -> None:
+    """Times without an offset, which have a zone, are read on the clock that the user states."""
+    read = {}
+    for zone in ("UTC", _TOKYO):
+        stated = replace(sample, options=replace(sample.options, zone=zone, frame_zone=zone, clocks={}))
+        read[zone] = _records(make, stated, sample.data, folder)
+    for here, there in zip(read["UTC"], read[_TOKYO], strict=True):
+        if here["zone"] is not None:
+            assert there["zone"] == _TOKYO, "the zone of a record must be the clock that its time was read on"
+            assert here["ts_ms"] - there["ts_ms"] == 9 * HOUR_MS, (
+                "a time without an offset must be read on the clock of its zone: local_to_utc() in "
+                "vsd_analytics.ingest.instants; --zone would change nothing"
+            )
 
 
 def _prove_lines(make: Callable[[], Adapter], sample: AdapterSample, folder: Path, rows: Sequence[Any]) -> None:

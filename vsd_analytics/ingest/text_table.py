@@ -16,13 +16,12 @@ from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source, bytes_read, empty
 from vsd_analytics.ingest.raw import BadRowError, rejected, whole_line
-from vsd_analytics.ingest.table_file import Chunk, Header, unique_names
+from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
 from vsd_analytics.ingest.text_lines import line_blocks
 
 BLOCK_BYTES = 1 << 20  # a block may be all line ends, or lines of one character, each of them a record
 _TITLE_LINES = 30
 """Lines above a header that may hold a title, remarks or the `sep=;` of Excel."""
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class TextTable:
@@ -39,14 +38,6 @@ class TextTable:
     def __init__(self, source: Source, options: IngestOptions) -> None:
         self._source, self._max_bytes = source, options.line_max_bytes
         head = source.head()
-        if head.startswith(_UTF_16):
-            raise InputError(
-                f"{source.file_name} is text in UTF-16",
-                code="E204",
-                where=Where(source.name),
-                why="tables are read as UTF-8",
-                fix=f"iconv -f UTF-16 -t UTF-8 {source.file_name} > utf8.csv   (or save it as CSV UTF-8)",
-            )
         lines = as_text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
         # with --columns there is no header line, so lines that start with # before the first record are comments
         skipped = "#" if options.columns is not None else ()
@@ -71,7 +62,7 @@ class TextTable:
         if options.columns is None:
             cells[0] = cells[0].lstrip("# ")
             cells = cells[1:] if self._delimiter == " " and not cells[0] else cells
-            self.header = Header(unique_names(cells), at + 1, first)
+            self.header = Header(unique_names(cells), at + 1, first, repeated_names(cells))
         else:
             if len(options.columns) > len(cells):
                 raise InputError(
@@ -86,6 +77,8 @@ class TextTable:
         self.has_decimal_comma = self._delimiter == ";"
         self._n_cells = len(self.header.names)
         self._n_header = at + (options.columns is None)
+        self._names = sorted(cells) if options.columns is None and not self.header.repeated else []
+        self._in_order = cells
 
     def chunks(self, wanted: Mapping[str, int]) -> Iterator[Chunk]:
         """Read columns as texts; see `TableFile.chunks`.
@@ -132,12 +125,27 @@ class TextTable:
                     if len(cells) != self._n_cells + 1 or cells[-1].strip():
                         detail = f"the row has {len(cells)} fields, {self._n_cells} expected"
                         raise BadRowError("wrong-number-of-fields", detail)
+                if cells[0] in self._names and self._is_other_header(cells):
+                    raise self._other_header(number, text)
                 numbers.append(number)
                 rows.append(cells)
             except BadRowError as error:
                 reason, detail = error.args
                 bad.append(rejected(number, reason=reason, detail=detail, record=line or b""))
         return numbers, rows, bad
+
+    def _is_other_header(self, cells: list[str]) -> bool:
+        found = [cell.strip() for cell in cells]
+        return found != self._in_order and sorted(found) == self._names
+
+    def _other_header(self, number: int, text: str) -> InputError:
+        return InputError(
+            f"{self._source.file_name} has a second header, with its columns in another order",
+            code="E203",
+            where=Where(self._source.name, number, text),
+            why="several exports seem to be joined in it; the rows below would be read from the wrong columns",
+            fix="make a file of each part; the rows above are stored",
+        )
 
 
 class _WholeLines(Mapping[int, str | None]):

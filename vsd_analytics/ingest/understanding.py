@@ -115,7 +115,14 @@ class SourceCard:
 
 
 def understand(
-    site: Site, source: Source, reader: Adapter, options: IngestOptions, head: Sequence[RawBatch], *, is_whole: bool
+    site: Site,
+    source: Source,
+    reader: Adapter,
+    options: IngestOptions,
+    head: Sequence[RawBatch],
+    *,
+    is_whole: bool,
+    files: Sequence[str] = (),
 ) -> SourceCard:
     """Return what was understood of a source.
 
@@ -126,10 +133,11 @@ def understand(
         options: What the user says, completed from vsd.toml.
         head: The first batches.
         is_whole: Whether there are no others.
+        files: Names of the source, then of others of the command and of earlier imports.
     """
     sample = sample_of(head, is_whole=is_whole)
-    table = _table_head(source, reader, options)
-    case = Case(site, options, sample, table)
+    table = table_head(source, reader, options)
+    case = Case(site, options, sample, table, files)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are quarantined later
         return _card(case, reader.name)
 
@@ -148,7 +156,8 @@ def refused(source: Source, card: SourceCard) -> InputError:
     )
 
 
-def _table_head(source: Source, reader: Adapter, options: IngestOptions) -> TableHead | None:
+def table_head(source: Source, reader: Adapter, options: IngestOptions) -> TableHead | None:
+    """Return the columns of a source and what the first rows hold in them; None where the user has no say in them."""
     look = getattr(reader, "head", None)
     if look is None:
         return None

@@ -13,7 +13,7 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import Source, empty
 from vsd_analytics.ingest.cell_texts import CellTable, cell_text
 from vsd_analytics.ingest.limits import unpacked_max, unpacks_too_far
-from vsd_analytics.ingest.table_file import Header, unique_names
+from vsd_analytics.ingest.table_file import Header, repeated_names, unique_names
 
 COLUMNS_MAX = 500
 LOOKED_AT_ROWS = 50
@@ -55,7 +55,7 @@ class Workbook(CellTable):
         while names and not names[-1]:
             names.pop()
         super().__init__(
-            Header(unique_names(names[:COLUMNS_MAX]), self._n_header),
+            Header(unique_names(names[:COLUMNS_MAX]), self._n_header, repeated=repeated_names(names[:COLUMNS_MAX])),
             cell_max_bytes=int(source.settings.cell_max_bytes),
         )
 

@@ -411,9 +411,9 @@ def _shortened(text: str) -> str:
 
 def _style(footer: str) -> str:
     """Return the report's style, the index's after it, and the printed footers."""
-    font = "font: 8pt Arial, sans-serif; color: #525d68"
+    of, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
     pages = (
         f"@page {{ @bottom-left {{ content: {css_string(footer)}; {font} }} "
-        f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
+        f"@bottom-right {{ content: counter(page) {of} counter(pages); {font} }} }}"
     )
     return shipped_style("report.css") + shipped_style("index.css") + pages

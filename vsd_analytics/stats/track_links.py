@@ -34,8 +34,16 @@ FARTHEST_M: Final = 30.0
 SAME_CAMERA_M: Final = 1.5
 """Shorter gaps within one camera's view are tracks that were cut, which shares of flow already count as lost."""
 
+IN_WAVES: Final = "flow.waves"
 MAX_CHANCE: Final = 0.8
 """Share of ends with a start that fits by chance, above which too few are left to tell people from chance."""
+
+WAVE_S: Final = 30.0
+"""People within so many seconds of each other may be of one wave: out of one lift, or of one lecture that ended."""
+AROUND_S: Final = 300.0
+"""How many people there are at that time of the day is known from so many seconds around."""
+MAX_COMPANY: Final = 1.5
+"""Others of one wave on average, at both places, from which one cause may send people to both: couples are fewer."""
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -69,11 +77,15 @@ class LinkCounts:
         ends: Ends, shape (n_areas, n_days).
         forward: Those given a later start, shape (n_areas, n_areas, n_days): from, to, day.
         backward: Those given an earlier start, same shape.
+        company_of_ends, company_of_starts: How many others a person of the area comes with, beyond chance, shape
+            (n_areas,).
     """
 
     ends: Array
     forward: Array
     backward: Array
+    company_of_ends: Array
+    company_of_starts: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +108,11 @@ class LinkedShare:
     n_chance: int
     n: int
     reason: Reason | None
+
+    @property
+    def possible(self) -> float:
+        """The share that the links more than chance gives come to, also where they may have another cause."""
+        return self.value if self.value is not None else max(0, self.n_links - self.n_chance) / max(1, self.n)
 
 
 def link_counts(ends: TrackEnds, starts: TrackEnds, *, n_areas: int, n_days: int) -> LinkCounts:
@@ -139,7 +156,13 @@ def link_counts(ends: TrackEnds, starts: TrackEnds, *, n_areas: int, n_days: int
         found.append(counts)
     every = np.zeros((n_areas, n_days))
     np.add.at(every, (ends.area, ends.day), 1.0)
-    return LinkCounts(every, *found)
+    return LinkCounts(
+        ends=every,
+        forward=found[0],
+        backward=found[1],
+        company_of_ends=_company(ends, n_areas),
+        company_of_starts=_company(starts, n_areas),
+    )
 
 
 def linked_share(
@@ -158,6 +181,9 @@ def linked_share(
     p_b = f_b - (1 - p) g_b; times ends / people who leave. Limits: jackknife over days, t quantile of D - 1 degrees of
     freedom; never narrower than Poisson counts. The upper one also holds the case that no start is given by chance: in
     a crowd, starts given by chance are lacking for those who went on.
+
+    Unknown where people leave the area and enter the other one in waves (`MAX_COMPANY`): times alone cannot tell people
+    who walk from one cause, such as the end of a lecture, that sends others to the second place.
 
     Args:
         counts: Of all ends.
@@ -184,6 +210,8 @@ def linked_share(
         return LinkedShare(None, None, None, *found, Reason("flow.few", least=MIN_LEAVING, has=n))
     if behind.sum() > MAX_CHANCE * counts.ends[origin].sum():
         return LinkedShare(None, None, None, *found, Reason("flow.crowd"))
+    if min(counts.company_of_ends[origin], counts.company_of_starts[to]) >= MAX_COMPANY:
+        return LinkedShare(None, None, None, *found, Reason(IN_WAVES))
     every = np.ones(len(of))
     value, n_days = share(every), len(used)
     shown = min(max(value, 0.0), 1.0)
@@ -195,6 +223,24 @@ def linked_share(
     half = t_quantile(n_days - 1, confidence=confidence) * math.sqrt(max(variance, least))
     most = max(shown, float(ahead[to].sum()) / n)
     return LinkedShare(shown, min(max(0.0, value - half), shown), min(1.0, most + half), *found, None)
+
+
+def _company(of: TrackEnds, n_areas: int) -> Array:
+    """Return how many others come within `WAVE_S` of a person, by area, less those of an even stream around them.
+
+    The stream is that of `AROUND_S` before and after, without the wave itself.
+    """
+    company = np.zeros(n_areas)
+    for area in range(n_areas):
+        at_s = np.sort(of.at_s[of.area == area])
+        if not len(at_s):
+            continue
+        near, around = (
+            np.searchsorted(at_s, at_s + s, side="right") - np.searchsorted(at_s, at_s - s) - 1.0
+            for s in (WAVE_S, AROUND_S)
+        )
+        company[area] = (near - (around - near) * WAVE_S / (AROUND_S - WAVE_S)).mean()
+    return company
 
 
 def _near_in_time(ends: TrackEnds, starts: TrackEnds, reach_s: float) -> tuple[Ints, Ints]:

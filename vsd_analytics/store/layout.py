@@ -9,7 +9,9 @@ store/<table>/site=<site>/date=<YYYY-MM-DD>/<HH>-<digest>.parquet     UTC; sorte
 
 from __future__ import annotations
 
+import os
 import re
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, date, datetime
@@ -19,6 +21,8 @@ from pathlib import Path
 from vsd_analytics.schema import TableName
 
 HOUR_MS = 3_600_000
+_EVER = 10**9
+"""An hour number after all others."""
 _PART = re.compile(r"^(?P<hour>[01]\d|2[0-3])-(?P<digest>[0-9a-f]{16})\.parquet$")
 _SEGMENT = re.compile(r"^[0-9a-f]{16}\.parquet$")
 _DATE = re.compile(r"^date=(\d{4}-\d{2}-\d{2})$")
@@ -57,7 +61,12 @@ def unit_folder(root: Path, table: str, site_id: str, hour: int) -> Path:
 @lru_cache(maxsize=4096)
 def _day_folder(root: Path, table: str, site_id: str, day: int) -> Path:
     # A build asks for the folder of every file several times, and joining paths took longer than opening the files.
-    return root / table / f"site={site_id}" / f"date={date_of_hour(day * 24).isoformat()}"
+    return _site_folder(root, table, site_id) / f"date={date_of_hour(day * 24).isoformat()}"
+
+
+@lru_cache(maxsize=256)
+def _site_folder(root: Path, table: str, site_id: str) -> Path:
+    return root / table / f"site={site_id}"
 
 
 def segment_paths(store: Path, table: TableName) -> list[Path]:
@@ -80,33 +89,45 @@ def list_parts(
         first_hour: First UTC hour number; None = open.
         last_hour: Last UTC hour number (inclusive); None = open.
     """
-    return sorted(_parts(root / table / f"site={site_id}", first_hour, last_hour))
+    return sorted(_parts(root, table, site_id, first_hour, last_hour))
 
 
 def list_days(root: Path, table: str, site_id: str) -> list[int]:
     """Return the UTC day numbers (days since 1970) that have files of a table, in order; see `list_parts`."""
-    return sorted(midnight // 24 for day, midnight in _days(root / table / f"site={site_id}") if any(day.iterdir()))
+    days = day_folders(root, table, site_id)
+    return [day for day in days if any(map(_PART.match, _names(_day_folder(root, table, site_id, day))))]
 
 
-def _days(folder: Path) -> Iterator[tuple[Path, int]]:
-    """Yield the folders of days with the number of their first UTC hour."""
-    for day in folder.iterdir() if folder.is_dir() else ():
-        match = _DATE.match(day.name)
-        try:
-            if match is not None:
-                yield day, int(datetime.fromisoformat(match[1]).replace(tzinfo=UTC).timestamp()) // 3600
-        except ValueError:
-            continue
+def day_folders(root: Path, table: str, site_id: str) -> list[int]:
+    """Return the UTC day numbers of the folders of a table, in order; a removal that was killed leaves empty ones."""
+    names = _names(_site_folder(root, table, site_id))
+    return sorted(day for name in names if (day := _day_of(name)) is not None)
 
 
-def _parts(folder: Path, first_hour: int | None, last_hour: int | None) -> Iterator[Part]:
-    for day, midnight in _days(folder):
-        if (first_hour is not None and midnight + 23 < first_hour) or (last_hour is not None and midnight > last_hour):
-            continue
-        for path in day.iterdir():
-            part = _PART.match(path.name)
-            if part is None:
-                continue
-            hour = midnight + int(part["hour"])
-            if (first_hour is None or hour >= first_hour) and (last_hour is None or hour <= last_hour):
-                yield Part(hour, part["digest"], path)
+@lru_cache(maxsize=4096)
+def _day_of(name: str) -> int | None:
+    """Return the UTC day number of a folder's name; None where it is no day's."""
+    match = _DATE.match(name)
+    try:
+        return None if match is None else (date.fromisoformat(match[1]) - date(1970, 1, 1)).days
+    except ValueError:
+        return None
+
+
+def _names(folder: Path) -> list[str]:
+    """Return the names in a folder, none where it is not there: `iterdir` makes a path of each, which costs more."""
+    try:
+        return os.listdir(folder)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def _parts(root: Path, table: str, site_id: str, first_hour: int | None, last_hour: int | None) -> Iterator[Part]:
+    ends = (-_EVER if first_hour is None else first_hour, _EVER if last_hour is None else last_hour)
+    days = day_folders(root, table, site_id)
+    for day in days[bisect_left(days, ends[0] // 24) : bisect_right(days, ends[1] // 24)]:
+        folder = _day_folder(root, table, site_id, day)
+        for name in _names(folder):
+            part = _PART.match(name)
+            if part is not None and ends[0] <= (hour := day * 24 + int(part["hour"])) <= ends[1]:
+                yield Part(hour, part["digest"], folder / name)

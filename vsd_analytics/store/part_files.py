@@ -22,7 +22,12 @@ ENGINES_MAX = 32
 
 def engines_of(path: Path) -> list[str]:
     """Return the engine names and versions noted in a part's or segment's metadata."""
-    noted = (pq.read_metadata(path).metadata or {}).get(ENGINES)
+    return engines_in(pq.read_metadata(path).metadata)
+
+
+def engines_in(metadata: Mapping[bytes, bytes] | None) -> list[str]:
+    """Return the engine names and versions noted in a file's metadata."""
+    noted = (metadata or {}).get(ENGINES)
     return [str(e) for e in json.loads(noted)] if noted else []
 
 
@@ -34,7 +39,12 @@ def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> p
     owner = rows[OWNER] if OWNER in rows.column_names else None
     bare = _with_engines(table, rows, engines, {})
     is_owned = owner is not None and pc.any(pc.not_equal(owner, "")).as_py()
-    return parquet_bytes(bare.append_column(OWNER, owner) if is_owned else bare, compression="lz4")
+    return parquet_bytes(
+        bare.append_column(OWNER, owner) if is_owned else bare,
+        compression="lz4",
+        use_dictionary=[f.name for f in bare.schema if pa.types.is_string(f.type)] + [OWNER],
+        write_statistics=["ts"],  # `spans` reads the hours of a segment there
+    )
 
 
 def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Buffer:

@@ -47,8 +47,8 @@ def brought_again(
     Of each import the least row of a record is taken, and no row that is noted already.
 
     Args:
-        con: A connection with the temporary tables of a fold: `spooled`, `doubtful` (spooled rows whose key comes
-            twice), `fresh` (the rows that will be stored), all with the column `owners.OWNER`.
+        con: A connection with the temporary tables of a fold: `spooled` (at least all spooled rows whose key comes
+            twice or is stored) and `fresh` (those that will be stored), both with the column `owners.OWNER`.
         table: Their table.
         stored: Parts of their hours in the table.
         noted: Parts of their hours in `again`.
@@ -62,8 +62,7 @@ def brought_again(
     keyed = f"(select *, {key_aliases(table)} from spooled) as s"
     con.execute(
         f"insert into again select s.{', s.'.join(SCHEMAS[table].names)}, s.{OWNER} "
-        f"from (select *, {key_aliases(table)} from doubtful) as s "
-        f"join (select {OWNER}, {key_aliases(table)} from fresh) as f on {same_key(table)} "
+        f"from {keyed} join (select {OWNER}, {key_aliases(table)} from fresh) as f on {same_key(table)} "
         f"where f.{OWNER} not in ('', s.{OWNER})"
     )
     if stored:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -37,7 +38,7 @@ def spans_of(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[Fol
     New days are folded together. A day that the store has records of is a span of its own, because those records are
     read too. Of a day with more rows the single hours are spans.
     """
-    found = [(path, hours_in(path), pq.read_metadata(path).num_rows) for path in segments]
+    found = [(path, *_hours_and_rows(path)) for path in segments]
     n_rows_of = {path: n_rows for path, _, n_rows in found}
     together: dict[int, list[Path]] = {}
     for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
@@ -66,7 +67,18 @@ def _of_days(by_day: Mapping[int, Sequence[Path]]) -> FoldSpan:
 
 def hours_in(segment: Path) -> frozenset[int]:
     """Return the UTC hour numbers a segment has rows of; not a range, because instants may be years apart."""
-    import numpy as np
+    return _hours_and_rows(segment)[0]
 
-    instants = pq.ParquetFile(segment).read(columns=["ts"])["ts"].cast(pa.int64())
-    return frozenset(np.unique(instants.to_numpy() // HOUR_MS).tolist())
+
+def _hours_and_rows(segment: Path) -> tuple[frozenset[int], int]:
+    """Return the UTC hour numbers a segment has rows of, and the number of its rows."""
+    with pq.ParquetFile(segment) as file:
+        about = file.metadata
+        at = about.schema.names.index("ts")
+        noted = [about.row_group(i).column(at).statistics for i in range(about.num_row_groups)]
+        if all(n is not None and n.has_min_max for n in noted):
+            ends = {int(end.timestamp()) // 3600 for n in noted for end in (n.min, n.max)}
+            if len(ends) == 1:  # most segments: their instants need not be read
+                return frozenset(ends), about.num_rows
+        instants = file.read(columns=["ts"])["ts"].cast(pa.int64()).to_numpy()
+        return frozenset(np.unique(instants // HOUR_MS).tolist()), about.num_rows

@@ -16,25 +16,21 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import DiskError, StoreError, VsdError, Where, disk_error
-from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
+from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import ballast, durable, late_records, quarantine, removal
-from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS, Part, list_days, list_parts, segment_paths, unit_folder
+from vsd_analytics.store.new_rows import new_rows
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, segment_bytes
-from vsd_analytics.store.repeats import AGAIN, brought_again, key_aliases, same_key
+from vsd_analytics.store.part_files import HASH_DIFFERS, parquet_bytes, part_bytes, segment_bytes
+from vsd_analytics.store.repeats import AGAIN
 from vsd_analytics.store.seals import FOLDER, Seals
-from vsd_analytics.store.spans import FoldSpan, hours_in, spans_of
-
-if TYPE_CHECKING:
-    import duckdb
+from vsd_analytics.store.spans import hours_in, spans_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,24 +233,23 @@ class Store:
         segments, n_sealed = self._without_late(table, segments)
         done = TableCounts(n_sealed=n_sealed)
         folders: set[Path] = set()
-        with connect() as con:
-            for span in spans_of(segments, stored_days=set(list_days(self.root, table, self.site_id))):
-                rows, again, n_read, n_second = self._new_rows(con, table, span)
-                engines = {
-                    day: sorted({e for path in paths for e in engines_of(path)}) for day, paths in span.by_day.items()
-                }
-                for root, found in ((self.root, rows), (self.root / AGAIN, again)):
-                    for hour, part in _by_hour(found):
-                        data = part_bytes(table, part, engines[hour // 24])
-                        folder = unit_folder(root, table, self.site_id, hour)
-                        self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
-                        folders.add(folder)
-                hours |= {hour for hour, _ in _by_hour(rows)}
-                done += TableCounts(rows.num_rows, n_read - rows.num_rows - n_second, n_second)
-                parts = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
-                folders |= {part.path.parent for part in parts}
-                if on_rows is not None:
-                    on_rows(n_read)
+        for span in spans_of(segments, stored_days=set(list_days(self.root, table, self.site_id))):
+            hours_of = {"first_hour": span.first_hour, "last_hour": span.last_hour}
+            known, noted = self.parts(table, **hours_of), self.repeats(table, **hours_of)
+            self.refuse_damaged([*known, *noted])  # a flipped bit in a key would let a record in twice
+            found = new_rows(table, span, known=[p.path for p in known], noted=[p.path for p in noted])
+            for root, rows in ((self.root, found.fresh), (self.root / AGAIN, found.again)):
+                for hour, part in _by_hour(rows):
+                    data = part_bytes(table, part, found.engines[hour // 24])
+                    folder = unit_folder(root, table, self.site_id, hour)
+                    self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
+                    folders.add(folder)
+            hours |= {hour for hour, _ in _by_hour(found.fresh)}
+            n_new = found.fresh.num_rows
+            done += TableCounts(n_new, found.n_read - n_new - found.n_second, found.n_second)
+            folders |= {part.path.parent for part in known}
+            if on_rows is not None:
+                on_rows(found.n_read)
         for folder in sorted(folders):  # an earlier fold may have been killed between the rename and the sync
             durable.fsync_dir(folder)
         for path in segments:
@@ -274,7 +269,7 @@ class Store:
         n_late = 0
         for path in segments:
             left.append(path)
-            if days.isdisjoint(h // 24 for h in hours_in(path)):
+            if not days or days.isdisjoint(h // 24 for h in hours_in(path)):
                 continue
             with pq.ParquetFile(path) as file:
                 rows = file.read()
@@ -304,72 +299,6 @@ class Store:
             if error.code != "E304" or not ballast.give_up(self.root):
                 raise
             durable.publish(path, data)
-
-    def _new_rows(
-        self, con: duckdb.DuckDBPyConnection, table: TableName, span: FoldSpan
-    ) -> tuple[pa.Table, pa.Table, int, int]:
-        """Return the rows of a span that the table lacks, its repeats, the rows read, and the second sightings.
-
-        Rows and repeats are sorted by hour and have the column `owners.OWNER`. Of several rows with one key the least
-        by its columns is taken, so the order of files changes nothing.
-        """
-        import duckdb
-
-        columns, key = ", ".join(SCHEMAS[table].names), ", ".join(KEYS[table])
-        known = self.parts(table, first_hour=span.first_hour, last_hour=span.last_hour)
-        noted = self.repeats(table, first_hour=span.first_hour, last_hour=span.last_hour)
-        self.refuse_damaged([*known, *noted])  # a flipped bit in a key would let a record in twice
-        try:
-            has_owner = any(OWNER in pq.read_schema(path).names for path in span.segments)
-            owner = f"coalesce({OWNER}, '')" if has_owner else "''"
-            con.execute(
-                f"create or replace temp table spooled as select {columns}, {owner} as {OWNER}, "
-                f"hash({key}) as key_hash from read_parquet($names, union_by_name = {has_owner}) "
-                "where ts >= to_timestamp($first_s) and ts < to_timestamp($end_s)",
-                {
-                    "names": [str(path) for path in span.segments],
-                    "first_s": span.first_hour * 3600,
-                    "end_s": (span.last_hour + 1) * 3600,
-                },
-            )
-            # Few keys come twice, so sorting all rows by key would be wasted work. Rows are grouped by a 64-bit hash of
-            # the key instead, and only rows that share a hash (`doubtful`) are sorted and compared.
-            con.execute(
-                "create or replace temp table doubtful as "
-                "select * from spooled where key_hash in (select key_hash from spooled group by 1 having count(*) > 1)"
-            )
-            con.execute(
-                f"create or replace temp table fresh as select {columns}, {OWNER} from spooled "
-                "where key_hash not in (select key_hash from doubtful) union all "
-                f"(select distinct on ({key}) {columns}, {OWNER} from doubtful order by {key}, {columns}, {OWNER})"
-            )
-            n_read, n_second = con.execute(
-                "select (select count(*) from spooled), "
-                f"(select count(*) from (select distinct {columns} from doubtful)) "
-                f"- (select count(*) from (select distinct {key} from doubtful))"
-            ).fetchall()[0]
-            if known:
-                con.execute(
-                    f"create or replace temp table fresh as select {columns}, {OWNER} "
-                    f"from (select *, {key_aliases(table)} from fresh) as f "
-                    f"anti join (select {key_aliases(table)} from read_parquet($names)) as s on {same_key(table)}",
-                    {"names": [str(part.path) for part in known]},
-                )
-            order = f"cast(floor(epoch_ms(ts) / {HOUR_MS}) as bigint), {columns}"
-            found = []
-            brought_again(con, table, stored=[p.path for p in known], noted=[p.path for p in noted])
-            for name in ("fresh", "again"):
-                rows = con.sql(f"select * from {name} order by {order}, {OWNER}").to_arrow_table()
-                found.append(rows.cast(SCHEMAS[table].append(pa.field(OWNER, pa.string()))))
-            for name in ("spooled", "doubtful", "fresh", "again"):
-                con.execute(f"drop table {name}")
-        except duckdb.Error as error:
-            if refused := disk_error(error):
-                raise refused from None
-            raise StoreError(
-                "the spool cannot be folded into the store", code="E302", why=str(error)[:300], fix="vsd doctor"
-            ) from None
-        return found[0], found[1], n_read, n_second
 
 
 def _damaged_segment(path: Path) -> StoreError:

@@ -14,7 +14,8 @@ hours, which are many small files: its rows are those of the day's 24 UTC hours.
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
+import os
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -37,6 +38,8 @@ AROUND_H = 25
 more for a site day on which the clocks are put back."""
 
 FOLDER = Path("facts", "days")
+NEAR_DAYS = 30
+"""A month of days without facts has day files: while a place is closed, every report reads them. See `DayFile`."""
 SITE_DAY = "site_day"
 _AROUND_DAYS = 2
 """A day file may be computed from facts AROUND_H hours off, counted from a local day that itself is up to 14 hours off
@@ -52,13 +55,13 @@ class DayFile:
     Attributes:
         path: Its path, whether it exists or not.
         inputs: Hash of each kind of input of its rows; part of the file's metadata.
-        has_facts: There are facts around that day. Rows of a day without any follow from the calendar alone and are
-            not stored: an empty year would fill the disk with files.
+        is_stored: There are facts at most NEAR_DAYS away. Rows of a day without any follow from the calendar alone:
+            those of holidays are stored, but an empty year would fill the disk with files.
     """
 
     path: Path
     inputs: InputHashes
-    has_facts: bool = True
+    is_stored: bool = True
 
 
 class DayFiles:
@@ -97,15 +100,14 @@ class DayFiles:
         days = [first + timedelta(days=i) for first, last in spans for i in range((last - first).days + 1)]
         shared, no_facts = self._shared(relation), text_hash([[], []])
         own = {d: self._own(relation, d) for d in days}
-        return {
-            d: self._file(relation, d, {**shared, **inputs}, has_facts=inputs["facts"] != no_facts)
-            for d, inputs in own.items()
-        }
+        known = [d for d, inputs in own.items() if inputs["facts"] != no_facts]
+        near = {d + timedelta(days=k) for d in known for k in range(-NEAR_DAYS, NEAR_DAYS + 1)}
+        return {d: self._file(relation, d, {**shared, **inputs}, is_stored=d in near) for d, inputs in own.items()}
 
-    def _file(self, relation: Relation, day: date, inputs: InputHashes, *, has_facts: bool = True) -> DayFile:
+    def _file(self, relation: Relation, day: date, inputs: InputHashes, *, is_stored: bool = True) -> DayFile:
         folder = unit_folder(self._folder, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
         path = folder / f"00-{day_fingerprint(relation.name, day, inputs)}.parquet"
-        return DayFile(path, inputs, has_facts)
+        return DayFile(path, inputs, is_stored)
 
     def _shared(self, relation: Relation) -> dict[str, str]:
         """Return the input hashes that all days share: queries, settings, and what they read of vsd.toml."""
@@ -166,11 +168,13 @@ def superseded(files: Iterable[DayFile]) -> list[Path]:
 
     Listing the folders also finds those whose writer was killed between writing the new file and removing the old.
     """
-    wanted = {file.path for file in files}
+    wanted: dict[Path, set[str]] = defaultdict(set)
+    for file in files:
+        wanted[file.path.parent].add(file.path.name)
     found: list[Path] = []
-    for folder in sorted({path.parent for path in wanted}):
+    for folder, own in sorted(wanted.items()):
         with contextlib.suppress(FileNotFoundError):
-            others = (p for p in folder.iterdir() if p not in wanted)
+            others = [folder / name for name in os.listdir(folder) if name not in own]
             found += [p for p in others if p.suffix == ".parquet" or is_temporary(p)]
     return found
 

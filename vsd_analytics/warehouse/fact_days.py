@@ -153,9 +153,14 @@ class FactDays:
     def _listed(self, day: int) -> Mapping[str, frozenset[str]]:
         if day in self._names:
             return self._names[day]
-        folders = {name: self.paths[name][day].parent for name in self.names}
-        self._names[day] = {name: frozenset(os.listdir(f) if f.is_dir() else ()) for name, f in folders.items()}
-        return self._names[day]
+        found = {}
+        for name in self.names:
+            try:
+                found[name] = frozenset(os.listdir(self.paths[name][day].parent))
+            except FileNotFoundError:
+                found[name] = frozenset()
+        self._names[day] = found
+        return found
 
     def _older(self, name: str, day: int) -> dict[Path, dict[int, dict[str, str]]]:
         """Return the inputs by hour of each undamaged file of a fact and day; only of them rows may be used again."""
@@ -259,10 +264,14 @@ def is_whole(path: Path) -> bool:
     Reads 8 bytes. Facts are written without fsync, so a power cut can leave a short file under a right name.
     """
     try:
-        with path.open("rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(max(0, size - 8))
-            tail = file.read(8)
+        fd = os.open(path, os.O_RDONLY)
     except OSError:
         return False
+    try:
+        size = os.fstat(fd).st_size
+        tail = os.pread(fd, 8, max(0, size - 8))
+    except OSError:
+        return False
+    finally:
+        os.close(fd)
     return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size

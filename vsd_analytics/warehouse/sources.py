@@ -147,13 +147,13 @@ class RelationSources:
     def _write(self, files: Mapping[Day, DayFile], rows_by_day: Iterable[tuple[Day, pa.Table]]) -> dict[Day, pa.Table]:
         """Write day files, note what they supersede, and return the rows that were not written.
 
-        Not written are rows of days without facts, and all that a full or read-only disk refuses: a report then costs
-        more time, but has every figure.
+        Not written are rows of days far from all facts, and all that a full or read-only disk refuses: a report then
+        costs more time, but has every figure.
         """
         unwritten: dict[Day, pa.Table] = {}
         for day, rows in rows_by_day:
             file = files[day]
-            if not file.has_facts:
+            if not file.is_stored:
                 unwritten[day] = rows
                 continue
             try:
@@ -198,23 +198,14 @@ def _empty(relation: Relation) -> str:
     return f"select {columns} where false"
 
 
-_EMPTY_TYPES = {
-    "camera_id": "null::varchar",
-    "calibration_id": "null::varchar",
-    "track_a": "null::varchar",
-    "track_b": "null::varchar",
-    "track_id": "null::varchar",
-    "other_camera_id": "null::varchar",
-    "other_track_a": "null::varchar",
-    "other_track_b": "null::varchar",
-    "company": "null::varchar",
-    "is_inferred": "null::boolean",
-    "is_owned": "null::boolean",
-    "is_derived": "null::boolean",
-    "open_left": "null::boolean",
-    "open_right": "null::boolean",
-    "has_heartbeat": "null::boolean",
-    "has_persons": "null::boolean",
-    "has_tracks": "null::boolean",
-    "sends_pairs": "null::boolean",
+_TYPED = {
+    "varchar": "camera_id calibration_id floor_id area_id track_a track_b track_id other_camera_id other_track_a "
+    "other_track_b company",
+    "boolean": "is_inferred is_owned is_entry_owned is_exit_owned is_derived open_left open_right has_heartbeat "
+    "has_persons has_tracks sends_pairs",
+    "integer": "cx cy n_ends x_a_mm y_a_mm x_b_mm y_b_mm distance_mm min_distance_mm first_x_mm first_y_mm last_x_mm "
+    "last_y_mm",
 }
+_EMPTY_TYPES = {column: f"null::{kind}" for kind, columns in _TYPED.items() for column in columns.split()}
+"""Columns of facts that are no bigint. Rows of days without facts have the types of all others: day files are read
+together."""

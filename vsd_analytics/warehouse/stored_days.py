@@ -10,6 +10,7 @@ from itertools import pairwise
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
+from vsd_analytics.store.layout import day_folders
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.stretches import FAR_DAYS, stretches
 
@@ -36,14 +37,21 @@ def stored_stretches(site: Site) -> list[Extent]:
     if store.n_spooled():
         store.fold()
     seals = Seals(site.root / FOLDER, site_id=site.site_id)
-    hours = {p.hour for t in TABLES for p in store.parts(t)}
+    folders = {d for t in TABLES for d in day_folders(store.root, t, site.site_id)}
     found = []
-    for days in stretches({h // 24 for h in hours} | set(seals.days())):
-        inside = [h for h in hours if days[0] <= h // 24 <= days[-1]]
-        ends = [*inside, *(seals.hours(first_day=days[0], last_day=days[-1]) or ())]
+    for days in stretches(folders | set(seals.days())):
+        # Only days at the ends are opened, so a year of records costs no more than a week.
+        ends: list[int] = []
+        for order in (days, days[::-1]):
+            ends += next(filter(None, (_hours_of(store, day) for day in order)), [])
+        ends += seals.hours(first_day=days[0], last_day=days[-1]) or ()
         if ends:
             found.append(Extent(_local(site, min(ends) * 3600), _local(site, max(ends) * 3600 + 3599)))
     return found
+
+
+def _hours_of(store: Store, day: int) -> list[int]:
+    return [p.hour for t in TABLES for p in store.parts(t, first_hour=day * 24, last_hour=day * 24 + 23)]
 
 
 def stored_extent(site: Site, *, near: date | None = None) -> Extent | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.report.words.languages import speaking
+from vsd_analytics.site.model import LANGUAGES
 
 pytestmark = pytest.mark.browser
 
@@ -96,6 +99,24 @@ def test_every_text_is_large_enough_to_read_and_every_link_to_hit(
     found = page.evaluate(TOO_SMALL)
     page.close()
     assert found == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_page_with_every_section_is_short_and_asks_on_the_first_screen_of_a_phone(
+    browser: Any, tmp_path: Path, language: str
+) -> None:
+    """The demo's twelve weeks have 900 words; this made-up week has more changes, cards and notes than they."""
+    week = ALL["twelve_weeks"]()
+    week = replace(week, provenance=replace(week.provenance, language=language), story=None)
+    with speaking(language):
+        (tmp_path / "page.html").write_text(render_html(week), encoding="utf-8")
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((tmp_path / "page.html").as_uri())
+    words = page.evaluate(r"document.body.innerText.split(/\s+/).filter(w => /\p{L}{2,}/u.test(w)).length")
+    question = page.evaluate("document.querySelector('.ask').getBoundingClientRect()")
+    page.close()
+    assert words <= 1060
+    assert question["top"] < 700
 
 
 def test_forced_colours_leave_drawings_their_own(browser: Any, pages: dict[str, Path]) -> None:

@@ -18,6 +18,7 @@ from vsd_analytics.report.draw.floor_plan import floor_map
 from vsd_analytics.report.pages.week import make_page, render_html
 from vsd_analytics.report.words import figure_titles
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words.reasons import read_reason
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 640" width="96" height="64">{}</svg>'
 
@@ -98,6 +99,19 @@ def test_a_row_that_is_held_back_says_so() -> None:
     assert "Hidden" in row
     assert re.findall(r'<td role="cell" class="n"[^>]*>([^<]*)<', row) == ["–", "–"]
     assert "…: hidden" in page
+
+
+def test_an_area_that_no_camera_recorded_says_so_and_not_that_few_were_counted() -> None:
+    report = weeks.normal()
+    few = Estimate(
+        value=None,
+        state="not_enough_data",
+        verdict="too_little_data",
+        reason=read_reason("fewer than 5 violations were counted in the week before"),
+    )
+    areas = (replace(report.areas[0], recorded_share=0.0, counted=None, share=None, often=few), *report.areas[1:])
+    row = render_html(replace(report, areas=areas, story=None)).split('<table class="cmp" role')[1].split("</tr>")[1]
+    assert "nothing was recorded" in row
 
 
 @pytest.mark.parametrize(

@@ -333,6 +333,11 @@ def nothing_logged(said: Said, truth: Truth) -> bool | None:
     return not truth.tale.entries or truth.week > truth.start // 7 + 1
 
 
+def logged_unseen(said: Said, truth: Truth) -> bool | None:
+    """Judge that the log names the areas, and that nothing was recorded there."""
+    return all(k in truth.tale.entries and truth.counted(k) is None for k in said.areas)
+
+
 def never(said: Said, truth: Truth) -> bool | None:
     """Judge what no world has: every such sentence claims too much."""
     return False
@@ -527,6 +532,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "things.none_fell_text": nothing_shows,
     "things.none_fell_doubtful": since("clear_fall"),
     "things.none_fell_quiet": nothing_logged,
+    "things.none_fell_unseen": logged_unseen,
     "things.none_fell_small": small_fall,
     "things.busiest_recorded": busiest_recorded,
     "things.busiest_spot": busiest,

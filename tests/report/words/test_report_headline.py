@@ -190,6 +190,10 @@ def test_an_outage_nobody_logged_is_no_change_at_the_site_that_does_not_show() -
     assert quiet[0].text == "Nothing was logged at the site in these weeks."
     logged = things(replace(report, log=(replace(report.log[1], since=None),), redesigns=(), agenda=agenda))
     assert logged[0].text.startswith("Changes at the site do not show")
+    moved = replace(report.log[1], area_id=areas[0].area_id, area_name=areas[0].name, since=None)
+    dark = (replace(areas[0], recorded_share=0.0), *areas[1:])
+    unseen = things(replace(report, areas=dark, log=(moved,), redesigns=(), agenda=agenda))
+    assert unseen[0].text == f"What the change at {areas[0].name} did is not known: nothing was recorded there."
 
 
 def test_the_least_likely_hour_is_named_beside_its_usual_count() -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from datetime import date, timedelta
 
 from vsd_analytics.figures.week.model_estimate import described as _f
-from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import date_of_hour
@@ -36,7 +35,7 @@ def stored_records(site: Site, *, at: date) -> StoredRecords:
         StoreError: E313, a seal is damaged.
     """
     store = Store(site.root / "store", site_id=site.site_id)
-    days = sorted({date_of_hour(p.hour) for table in TABLES for p in store.parts(table)})
+    days = [date_of_hour(day * 24) for day in sorted(store.days())]
     oldest = at - timedelta(days=site.settings.retention_days)
     # sealed hours of a day that is not whole belong to a purge of the day before
     whole = [s for s in Seals(site.root / FOLDER, site_id=site.site_id).seals(None, None) if s.is_whole]

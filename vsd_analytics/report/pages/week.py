@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -42,6 +42,7 @@ from vsd_analytics.resources import shipped
 from vsd_analytics.result import Reason
 
 WIDE = 1.8
+UNSEEN = Reason("recorded.nothing")
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
 _SECTIONS = ("where", "spots", "when", "changed", "waiting", "trend", "next", "data", "about")
 
@@ -365,7 +366,8 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
 
 
 def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
-    rows = [_change_row(a.name, a.often, limit=limit, is_masked=a.is_masked) for a in report.areas]
+    pairs = [(a, replace(a.often, reason=UNSEEN) if a.recorded_share == 0 else a.often) for a in report.areas]
+    rows = [_change_row(a.name, often, limit=limit, is_masked=a.is_masked) for a, often in pairs]
     return (*rows, _change_row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
 
 
@@ -395,10 +397,10 @@ def _change_row(
 def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
     footer = css_string(say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year))
-    font = "font: 8pt Arial, sans-serif; color: #525d68"
+    of, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
     pages = (
         f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
-        f'@bottom-right {{ content: counter(page) " of " counter(pages); {font} }} }}'
+        f"@bottom-right {{ content: counter(page) {of} counter(pages); {font} }} }}"
     )
     return shipped_style() + pages + (LETTER if paper == "letter" else "")
 

@@ -131,6 +131,11 @@ def _worked(report: WeekReport) -> Thing:
     if any(c.running is not None and c.running.verdict == "clear_fall" for c in report.redesigns):
         text = say("things.none_fell_small")
         return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
+    unseen = {a.area_id: a.name for a in report.areas if a.area_id and a.recorded_share == 0}
+    lost = next((unseen[e.area_id] for e in reversed(report.log) if e.kind == "logged" and e.area_id in unseen), None)
+    if lost is not None:
+        text = say("things.none_fell_unseen", area=lost)
+        return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
     is_logged = any(line.kind == "logged" for line in report.log)
     is_quiet = report.agenda is not None and not is_logged and not report.redesigns
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
