@@ -21,7 +21,7 @@
 --   by           vsd_analytics.figures.catalogue.recording_figures.quality
 -- steps:
 --   seen      an engine that reports n_pairs sends pairs, also on a day without any
---   told      per day, because an engine may start to send ids or pairs after an update
+--   reported  per day, because an engine may start to send ids or pairs after an update
 --   instants  only of cameras whose frame rate vsd.toml does not say: of the others no time between frames is needed
 --   spaced    the median ignores outages; 1200000 ms (20 minutes) is the longest interval, so that an hour needs no more than its
 --             neighbours
@@ -58,7 +58,7 @@ with seen as (
     from stored_pairs
 ),
 
-told as (
+reported as (
     select
         camera_id,
         cast(floor(ts_ms / 86400000) as bigint) as utc_day,
@@ -98,14 +98,14 @@ medians as (
 )
 
 select
-    told.utc_day,
-    told.camera_id,
+    reported.utc_day,
+    reported.camera_id,
     least(coalesce(cameras.interval_ms, medians.interval_ms, 1000), 1200000) as interval_ms,
-    told.has_heartbeat,
-    told.has_persons,
-    told.has_tracks,
-    told.sends_pairs
-from told
-inner join cameras on told.camera_id = cameras.camera_id
-left join medians on told.camera_id = medians.camera_id and told.utc_day = medians.utc_day
-order by told.utc_day, told.camera_id
+    reported.has_heartbeat,
+    reported.has_persons,
+    reported.has_tracks,
+    reported.sends_pairs
+from reported
+inner join cameras on reported.camera_id = cameras.camera_id
+left join medians on reported.camera_id = medians.camera_id and reported.utc_day = medians.utc_day
+order by reported.utc_day, reported.camera_id

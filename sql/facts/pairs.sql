@@ -20,9 +20,9 @@
 --   is_owned     false where another camera counts it, because it sees the midpoint better
 --   is_derived   true when the engine sends no pairs and this one was measured here
 -- steps:
---   told          a frame with n_pairs was reported with its pairs, also when it has none: deriving some would count people that the
+--   reported      a frame with n_pairs was reported with its pairs, also when it has none: deriving some would count people that the
 --                 engine ruled out
---   untold        people of all other frames that have a floor position
+--   unreported    people of all other frames that have a floor position
 --   crowds        up to 40 people, comparing all pairs costs less than the squares below
 --   reaching      within a square each pair is found once (after_member), between squares once as only half of the neighbours are
 --                 visited
@@ -30,11 +30,11 @@
 --                 D metres"
 --   named         a pair that an engine sends has no reference to observations, so its persons get a name that is the same in all pairs
 --                 of the frame
---   told_persons  the member number of the observation with the same track id; without one a negative number, so that both kinds never
+--   sent_persons  the member number of the observation with the same track id; without one a negative number, so that both kinds never
 --                 collide
 --   sent          positions of the observations fill in for positions that the pair lacks
 -- assumes: an engine that sends pairs for a frame sends all of them, so none are derived from its positions
-with told as (
+with reported as (
     select
         camera_id,
         unix_millis(ts) as ts_ms
@@ -47,7 +47,7 @@ with told as (
     from stored_pairs
 ),
 
-untold as (
+unreported as (
     select
         l.camera_id,
         l.ts_ms,
@@ -57,8 +57,8 @@ untold as (
         l.y_mm,
         l.weight_ms
     from located as l
-    left join told on l.camera_id = told.camera_id and l.ts_ms = told.ts_ms
-    where l.x_mm is not null and told.ts_ms is null
+    left join reported on l.camera_id = reported.camera_id and l.ts_ms = reported.ts_ms
+    where l.x_mm is not null and reported.ts_ms is null
 ),
 
 -- up to 40 people are compared each with each; more stand in squares of side pair_max, so that work grows with people, not pairs
@@ -66,7 +66,7 @@ crowds as (
     select
         camera_id,
         ts_ms
-    from untold
+    from unreported
     group by camera_id, ts_ms
     having count(*) > 40
 ),
@@ -83,7 +83,7 @@ standing as (
         c.ts_ms is not null as is_crowded,
         case when c.ts_ms is null then 0 else cast(floor(u.x_mm / s.pair_max_mm) as integer) end as gx,
         case when c.ts_ms is null then 0 else cast(floor(u.y_mm / s.pair_max_mm) as integer) end as gy
-    from untold as u
+    from unreported as u
     cross join params as s
     left join crowds as c on u.camera_id = c.camera_id and u.ts_ms = c.ts_ms
 ),
@@ -213,7 +213,7 @@ names as (
     from named
 ),
 
-told_persons as (
+sent_persons as (
     select
         n.camera_id,
         n.ts_ms,
@@ -242,8 +242,8 @@ sent as (
     from named as p
     cross join params as s
     inner join instants as i on p.camera_id = i.camera_id and p.ts_ms = i.ts_ms
-    inner join told_persons as a on p.camera_id = a.camera_id and p.ts_ms = a.ts_ms and p.name_a = a.person
-    inner join told_persons as b on p.camera_id = b.camera_id and p.ts_ms = b.ts_ms and p.name_b = b.person
+    inner join sent_persons as a on p.camera_id = a.camera_id and p.ts_ms = a.ts_ms and p.name_a = a.person
+    inner join sent_persons as b on p.camera_id = b.camera_id and p.ts_ms = b.ts_ms and p.name_b = b.person
     where p.distance_mm <= s.pair_max_mm
 ),
 

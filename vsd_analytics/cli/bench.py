@@ -102,7 +102,7 @@ def _machine() -> str:
             return None
 
     names = ("vsd-analytics", "numpy", "duckdb", "pyarrow", "pandas", "polars", "boost-histogram", "deltalake", "pedpy")
-    tools = [told for name in names if (told := known(name))]
+    tools = [tool for name in names if (tool := known(name))]
     return f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, {', '.join(tools)}"
 
 

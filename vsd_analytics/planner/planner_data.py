@@ -16,7 +16,7 @@ import numpy as np
 
 from vsd_analytics.figures import hotspots as spots
 from vsd_analytics.figures.catalogue import asks_for, space_figures
-from vsd_analytics.figures.catalogue.form import Asked
+from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.hotspot_export import without_small
@@ -287,7 +287,7 @@ def _space(data: TwoWeeks, *, is_ranked: bool) -> Mapping[str, Figure]:
     areas = report_areas.areas(data, is_compared=False, rest=say("words.rest"))
     level = floor_level(data, is_compared=False, areas=areas)
     found, coverage = findings.Findings(data), recording.coverage(data)
-    asked = Asked(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
+    asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
     return with_row_texts(space_figures(asked))
 
 

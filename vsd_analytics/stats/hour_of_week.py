@@ -309,11 +309,11 @@ def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARS
     """
     if rates.state != "ok":
         return PeakHours((), (), rates.state, rates.reason)
-    told = np.flatnonzero(~np.isnan(rates.rate))
-    if (total := float(rates.n[told].sum())) < min_events:
+    known = np.flatnonzero(~np.isnan(rates.rate))
+    if (total := float(rates.n[known].sum())) < min_events:
         reason = Reason("violations.few", least=min_events, has=total)
         return PeakHours((), (), "not_enough_data", reason)
-    order = told[np.lexsort((told, -rates.rate[told]))]
+    order = known[np.lexsort((known, -rates.rate[known]))]
     top = tuple(
         PeakHour(
             int(s) // 24, int(s) % 24, float(rates.rate[s]), float(rates.lo[s]), float(rates.hi[s]),

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import MAKERS, Asked
+from vsd_analytics.figures.catalogue.form import MAKERS, FigureInputs
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 
@@ -37,18 +37,18 @@ OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
 
 
-def figures(asked: Asked) -> Mapping[str, Figure]:
+def figures(inputs: FigureInputs) -> Mapping[str, Figure]:
     """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks.
 
     Figures of visits, queues and capacities are absent where no place of the floor asks for them.
     """
-    left_out = set[str]() if asked.data.is_week else set(OF_WEEKS)
-    return _made(asked, MAKERS.keys() - left_out)
+    left_out = set[str]() if inputs.data.is_week else set(OF_WEEKS)
+    return _made(inputs, MAKERS.keys() - left_out)
 
 
-def space_figures(asked: Asked) -> Mapping[str, Figure]:
+def space_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
     """Return the figures of how the space is used, as `figures` has them; empty where no place of the floor asks."""
-    return _made(asked, OF_SPACE)
+    return _made(inputs, OF_SPACE)
 
 
 def asks_for(data: WeekData) -> frozenset[str]:
@@ -64,6 +64,6 @@ def asks_for(data: WeekData) -> frozenset[str]:
     return found
 
 
-def _made(asked: Asked, metrics: AbstractSet[str]) -> Mapping[str, Figure]:
-    wanted = metrics - (OF_SPACE - asks_for(asked.data))
-    return {metric: MAKERS[metric](asked) for metric in sorted(wanted, key=lambda metric: int(metric[1:]))}
+def _made(inputs: FigureInputs, metrics: AbstractSet[str]) -> Mapping[str, Figure]:
+    wanted = metrics - (OF_SPACE - asks_for(inputs.data))
+    return {metric: MAKERS[metric](inputs) for metric in sorted(wanted, key=lambda metric: int(metric[1:]))}

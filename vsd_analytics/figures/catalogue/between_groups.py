@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -13,20 +13,20 @@ UNIT: Final = "person-minutes too close to somebody of another group"
 
 
 @figure("M30")
-def close_minutes(asked: Asked) -> Figure:
+def close_minutes(inputs: FigureInputs) -> Figure:
     """Return person-minutes too close between groups, with the interval of their share (M6)."""
-    data = asked.data
+    data = inputs.data
     if (why := data.why_no_exposure) is not None:
         return missing(UNIT, "not_measurable", why)
     if (why := data.hidden.why_floor) is not None:
         return missing(UNIT, "not_enough_data", why)
-    found = asked.found.person_time.close_between
-    share = asked.rate(found)
+    found = inputs.found.person_time.close_between
+    share = inputs.rate(found)
     if share.value is None:
         return missing(UNIT, share.state, share.reason or NOTHING_OPEN)
-    lives = [c for c in asked.found.groups.cameras if c.camera_id in data.ids and c.lives.state == "ok"]
+    lives = [c for c in inputs.found.groups.cameras if c.camera_id in data.ids and c.lives.state == "ok"]
     n_tracks = sum(c.lives.n_tracks for c in lives)
-    stay_min = 60 * sum(c.exposure_h for c in lives) / n_tracks if n_tracks and not asked.small(n_tracks) else None
+    stay_min = 60 * sum(c.exposure_h for c in lives) / n_tracks if n_tracks and not inputs.small(n_tracks) else None
     rows: list[Row] = []
     for what, per_share in (
         ("in all", 60 * found.exposure_h),

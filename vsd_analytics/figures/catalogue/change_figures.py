@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from vsd_analytics.figures.before_after import DESIGNS, BeforeAfterFigure
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, row
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import too_few
@@ -20,15 +20,15 @@ CAUSES: Final = "crowding, layout and behaviour behind the time that pairs spend
 REDESIGNS: Final = "violations per person-hour after a change over before, beside areas that were left alone"
 
 
-def _own(asked: Asked) -> FloorGatherings | None:
-    floor_id = asked.data.floor.floor_id
-    return next((f for f in asked.found.gatherings.floors if f.floor_id == floor_id), None)
+def _own(inputs: FigureInputs) -> FloorGatherings | None:
+    floor_id = inputs.data.floor.floor_id
+    return next((f for f in inputs.found.gatherings.floors if f.floor_id == floor_id), None)
 
 
 @figure("M21")
-def sizes(asked: Asked) -> Figure:
+def sizes(inputs: FigureInputs) -> Figure:
     """Return how the time people spent in clusters is shared out by the size of the cluster."""
-    found = _own(asked)
+    found = _own(inputs)
     if found is None or found.sizes.state != "ok":
         state = "not_enough_data" if found is None else found.sizes.state
         return missing(SIZES, state, NOTHING_OPEN if found is None else found.sizes.reason)
@@ -37,23 +37,23 @@ def sizes(asked: Asked) -> Figure:
 
 
 @figure("M22")
-def gatherings(asked: Asked) -> Figure:
+def gatherings(inputs: FigureInputs) -> Figure:
     """Return gatherings per 100 recorded open hours, the longest of them as rows."""
-    found = _own(asked)
+    found = _own(inputs)
     if found is None or found.n is None or found.per_100_h.rate is None:
         state = "not_enough_data" if found is None else found.per_100_h.state
         return missing(GATHERINGS, state, NOTHING_OPEN if found is None else found.per_100_h.reason)
-    if asked.small(found.n):
-        return missing(GATHERINGS, "not_enough_data", Reason("hidden.gatherings", least=asked.below))
+    if inputs.small(found.n):
+        return missing(GATHERINGS, "not_enough_data", Reason("hidden.gatherings", least=inputs.below))
     rate = found.per_100_h
     names = ("start", "end", "duration_s", "n_people", "person_s", "x_m", "y_m", "diameter_m")
-    rows = tuple(row(g, *names) for g in found.top) if asked.is_ranked else ()
+    rows = tuple(row(g, *names) for g in found.top) if inputs.is_ranked else ()
     return Figure(
         unit=GATHERINGS,
         value=rate.rate,
         lo=rate.lo,
         hi=rate.hi,
-        denominator=asked.recorded_h,
+        denominator=inputs.recorded_h,
         rows=rows,
         reason=rate.reason if rate.lo is None else None,
         note=Reason("note.gatherings", n=found.n) if rows else None,
@@ -61,12 +61,12 @@ def gatherings(asked: Asked) -> Figure:
 
 
 @figure("M23")
-def causes(asked: Asked) -> Figure:
+def causes(inputs: FigureInputs) -> Figure:
     """Return the three factors of the week, and how each moved since the week before."""
-    found = asked.found.mixing_now
+    found = inputs.found.mixing_now
     if found.layout is None or found.behaviour is None:
         return missing(CAUSES, found.state, found.reason)
-    change = asked.found.mixing if asked.level.often.verdict is not None else None
+    change = inputs.found.mixing if inputs.level.often.verdict is not None else None
     is_compared = change is not None and change.state == "ok"
     rows = _factors(found, change if is_compared else None)
     reason = found.reason if found.lo is None else None
@@ -112,12 +112,12 @@ def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
 
 
 @figure("M27")
-def redesigns(asked: Asked) -> Figure:
+def redesigns(inputs: FigureInputs) -> Figure:
     """Return what each logged change of the floor did to its area."""
-    found = asked.found.redesigns
+    found = inputs.found.redesigns
     if not found:
         return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))
-    rows = [_redesign(asked, one) for one in found]
+    rows = [_redesign(inputs, one) for one in found]
     computed = [r for r in rows if r["state"] == "ok"]
     if computed:
         return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(computed))
@@ -125,11 +125,11 @@ def redesigns(asked: Asked) -> Figure:
     return Figure(unit=REDESIGNS, rows=tuple(rows), state=state, reason=found[-1].reason)
 
 
-def _redesign(asked: Asked, found: BeforeAfterFigure) -> Row:
+def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
     ratio = found.effect or found.alone
     state, reason = found.state, found.reason
-    if state == "ok" and is_held_back(asked.data, found):
-        state, reason = "not_enough_data", too_few(asked.below)
+    if state == "ok" and is_held_back(inputs.data, found):
+        state, reason = "not_enough_data", too_few(inputs.below)
     elif state == "ok" and (ratio is None or ratio.theta is None):
         state, reason = "not_enough_data", None if ratio is None else ratio.reason
     is_printed = state == "ok"

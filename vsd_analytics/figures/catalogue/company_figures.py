@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, limits, missing, of_estimate
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, held_back, limits, missing, of_estimate
 from vsd_analytics.figures.neighbours import room_around, three_or_more
 from vsd_analytics.figures.others_met import OthersMet, others_met
 from vsd_analytics.figures.slots import NOTHING_OPEN
@@ -19,14 +19,14 @@ ROOM: Final = "share of person-time by people per m²"
 
 
 @figure("M31")
-def met(asked: Asked) -> Figure:
+def met(inputs: FigureInputs) -> Figure:
     """Return how many different others a person comes too close to in a day: median and 90 % quantile."""
-    found = _met(asked)
+    found = _met(inputs)
     if not isinstance(found, OthersMet):
         return missing(MET, *found)
     quantiles = found.met
-    if asked.small(quantiles.n):
-        return held_back(MET, asked.below)
+    if inputs.small(quantiles.n):
+        return held_back(MET, inputs.below)
     if quantiles.quantiles[0].value is None:
         return missing(MET, quantiles.state, quantiles.reason)
     rows: list[Row] = [
@@ -38,17 +38,17 @@ def met(asked: Asked) -> Figure:
 
 
 @figure("M34")
-def long_contacts(asked: Asked) -> Figure:
+def long_contacts(inputs: FigureInputs) -> Figure:
     """Return the share of people with 15 minutes or more too close to one other within a day."""
-    contacts = asked.found.episodes.contacts
+    contacts = inputs.found.episodes.contacts
     if contacts.n is None or contacts.state != "ok":
         return missing(LONG, contacts.state, contacts.reason)
-    found = _met(asked)
+    found = _met(inputs)
     if not isinstance(found, OthersMet):
         return missing(LONG, *found)
     share = found.long_share
-    if asked.small(share.n, share.of - share.n, contacts.n):
-        return held_back(LONG, asked.below)
+    if inputs.small(share.n, share.of - share.n, contacts.n):
+        return held_back(LONG, inputs.below)
     if share.value is None:
         return missing(LONG, share.state, share.reason)
     return Figure(
@@ -63,26 +63,26 @@ def long_contacts(asked: Asked) -> Figure:
 
 
 @figure("M32")
-def crowded(asked: Asked) -> Figure:
+def crowded(inputs: FigureInputs) -> Figure:
     """Return the share of person-time with three or more others too close."""
-    if (why := _why_not(asked)) is not None:
+    if (why := _why_not(inputs)) is not None:
         return missing(CROWDED, *why)
-    found = three_or_more(asked.data.this)
-    return of_estimate(CROWDED, asked.rate(found), found.exposure_h)
+    found = three_or_more(inputs.data.this)
+    return of_estimate(CROWDED, inputs.rate(found), found.exposure_h)
 
 
 @figure("M33")
-def room(asked: Asked) -> Figure:
+def room(inputs: FigureInputs) -> Figure:
     """Return the shares of person-time at each of Fruin's levels of service."""
-    if (why := _why_not(asked)) is not None:
+    if (why := _why_not(inputs)) is not None:
         return missing(ROOM, *why)
-    found = room_around(asked.data.this)
-    first = asked.rate(found[0].share)
+    found = room_around(inputs.data.this)
+    first = inputs.rate(found[0].share)
     if first.value is None:
         return missing(ROOM, first.state, first.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for level in found:
-        share = limits("share", asked.rate(level.share))
+        share = limits("share", inputs.rate(level.share))
         edges = {"density_from": round(level.density_from, 2)}
         to = None if level.density_to is None else round(level.density_to, 2)
         rows.append(
@@ -98,22 +98,22 @@ def room(asked: Asked) -> Figure:
     return Figure(unit=ROOM, rows=tuple(rows), denominator=found[0].share.exposure_h, note=Reason("note.room"))
 
 
-def _why_not(asked: Asked) -> tuple[State, Reason] | None:
+def _why_not(inputs: FigureInputs) -> tuple[State, Reason] | None:
     """Return why a share of person-time is not printed, as for M6."""
-    if (why := asked.data.why_no_exposure) is not None:
+    if (why := inputs.data.why_no_exposure) is not None:
         return "not_measurable", why
-    if (why := asked.data.hidden.why_floor) is not None:
+    if (why := inputs.data.hidden.why_floor) is not None:
         return "not_enough_data", why
     return None
 
 
-def _met(asked: Asked) -> OthersMet | tuple[State, Reason | None]:
+def _met(inputs: FigureInputs) -> OthersMet | tuple[State, Reason | None]:
     """Return whom people met, of this floor's cameras whose track ids last; else why there are none."""
-    if asked.data.hidden.why_floor is not None:
+    if inputs.data.hidden.why_floor is not None:
         return "not_enough_data", GIVES_AWAY
-    here = [c for c in asked.found.groups.cameras if c.camera_id in asked.data.ids]
+    here = [c for c in inputs.found.groups.cameras if c.camera_id in inputs.data.ids]
     able = [c.camera_id for c in here if c.lives.state == "ok"]
     if not able:
         worst = max(here, key=lambda c: (c.lives.state == "not_measurable", c.exposure_h), default=None)
         return ("not_enough_data", None) if worst is None else (worst.lives.state, worst.lives.reason)
-    return others_met(asked.data.warehouse, able, first=asked.data.monday, last=asked.data.sunday)
+    return others_met(inputs.data.warehouse, able, first=inputs.data.monday, last=inputs.data.sunday)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, held_back, limits, missing, of_estimate, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, held_back, limits, missing, of_estimate, row
 from vsd_analytics.figures.sensitivity import ThresholdSensitivity
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
@@ -18,24 +18,24 @@ DISTANCE: Final = "share of person-time in violation, by distance to the nearest
 
 
 @figure("M0")
-def often(asked: Asked) -> Figure:
+def often(inputs: FigureInputs) -> Figure:
     """Return violations per open hour."""
-    return of_estimate("violations per open hour", asked.level.often, asked.recorded_h)
+    return of_estimate("violations per open hour", inputs.level.often, inputs.recorded_h)
 
 
 @figure("M7")
-def risky(asked: Asked) -> Figure:
+def risky(inputs: FigureInputs) -> Figure:
     """Return violations per person-hour."""
-    return of_estimate("violations per person-hour", asked.level.risky, asked.level.exposure_h)
+    return of_estimate("violations per person-hour", inputs.level.risky, inputs.level.exposure_h)
 
 
 @figure("M8")
-def count(asked: Asked) -> Figure:
+def count(inputs: FigureInputs) -> Figure:
     """Return the violations counted in the hours that enter rates."""
-    n = asked.level.violations
+    n = inputs.level.violations
     if n is None:
-        return asked.not_printed(COUNT)
-    data = asked.data
+        return inputs.not_printed(COUNT)
+    data = inputs.data
     n_all = data.warehouse.rows(
         "select count(*) as n from episodes inner join cameras using (camera_id) "
         "where floor_id = $floor and is_open and is_owned and local_date between $first and $last",
@@ -43,18 +43,18 @@ def count(asked: Asked) -> Figure:
     )[0]["n"]
     least = f"episodes of at least {data.site.settings.episode_min_s:g} s: violations"
     rows: list[Row] = [{"what": least, "n": n}]
-    if not asked.small(n_all):
+    if not inputs.small(n_all):
         rows.append({"what": "episodes of any length, in all recorded open hours", "n": n_all})
-    note = Reason("note.recorded", share=asked.coverage.share)
-    return Figure(unit=COUNT, value=n, denominator=asked.recorded_h, rows=tuple(rows), note=note)
+    note = Reason("note.recorded", share=inputs.coverage.share)
+    return Figure(unit=COUNT, value=n, denominator=inputs.recorded_h, rows=tuple(rows), note=note)
 
 
 @figure("M9")
-def between(asked: Asked) -> Figure:
+def between(inputs: FigureInputs) -> Figure:
     """Return the share of violations that are between groups, and both readings as rows."""
-    found, data = asked.found.groups, asked.data
-    if not asked.is_counted:
-        return asked.not_printed(BETWEEN)
+    found, data = inputs.found.groups, inputs.data
+    if not inputs.is_counted:
+        return inputs.not_printed(BETWEEN)
     own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
     if found.state != "ok" or own is None:
         here = {c.camera_id: c.lives for c in found.cameras if c.camera_id in data.ids}
@@ -62,14 +62,14 @@ def between(asked: Asked) -> Figure:
         state, reason = (found.state, found.reason) if why is None else (why.state, why.reason)
         return missing(BETWEEN, state, reason)
     n, n_between = own.often.n_events or 0, own.often_between.n_events or 0
-    if asked.small(n, n_between, n - n_between):
-        return held_back(BETWEEN, asked.below)
+    if inputs.small(n, n_between, n - n_between):
+        return held_back(BETWEEN, inputs.below)
     rows: list[Row] = []
     for reading, often, risky in (
         ("all", own.often, own.risky),
         ("between groups", own.often_between, own.risky_between),
     ):
-        rates = {**limits("often", asked.rate(often)), **limits("risky", asked.rate(risky))}
+        rates = {**limits("often", inputs.rate(often)), **limits("risky", inputs.rate(risky))}
         rows.append({"reading": reading, **rates, "n": often.n_events})
     if not n:
         return missing(BETWEEN, "not_enough_data", Reason("violations.none"))
@@ -91,11 +91,11 @@ def between(asked: Asked) -> Figure:
 
 
 @figure("M10")
-def durations(asked: Asked) -> Figure:
+def durations(inputs: FigureInputs) -> Figure:
     """Return how long violations last: median, 90th percentile, share of 30 s and longer."""
-    found = asked.found.episodes.durations
-    if not asked.is_counted:
-        return asked.not_printed(DURATION)
+    found = inputs.found.episodes.durations
+    if not inputs.is_counted:
+        return inputs.not_printed(DURATION)
     if found.median.value_s is None:
         return missing(DURATION, found.state, found.reason)
     rows: list[Row] = [
@@ -103,10 +103,10 @@ def durations(asked: Asked) -> Figure:
         for what, q in (("median", found.median), ("90 % last at most", found.p90))
     ]
     share = found.long_share
-    is_printed = not asked.small(share.n, share.of - share.n)
+    is_printed = not inputs.small(share.n, share.of - share.n)
     rows.append(
         {
-            "what": f"{asked.data.site.settings.sustained_s:g} s or longer",
+            "what": f"{inputs.data.site.settings.sustained_s:g} s or longer",
             "unit": "share",
             "value": share.value if is_printed else None,
             "lo": share.lo if is_printed else None,
@@ -120,9 +120,9 @@ def durations(asked: Asked) -> Figure:
 
 
 @figure("M11")
-def distances(asked: Asked) -> Figure:
+def distances(inputs: FigureInputs) -> Figure:
     """Return the shares of person-time in violation by distance to the nearest person."""
-    found = asked.found.episodes.distances
+    found = inputs.found.episodes.distances
     if found.state != "ok":
         return missing(DISTANCE, found.state, found.reason)
     rows = tuple(row(s, "from_m", "to_m", "share") for s in found.shares)
@@ -130,28 +130,28 @@ def distances(asked: Asked) -> Figure:
 
 
 @figure("M12")
-def contacts(asked: Asked) -> Figure:
+def contacts(inputs: FigureInputs) -> Figure:
     """Return the pairs of people too close for 15 minutes within 24 hours."""
-    found = asked.found.episodes.contacts
-    unit = f"pairs of people too close for {asked.data.site.settings.contact_s / 60:g} minutes within 24 hours"
+    found = inputs.found.episodes.contacts
+    unit = f"pairs of people too close for {inputs.data.site.settings.contact_s / 60:g} minutes within 24 hours"
     if found.n is None or found.state != "ok":
         return missing(unit, found.state, found.reason)
-    if asked.small(found.n):
-        return missing(unit, "not_enough_data", Reason("hidden.pairs", least=asked.below))
+    if inputs.small(found.n):
+        return missing(unit, "not_enough_data", Reason("hidden.pairs", least=inputs.below))
     note = Reason("note.contacts")
     return Figure(unit=unit, value=found.n, denominator=found.n_pairs, note=note)
 
 
 @figure("M26")
-def sensitivity(asked: Asked) -> Figure:
+def sensitivity(inputs: FigureInputs) -> Figure:
     """Return the share of person-time too close under each of several distances."""
     unit = "share of person-time closer to somebody than each distance"
-    found: ThresholdSensitivity = asked.found.sensitivity
+    found: ThresholdSensitivity = inputs.found.sensitivity
     legal = next((p for p in found.points if math.isclose(p.distance_m, found.distance_m)), None)
     if legal is None or legal.share is None:
         return missing(unit, found.state, found.reason or NOTHING_OPEN)
     note = None if found.engine is None else found.engine.note
-    if found.engine is not None and asked.small(found.engine.violation_records):
+    if found.engine is not None and inputs.small(found.engine.violation_records):
         note = None
     rows = tuple(row(p, "distance_m", "share", "state", "reason") for p in found.points)
     return Figure(unit=unit, value=legal.share, rows=rows, denominator=found.exposure_h, note=note)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
 from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, flow
 from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
@@ -19,27 +19,27 @@ OTHER: Final = "other"
 
 
 @figure("M37")
-def flow_between_areas(asked: Asked) -> Figure:
+def flow_between_areas(inputs: FigureInputs) -> Figure:
     """Return the share of those who leave an area whose next area is each one; small counts are one sum, "other"."""
-    found = flow(asked.data.this)
+    found = flow(inputs.data.this)
     if found is None:
         return missing(FLOW, "not_enough_data", None)
-    rows = [row for of in found.areas for row in _of_area(asked, of)]
+    rows = [row for of in found.areas for row in _of_area(inputs, of)]
     if all(row["value"] is None for row in rows):
         return missing(FLOW, "not_enough_data", next((w for r in rows if isinstance(w := r["reason"], Reason)), None))
-    n_left = sum(of.following.n for of in found.areas if not asked.small(of.following.n))
+    n_left = sum(of.following.n for of in found.areas if not inputs.small(of.following.n))
     return Figure(unit=FLOW, rows=tuple(rows), denominator=n_left, note=_note(found.areas))
 
 
 @figure("M38")
-def routes(asked: Asked) -> Figure:
+def routes(inputs: FigureInputs) -> Figure:
     """Return the share of each route of those who come in by a door; rare ones are one sum, "other"."""
-    found = flow(asked.data.this)
+    found = flow(inputs.data.this)
     if found is None or not found.routes.has_doors:
         return missing(ROUTES, "not_enough_data", Reason("flow.no_doors"))
     of = found.routes
-    why = _hidden(asked, of.following.n) or of.following.reason
-    if asked.small(of.following.n) or all(r.share.value is None for r in of.routes):
+    why = _hidden(inputs, of.following.n) or of.following.reason
+    if inputs.small(of.following.n) or all(r.share.value is None for r in of.routes):
         return missing(ROUTES, "not_enough_data", why)
     rows: list[Row] = [
         {
@@ -53,9 +53,9 @@ def routes(asked: Asked) -> Figure:
 
 
 @figure("M42")
-def directions(asked: Asked) -> Figure:
+def directions(inputs: FigureInputs) -> Figure:
     """Return which way people walk through each cell of the floor that five or more walk through."""
-    field = walking_directions(asked.data.this)
+    field = walking_directions(inputs.data.this)
     if not field.cells:
         return missing(DEGREES, "not_enough_data", Reason("flow.no_walkers"))
     rows: list[Row] = [
@@ -73,18 +73,18 @@ def directions(asked: Asked) -> Figure:
     return Figure(unit=DEGREES, rows=tuple(rows), denominator=sum(c.n_people for c in field.cells))
 
 
-def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
+def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:
     place: Row = {"area": of.area.area_id, "place": of.area.name}
-    why = _hidden(asked, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
+    why = _hidden(inputs, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
     lost = of.following.not_followed
     is_in_view_only = of.following.reason is not None and of.following.reason.code == LEFT_VIEW
-    is_printed = not asked.small(of.following.n, lost.n, lost.of - lost.n)
+    is_printed = not inputs.small(of.following.n, lost.n, lost.of - lost.n)
     more: Row = {
         "not_followed_share": lost.value if is_printed else None,
         "fits_arrivals": of.inflow.agrees,
         "in_view_only": is_in_view_only,
     }
-    if asked.small(of.following.n) or of.often.rate is None or all(to.share.value is None for to in of.to):
+    if inputs.small(of.following.n) or of.often.rate is None or all(to.share.value is None for to in of.to):
         return [{**place, "to": None, "to_areas": None, "value": None, **more, "reason": why}]
     return [
         {
@@ -92,18 +92,18 @@ def _of_area(asked: Asked, of: AreaFlow) -> list[Row]:
             "to": to.areas[0].name if len(to.areas) == 1 else OTHER,
             "to_areas": " ".join(a.area_id for a in to.areas),
             **_limits(to.share),
-            "per_open_h": _per_open_h(asked, of, to, is_in_view_only=is_in_view_only),
-            "followed_per_open_h": None if asked.small(to.share.n) else to.often.rate,
+            "per_open_h": _per_open_h(inputs, of, to, is_in_view_only=is_in_view_only),
+            "followed_per_open_h": None if inputs.small(to.share.n) else to.often.rate,
             **more,
         }
         for to in of.to
     ]
 
 
-def _per_open_h(asked: Asked, of: AreaFlow, to: Destination, *, is_in_view_only: bool) -> float | None:
+def _per_open_h(inputs: FigureInputs, of: AreaFlow, to: Destination, *, is_in_view_only: bool) -> float | None:
     """Return how many go there in an open hour; only those followed, where others are known to go on unseen."""
     if is_in_view_only:
-        return None if asked.small(to.share.n) else to.often.rate
+        return None if inputs.small(to.share.n) else to.often.rate
     return None if of.often.rate is None or to.share.value is None else of.often.rate * to.share.value
 
 
@@ -111,8 +111,8 @@ def _limits(share: ShareEstimate) -> Row:
     return {"value": share.value, "lo": share.lo, "hi": share.hi, "reason": share.reason}
 
 
-def _hidden(asked: Asked, n: int) -> Reason | None:
-    return Reason("hidden.flow", least=asked.below) if asked.small(n) else None
+def _hidden(inputs: FigureInputs, n: int) -> Reason | None:
+    return Reason("hidden.flow", least=inputs.below) if inputs.small(n) else None
 
 
 def _note(areas: Sequence[AreaFlow]) -> Reason:

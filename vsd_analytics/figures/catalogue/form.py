@@ -25,12 +25,12 @@ DAYS: Final = ("Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class FigureInputs:
     """One week of one floor, with everything its figures need.
 
     Attributes:
         data: The week.
-        found: The answers of the analysis room, each computed when asked for.
+        found: The results of `figures.week`, each computed when it is first read.
         coverage: Recorded hours.
         level: Headline numbers, already without what must be held back.
         areas: Areas, likewise.
@@ -83,7 +83,7 @@ class Asked:
         return page_estimates.level(rate, below=self.below) or none
 
 
-Maker = Callable[[Asked], Figure]
+Maker = Callable[[FigureInputs], Figure]
 MAKERS: Final[dict[str, Maker]] = {}
 """The functions that make the figures, by catalogue id: what `figure` was put before."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import DAYS, Asked, Row, figure, joined, limits, missing, row
+from vsd_analytics.figures.catalogue.form import DAYS, FigureInputs, Row, figure, joined, limits, missing, row
 from vsd_analytics.figures.forecast import SeriesForecast
 from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
@@ -22,39 +22,39 @@ _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_h
 
 
 @figure("M13")
-def profile(asked: Asked) -> Figure:
+def profile(inputs: FigureInputs) -> Figure:
     """Return rates and people in view by hour of the week."""
-    found = asked.found.profile
+    found = inputs.found.profile
     is_printed = any(h.state == "ok" for h in found.rows)
     if not is_printed:
         return missing(PROFILE, found.state, found.reason)
-    hidden = _hidden_slots(asked)
+    hidden = _hidden_slots(inputs)
     rows = []
     for hour in found.rows:
         same = row(hour, *_LIMITS, "people", "recorded_h", "n_weeks", "state")
-        if asked.small(hour.violations) or (hour.weekday, hour.hour) in hidden:
+        if inputs.small(hour.violations) or (hour.weekday, hour.hour) in hidden:
             same = {**same, **dict.fromkeys(_LIMITS), "state": "masked"}
         rows.append({"weekday": DAYS[hour.weekday], "hour": hour.hour, **same})
     denominator = sum(h.recorded_h for h in found.rows)
     return Figure(unit=PROFILE, rows=tuple(rows), denominator=denominator, reason=found.reason)
 
 
-def _hidden_slots(asked: Asked) -> set[tuple[int, int]]:
+def _hidden_slots(inputs: FigureInputs) -> set[tuple[int, int]]:
     """Return the hours of the week that the report of one of the profile's four weeks hides."""
-    hours, weeks = asked.data.hours, range(PROFILE_WEEKS)
-    held = (asked.data.hidden_in(asked.data.monday - k * WEEK).hours for k in weeks)
+    hours, weeks = inputs.data.hours, range(PROFILE_WEEKS)
+    held = (inputs.data.hidden_in(inputs.data.monday - k * WEEK).hours for k in weeks)
     return {(int(hours.weekday[i]), int(hours.hour[i])) for week in held for i in (*week.small, *week.others)}
 
 
 @figure("M14")
-def peaks(asked: Asked) -> Figure:
+def peaks(inputs: FigureInputs) -> Figure:
     """Return the highest hours of the week, and those that cannot be distinguished from the first."""
-    if not asked.is_ranked:
-        return asked.not_ranked(PEAKS)
-    found = asked.found.profile
+    if not inputs.is_ranked:
+        return inputs.not_ranked(PEAKS)
+    found = inputs.found.profile
     rows: list[Row] = []
     for by, peaks in (("per open hour", found.by_burden), ("per person-hour", found.by_risk)):
-        rows += _ranked(asked, by, peaks)
+        rows += _ranked(inputs, by, peaks)
     if not rows:
         return missing(PEAKS, found.by_burden.state, found.by_burden.reason)
     by_unit = ("violations per recorded open hour", found.by_burden), ("violations per person-hour", found.by_risk)
@@ -62,10 +62,10 @@ def peaks(asked: Asked) -> Figure:
     return Figure(unit=PEAKS, rows=tuple(rows), reason=reasons)
 
 
-def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
+def _ranked(inputs: FigureInputs, by: str, peaks: PeakHours) -> list[Row]:
     rows: list[Row] = []
-    hidden = _hidden_slots(asked)
-    top = [p for p in peaks.top if not asked.small(p.n) and (p.weekday, p.hour) not in hidden]
+    hidden = _hidden_slots(inputs)
+    top = [p for p in peaks.top if not inputs.small(p.n) and (p.weekday, p.hour) not in hidden]
     for rank, hour in enumerate(top, 1):
         at: Row = {"by": by, "rank": rank, "weekday": DAYS[hour.weekday], "hour": hour.hour, "is_tied": False}
         rows.append({**at, **row(hour, "value", "lo", "hi", "n_weeks")})
@@ -77,27 +77,27 @@ def _ranked(asked: Asked, by: str, peaks: PeakHours) -> list[Row]:
 
 
 @figure("M24")
-def unusual(asked: Asked) -> Figure:
+def unusual(inputs: FigureInputs) -> Figure:
     """Return the hours with far more or fewer violations than usual."""
-    found = asked.found.unusual
-    if not asked.is_ranked:
-        return asked.not_ranked(UNUSUAL)
+    found = inputs.found.unusual
+    if not inputs.is_ranked:
+        return inputs.not_ranked(UNUSUAL)
     if found.state != "ok":
         return missing(UNUSUAL, found.state, found.reason)
-    hidden = {(c.day, c.hour) for c in asked.when.cells if c.is_masked or c.is_held_back}
+    hidden = {(c.day, c.hour) for c in inputs.when.cells if c.is_masked or c.is_held_back}
     rows = []
     for hour in found.rows:
         values = row(hour, "day", "hour", "violations", "recorded_h", "usual", "lo", "hi", "ratio", "q", "n_weeks")
-        if asked.small(hour.violations) or (hour.day, hour.hour) in hidden:
+        if inputs.small(hour.violations) or (hour.day, hour.hour) in hidden:
             values = {**values, "violations": None, "ratio": None, "q": None}
         rows.append({"weekday": DAYS[hour.weekday], **values})
     return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
 
 
 @figure("M25")
-def outlook(asked: Asked) -> Figure:
+def outlook(inputs: FigureInputs) -> Figure:
     """Return the forecast of next week by hour."""
-    found = asked.found.outlook
+    found = inputs.found.outlook
     series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
     if not found.has_forecast:
         worst = found.people if found.people.state != "not_measurable" else found.violations
@@ -125,19 +125,19 @@ def _score(one: SeriesForecast) -> Reason | None:
 
 
 @figure("M28")
-def trend(asked: Asked) -> Figure:
+def trend(inputs: FigureInputs) -> Figure:
     """Return both rates of each of the last weeks."""
-    found = asked.found.trend
+    found = inputs.found.trend
     if not found.weeks or found.state != "ok":
         return missing(TREND, found.state, found.reason)
     rows: list[Row] = []
-    zone = asked.data.site.zone
+    zone = inputs.data.site.zone
     for week in found.weeks:
-        is_this = week.monday == asked.data.monday
-        often, close, risky = asked.rate(week.often), asked.rate(week.close), asked.rate(week.risky)
-        if is_this and not asked.is_counted:
-            often, close, risky = asked.level.often, asked.level.close_share or close, asked.level.risky
-        elif (why := asked.data.hidden_in(week.monday).why_floor) is not None:
+        is_this = week.monday == inputs.data.monday
+        often, close, risky = inputs.rate(week.often), inputs.rate(week.close), inputs.rate(week.risky)
+        if is_this and not inputs.is_counted:
+            often, close, risky = inputs.level.often, inputs.level.close_share or close, inputs.level.risky
+        elif (why := inputs.data.hidden_in(week.monday).why_floor) is not None:
             often, close, risky = (without_figures(e, why) for e in (often, close, risky))
         reason = week.reason if week.state != "ok" else often.reason if often.value is None else None
         rows.append(

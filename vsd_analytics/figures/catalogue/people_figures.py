@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing, of_estimate
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, of_estimate
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 
@@ -11,13 +11,13 @@ MEAN = "people in view, mean over recorded open hours"
 
 
 @figure("M3")
-def exposure(asked: Asked) -> Figure:
+def exposure(inputs: FigureInputs) -> Figure:
     """Return person-hours; the interval is that of the mean number of people, over the same hours."""
-    people, found = asked.level.people, asked.found.person_time
+    people, found = inputs.level.people, inputs.found.person_time
     exposure_h = found.exposure_h
     if exposure_h is None:
         return missing(EXPOSURE, people.state, people.reason)
-    level = asked.rate(found.people)
+    level = inputs.rate(found.people)
     scale = exposure_h / level.value if level.value else None
     limits = (None if v is None or scale is None else v * scale for v in (level.lo, level.hi))
     lo, hi = limits
@@ -27,18 +27,18 @@ def exposure(asked: Asked) -> Figure:
         lo=lo,
         hi=hi,
         verdict=people.verdict,
-        denominator=asked.recorded_h,
+        denominator=inputs.recorded_h,
         reason=level.reason if lo is None else None,
     )
 
 
 @figure("M5")
-def people_in_view(asked: Asked) -> Figure:
+def people_in_view(inputs: FigureInputs) -> Figure:
     """Return the mean number of people in view, and the fullest quarter-hour."""
-    people = asked.level.people
+    people = inputs.level.people
     if people.value is None:
         return missing(MEAN, people.state, people.reason)
-    found = asked.found.person_time
+    found = inputs.found.person_time
     rows: list[Row] = [
         {"what": "mean", "people": people.value, "start": None, "recorded_share": None},
     ]
@@ -58,28 +58,28 @@ def people_in_view(asked: Asked) -> Figure:
         lo=found.people.lo,
         hi=found.people.hi,
         verdict=people.verdict,
-        denominator=asked.recorded_h,
+        denominator=inputs.recorded_h,
         rows=tuple(rows),
         reason=found.people.reason if found.people.lo is None else None,
     )
 
 
 @figure("M6")
-def close(asked: Asked) -> Figure:
+def close(inputs: FigureInputs) -> Figure:
     """Return the share of person-time too close, of all people and between groups."""
-    distance_m = asked.data.site.settings.distance_m
+    distance_m = inputs.data.site.settings.distance_m
     unit = f"share of person-time closer than {distance_m:g} m to somebody"
-    if (why := asked.data.why_no_exposure) is not None:
+    if (why := inputs.data.why_no_exposure) is not None:
         return missing(unit, "not_measurable", why)
-    if (why := asked.data.hidden.why_floor) is not None:
+    if (why := inputs.data.hidden.why_floor) is not None:
         return missing(unit, "not_enough_data", why)
-    found = asked.found.person_time
-    level = asked.rate(found.close)
+    found = inputs.found.person_time
+    level = inputs.rate(found.close)
     if level.value is None:
         return missing(unit, level.state, level.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for name, reading in (("all", found.close), ("between groups", found.close_between)):
-        values = asked.rate(reading)
+        values = inputs.rate(reading)
         state = "ok" if values.value is not None else values.state
         rows.append(
             {

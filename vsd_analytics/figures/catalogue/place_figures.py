@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.catalogue.form import Asked, Plain, Row, figure, limits, missing, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Plain, Row, figure, limits, missing, row
 from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
 from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
 from vsd_analytics.figures.week.results import AreaRow, Figure
@@ -31,30 +31,30 @@ _NO_CELL: Final = {
 
 
 @figure("M15")
-def area_rates(asked: Asked) -> Figure:
+def area_rates(inputs: FigureInputs) -> Figure:
     """Return both rates of each area, most violations first."""
-    data = asked.data
-    if not asked.areas:
+    data = inputs.data
+    if not inputs.areas:
         if (reason := data.why_no_violations or data.why_no_places) is not None:
             return missing(AREAS, "not_measurable", reason)
         return missing(AREAS, "not_enough_data", Reason("areas.none"))
-    borders = {b.area_id: b for b in asked.found.borders}
+    borders = {b.area_id: b for b in inputs.found.borders}
     order = [a.area_id for a in data.areas]
-    areas = list(asked.areas)
-    if not asked.is_ranked:
+    areas = list(inputs.areas)
+    if not inputs.is_ranked:
         areas.sort(key=lambda a: len(order) if a.area_id is None else order.index(a.area_id))
     rows = [_area(a, borders[a.area_id].note if a.area_id in borders else None) for a in areas]
-    _pull(asked, rows, areas)
+    _pull(inputs, rows, areas)
     ranks = iter(range(1, len(rows) + 1))
     for one, area in zip(rows, areas, strict=True):
-        can = asked.is_ranked and area.area_id is not None and area.often.value is not None
+        can = inputs.is_ranked and area.area_id is not None and area.often.value is not None
         one["rank"] = next(ranks) if can else None
-    reason = None if asked.is_ranked else asked.not_ranked(AREAS).reason
+    reason = None if inputs.is_ranked else inputs.not_ranked(AREAS).reason
     note = None if any(r["pulled"] is not None for r in rows) else NOT_PULLED
-    return Figure(unit=AREAS, rows=tuple(rows), denominator=asked.recorded_h, reason=reason, note=note)
+    return Figure(unit=AREAS, rows=tuple(rows), denominator=inputs.recorded_h, reason=reason, note=note)
 
 
-def _pull(asked: Asked, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
+def _pull(inputs: FigureInputs, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
     """Add each area's rate per person-hour pulled towards the mean of all, and what it has above the floor's rate."""
     known = [
         (one, area.risky, area.exposure_h)
@@ -62,8 +62,8 @@ def _pull(asked: Asked, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) 
         if area.area_id is not None and area.risky is not None and area.risky.value and area.risky.lo and area.risky.hi
     ]
     ends = ([getattr(risky, name) for _, risky, _ in known] for name in ("value", "lo", "hi"))
-    pulled = pull(*ends, confidence=asked.data.site.settings.confidence) if asked.is_ranked else None
-    floor = asked.level.risky.value
+    pulled = pull(*ends, confidence=inputs.data.site.settings.confidence) if inputs.is_ranked else None
+    floor = inputs.level.risky.value
     for one in rows:
         one |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
     for (one, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
@@ -90,27 +90,27 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
 
 
 @figure("M16")
-def exposure(asked: Asked) -> Figure:
+def exposure(inputs: FigureInputs) -> Figure:
     """Return where people are."""
-    return _map(asked.found.maps.exposure)
+    return _map(inputs.found.maps.exposure)
 
 
 @figure("M17")
-def burden(asked: Asked) -> Figure:
+def burden(inputs: FigureInputs) -> Figure:
     """Return where people are too close."""
-    return _map(asked.found.maps.burden)
+    return _map(inputs.found.maps.burden)
 
 
 @figure("M18")
-def risk(asked: Asked) -> Figure:
+def risk(inputs: FigureInputs) -> Figure:
     """Return the share of person-time in violation, place by place."""
-    return _map(asked.found.maps.risk)
+    return _map(inputs.found.maps.risk)
 
 
 @figure("M19")
-def excess(asked: Asked) -> Figure:
+def excess(inputs: FigureInputs) -> Figure:
     """Return where people are closer than chance makes them."""
-    return _map(asked.found.maps.excess)
+    return _map(inputs.found.maps.excess)
 
 
 def _map(found: CellMap) -> Figure:
@@ -137,33 +137,35 @@ def _map(found: CellMap) -> Figure:
 
 
 @figure("M20")
-def spots(asked: Asked) -> Figure:
+def spots(inputs: FigureInputs) -> Figure:
     """Return the hotspots of the floor, and those that are gone."""
-    if not asked.is_ranked:
-        return asked.not_ranked(SPOTS)
-    found = asked.found.hotspots
+    if not inputs.is_ranked:
+        return inputs.not_ranked(SPOTS)
+    found = inputs.found.hotspots
     if found.state != "ok":
         return missing(SPOTS, found.state, found.reason)
-    rows = [_spot(asked, s) for s in found.spots] + [
-        _past(asked, s, state) for state, of in (("resolved", found.resolved), ("watching", found.watching)) for s in of
+    rows = [_spot(inputs, s) for s in found.spots] + [
+        _past(inputs, s, state)
+        for state, of in (("resolved", found.resolved), ("watching", found.watching))
+        for s in of
     ]
     note = Reason("joined", reasons=found.notes) if found.notes else None
     return Figure(unit=SPOTS, rows=tuple(rows), denominator=found.n_days, note=note)
 
 
-def _spot(asked: Asked, spot: FloorSpot) -> Row:
-    return {**row(spot, "number", "state", "since"), **_figures_of(asked, spot, _OF_SPOT)}
+def _spot(inputs: FigureInputs, spot: FloorSpot) -> Row:
+    return {**row(spot, "number", "state", "since"), **_figures_of(inputs, spot, _OF_SPOT)}
 
 
-def _past(asked: Asked, spot: ResolvedSpot, state: str) -> Row:
+def _past(inputs: FigureInputs, spot: ResolvedSpot, state: str) -> Row:
     unknown = dict.fromkeys(("number", "since", *_OF_SPOT))
     past = {"state": state, **row(spot, "changed_on")}
-    return {**unknown, **past, **_figures_of(asked, spot, ("ratio", "lo", "hi", "n"))}
+    return {**unknown, **past, **_figures_of(inputs, spot, ("ratio", "lo", "hi", "n"))}
 
 
-def _figures_of(asked: Asked, spot: FloorSpot | ResolvedSpot, names: Sequence[str]) -> Row:
+def _figures_of(inputs: FigureInputs, spot: FloorSpot | ResolvedSpot, names: Sequence[str]) -> Row:
     """Return where a spot is, and its figures unless they would tell a small count."""
-    is_printed = not asked.small(spot.n) and spot.spot_id not in asked.found.revealing_spots
+    is_printed = not inputs.small(spot.n) and spot.spot_id not in inputs.found.revealing_spots
     at = {"spot_id": spot.spot_id, "place": spot.place.name, "area": spot.place.area_id}
     return {
         **at,

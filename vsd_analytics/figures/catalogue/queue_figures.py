@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vsd_analytics.figures.capacities import CapacityUse
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
 from vsd_analytics.figures.people_present import PeopleQuantile
 from vsd_analytics.figures.queues import AreaQueue
 from vsd_analytics.figures.suppression import GIVES_AWAY
@@ -38,28 +38,28 @@ WHAT: Final = {
 
 
 @figure("M39")
-def people_waiting(asked: Asked) -> Figure:
+def people_waiting(inputs: FigureInputs) -> Figure:
     """Return the number of people in each queue over recorded open time: mean and 90 % quantile, and mean by hour."""
-    found = asked.found.queues
+    found = inputs.found.queues
     rows: list[Row] = []
     for of in found:
         more = _recorded(of)
-        hidden = _hidden(asked, None if of.waiting is None else of.waiting.waits)
+        hidden = _hidden(inputs, None if of.waiting is None else of.waiting.waits)
         rows.append({**_of_rate(of, None, of.people, hidden), **more})
         rows.append(_of_people(of, of.busy, hidden))
-        rows += [_of_rate(of, h.hour, h.people, hidden or _hidden(asked, h.waits)) for h in of.by_hour if not hidden]
+        rows += [_of_rate(of, h.hour, h.people, hidden or _hidden(inputs, h.waits)) for h in of.by_hour if not hidden]
     if all(row["value"] is None for row in rows):
         return missing(PEOPLE, "not_enough_data", _first_reason(rows))
-    return Figure(unit=PEOPLE, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.queues"))
+    return Figure(unit=PEOPLE, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.queues"))
 
 
 @figure("M40")
-def waiting_time(asked: Asked) -> Figure:
+def waiting_time(inputs: FigureInputs) -> Figure:
     """Return how long people of each queue wait, and the share who leave before the end; for the days and by hour.
 
     A share hides its complement, and one hidden hour of several could be worked out from the days: none is given then.
     """
-    found = asked.found.queues
+    found = inputs.found.queues
     rows: list[Row] = []
     n_entered = 0
     for of in found:
@@ -67,16 +67,16 @@ def waiting_time(asked: Asked) -> Figure:
             rows.append(_row(of.area, "median", None, None, None, None, of.why_no_waits))
             continue
         whole = of.waiting.waits
-        hidden = _hidden(asked, whole)
+        hidden = _hidden(inputs, whole)
         n_entered += 0 if hidden else whole.n_entered
-        rows += [*_times(of, None, whole, hidden), _left(asked, of, None, whole, hidden)]
+        rows += [*_times(of, None, whole, hidden), _left(inputs, of, None, whole, hidden)]
         rows += _means(of, hidden)
         if hidden or whole.median.value_s is None:
             continue
-        hours = [(h.hour, h.waits, _hidden(asked, h.waits)) for h in of.by_hour if h.waits is not None]
+        hours = [(h.hour, h.waits, _hidden(inputs, h.waits)) for h in of.by_hour if h.waits is not None]
         for hour, waits, why in hours:
             rows += _times(of, hour, waits, why)
-        shares = [_left(asked, of, hour, waits, why) for hour, waits, why in hours]
+        shares = [_left(inputs, of, hour, waits, why) for hour, waits, why in hours]
         held_back = [row["reason"] for row in shares if row["value"] is None]
         rows += (
             [{**row, "value": None, "lo": None, "hi": None, "reason": GIVES_AWAY} for row in shares]
@@ -89,12 +89,12 @@ def waiting_time(asked: Asked) -> Figure:
 
 
 @figure("M41")
-def capacity_used(asked: Asked) -> Figure:
+def capacity_used(inputs: FigureInputs) -> Figure:
     """Return for how much of the open time each place with a capacity was full, and by how many people too full."""
-    rows = [row for of in asked.found.capacities for row in _use(of)]
+    rows = [row for of in inputs.found.capacities for row in _use(of)]
     if all(row["value"] is None for row in rows):
         return missing(USE, "not_enough_data", _first_reason(rows))
-    return Figure(unit=USE, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.queues"))
+    return Figure(unit=USE, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.queues"))
 
 
 def _use(of: CapacityUse) -> Iterator[Row]:
@@ -165,11 +165,11 @@ def _times(of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | N
             yield _row(of.area, key, hour, q.value_s, q.lo_s, q.hi_s, waits.reason)
 
 
-def _left(asked: Asked, of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Row:
+def _left(inputs: FigureInputs, of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Row:
     share, n = waits.left_share, waits.n_entered
     part = None if share.value is None else round(share.value * n)
-    if hidden is None and part is not None and asked.small(part, n - part):
-        hidden = _few(asked)
+    if hidden is None and part is not None and inputs.small(part, n - part):
+        hidden = _few(inputs)
     if hidden is not None:
         return _row(of.area, "left", hour, None, None, None, hidden, unit="share")
     return _row(of.area, "left", hour, share.value, share.lo, share.hi, share.reason, unit="share")
@@ -185,12 +185,12 @@ def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
         yield {**row, "what": WHAT[key] + doubt}
 
 
-def _hidden(asked: Asked, waits: WaitTimes | None) -> Reason | None:
-    return _few(asked) if waits is not None and asked.small(waits.n_entered) else None
+def _hidden(inputs: FigureInputs, waits: WaitTimes | None) -> Reason | None:
+    return _few(inputs) if waits is not None and inputs.small(waits.n_entered) else None
 
 
-def _few(asked: Asked) -> Reason:
-    return Reason("hidden.entries", least=asked.below)
+def _few(inputs: FigureInputs) -> Reason:
+    return Reason("hidden.entries", least=inputs.below)
 
 
 def _first_reason(rows: list[Row]) -> Reason | None:

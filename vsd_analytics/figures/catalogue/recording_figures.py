@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 
@@ -11,9 +11,9 @@ QUALITY = "how good the records are"
 
 
 @figure("M1")
-def coverage(asked: Asked) -> Figure:
+def coverage(inputs: FigureInputs) -> Figure:
     """Return the recorded share of open camera-hours."""
-    found = asked.coverage
+    found = inputs.coverage
     unit = "share of open camera-hours"
     if not found.scheduled_h:
         return missing(unit, "not_enough_data", Reason("site.closed"))
@@ -21,7 +21,7 @@ def coverage(asked: Asked) -> Figure:
 
 
 @figure("M2")
-def outages(asked: Asked) -> Figure:
+def outages(inputs: FigureInputs) -> Figure:
     """Return the outages of the week."""
     rows = tuple(
         {
@@ -31,28 +31,28 @@ def outages(asked: Asked) -> Figure:
             "open_h": o.open_h,
             "is_inferred": o.is_inferred,
         }
-        for o in asked.coverage.outages
+        for o in inputs.coverage.outages
     )
-    least_s = asked.data.site.settings.outage_min_s
+    least_s = inputs.data.site.settings.outage_min_s
     return Figure(unit=f"outages of {least_s / 60:g} minutes or more", rows=rows)
 
 
 @figure("M4")
-def tracks(asked: Asked) -> Figure:
+def tracks(inputs: FigureInputs) -> Figure:
     """Return the number of track ids."""
-    found = asked.found.episodes.tracks
+    found = inputs.found.episodes.tracks
     if found.n is None:
         return missing(TRACKS, found.state, found.reason)
-    if asked.small(found.n):
-        return missing(TRACKS, "not_enough_data", Reason("hidden.tracks", least=asked.below))
+    if inputs.small(found.n):
+        return missing(TRACKS, "not_enough_data", Reason("hidden.tracks", least=inputs.below))
     return Figure(unit=TRACKS, value=found.n, denominator=found.n_records)
 
 
 @figure("M29")
-def quality(asked: Asked) -> Figure:
+def quality(inputs: FigureInputs) -> Figure:
     """Return one row for each thing that is known of the records, missing ones with their reason."""
-    data, coverage = asked.data, asked.coverage
-    tracks = asked.found.episodes.tracks
+    data, coverage = inputs.data, inputs.coverage
+    tracks = inputs.found.episodes.tracks
     first, end = data.this.span_ms
     sums = data.warehouse.rows(
         "select sum(person_records)::double as n, sum(n_doubled)::double as n_doubled, "
@@ -66,9 +66,9 @@ def quality(asked: Asked) -> Figure:
         return (part or 0) / n_seen if n_seen else None
 
     nobody = Reason("nobody.seen")
-    n_shown = None if asked.small(n_seen) else n_seen
+    n_shown = None if inputs.small(n_seen) else n_seen
     rows: list[Row] = [
-        _row("person records", n_shown, "records", Reason("hidden.records", least=asked.below)),
+        _row("person records", n_shown, "records", Reason("hidden.records", least=inputs.below)),
         _row("without a track id", tracks.without_id_share, "share of person records", tracks.reason),
         _row("median life of a track id", tracks.median_life_s, "s", tracks.reason),
         _row("seen by two cameras, counted once", share(sums["n_doubled"]), "share of person records", nobody),
@@ -80,7 +80,7 @@ def quality(asked: Asked) -> Figure:
         _row("purged hours computed by other rules", len(data.warehouse.other_rules()), "stretches", None),
         _row(
             "frame intervals in the week",
-            ", ".join(f"{ms / 1000:g}" for ms in _intervals(asked)) or None,
+            ", ".join(f"{ms / 1000:g}" for ms in _intervals(inputs)) or None,
             "s",
             Reason("recorded.nothing"),
         ),
@@ -92,8 +92,8 @@ def _row(what: str, value: float | str | bool | None, unit: str, reason: Reason 
     return {"what": what, "value": value, "unit": unit, "reason": reason if value is None else None}
 
 
-def _intervals(asked: Asked) -> list[int]:
-    data = asked.data
+def _intervals(inputs: FigureInputs) -> list[int]:
+    data = inputs.data
     first, end = data.this.span_ms
     rows = data.warehouse.rows(
         "select distinct camera_days.interval_ms::bigint as ms from camera_days inner join cameras using (camera_id) "

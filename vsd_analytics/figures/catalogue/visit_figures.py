@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import Asked, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
 from vsd_analytics.figures.visits import AreaVisits, visits
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -14,13 +14,13 @@ SECONDS: Final = "seconds; share of visits"
 
 
 @figure("M35")
-def visits_per_open_hour(asked: Asked) -> Figure:
+def visits_per_open_hour(inputs: FigureInputs) -> Figure:
     """Return the visits of each area per open hour, by entries that were seen; a small count has no value."""
-    found = visits(asked.data.this)
+    found = visits(inputs.data.this)
     rows: list[Row] = []
     for of in found:
-        why = _why_hidden(asked, of) or of.often.reason
-        shown = of.often if _why_hidden(asked, of) is None else None
+        why = _why_hidden(inputs, of) or of.often.reason
+        shown = of.often if _why_hidden(inputs, of) is None else None
         rows.append(
             {
                 **_place(of),
@@ -34,29 +34,29 @@ def visits_per_open_hour(asked: Asked) -> Figure:
         )
     if all(row["value"] is None for row in rows):
         return missing(PER_HOUR, "not_enough_data", _first_reason(rows))
-    return Figure(unit=PER_HOUR, rows=tuple(rows), denominator=asked.recorded_h, note=Reason("note.visits"))
+    return Figure(unit=PER_HOUR, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.visits"))
 
 
 @figure("M36")
-def dwell_times(asked: Asked) -> Figure:
+def dwell_times(inputs: FigureInputs) -> Figure:
     """Return how long visits of each area last: median, 90 % quantile, share of long ones, and the mean by two ways.
 
     A share hides its complement: it has no value where it means fewer than `mask_below` visits on either side.
     """
-    found = visits(asked.data.this)
+    found = visits(inputs.data.this)
     rows: list[Row] = []
     for of in found:
         is_unknown = of.often.rate is None or of.dwell.median.value_s is None
-        if (why := _why_hidden(asked, of)) is not None or is_unknown:
+        if (why := _why_hidden(inputs, of)) is not None or is_unknown:
             why = why or (of.often.reason if of.often.rate is None else of.dwell.reason)
             rows.append({**_place(of), "what": "median", "value": None, "reason": why})
             continue
         for what, q in (("median", of.dwell.median), ("90 % leave within", of.dwell.p90)):
             rows.append({**_place(of), "what": what, "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
-        rows += [_long_share(asked, of), *_means(of)]
+        rows += [_long_share(inputs, of), *_means(of)]
     if all(row["value"] is None for row in rows):
         return missing(SECONDS, "not_enough_data", _first_reason(rows))
-    n_visits = sum(of.dwell.n_visits for of in found if not asked.small(of.dwell.n_visits))
+    n_visits = sum(of.dwell.n_visits for of in found if not inputs.small(of.dwell.n_visits))
     return Figure(unit=SECONDS, rows=tuple(rows), denominator=n_visits, note=Reason("note.visits"))
 
 
@@ -64,14 +64,14 @@ def _place(of: AreaVisits) -> Row:
     return {"area": of.area.area_id, "place": of.area.name}
 
 
-def _long_share(asked: Asked, of: AreaVisits) -> Row:
+def _long_share(inputs: FigureInputs, of: AreaVisits) -> Row:
     long, n = of.dwell.long_share, of.dwell.n_visits
     part = None if long.value is None else round(long.value * n)
-    is_hidden = part is not None and asked.small(part, n - part)
+    is_hidden = part is not None and inputs.small(part, n - part)
     value = (
         {"value": None, "lo": None, "hi": None} if is_hidden else {"value": long.value, "lo": long.lo, "hi": long.hi}
     )
-    why = _hidden(asked) if is_hidden else long.reason
+    why = _hidden(inputs) if is_hidden else long.reason
     limit: Row = {"longer_than_s": of.long_visit_s, "unit": "share"}
     return {**_place(of), "what": "share of long visits", **limit, **value, "reason": why}
 
@@ -86,12 +86,12 @@ def _means(of: AreaVisits) -> list[Row]:
     return rows
 
 
-def _why_hidden(asked: Asked, of: AreaVisits) -> Reason | None:
-    return _hidden(asked) if asked.small(of.dwell.n_visits) else None
+def _why_hidden(inputs: FigureInputs, of: AreaVisits) -> Reason | None:
+    return _hidden(inputs) if inputs.small(of.dwell.n_visits) else None
 
 
-def _hidden(asked: Asked) -> Reason:
-    return Reason("hidden.visits", least=asked.below)
+def _hidden(inputs: FigureInputs) -> Reason:
+    return Reason("hidden.visits", least=inputs.below)
 
 
 def _first_reason(rows: list[Row]) -> Reason | None:

@@ -9,7 +9,7 @@ from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.figures.catalogue import figures
-from vsd_analytics.figures.catalogue.form import Asked
+from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
@@ -212,7 +212,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
         close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
-        figures=with_row_texts(figures(Asked(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
+        figures=with_row_texts(figures(FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
     )
 
 
