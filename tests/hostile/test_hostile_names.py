@@ -103,7 +103,9 @@ def named_project(root: Path, names: list[str]) -> Lab:
         assert lab.vsd("log", "add", "--at=2026-11-10T12:00", "--", name)[0] == 0
     cameras = [f"cam-{i}" for i in range(len(names))]
     starts = [START_MS + 90_000 * k for k in range(len(names))]
-    pairs = [make_pair(1.0, 60, start_ms=ms, at=(k + 0.5, 5 + k % 2), camera=f"cam-{k}") for k, ms in enumerate(starts)]
+    pairs = [
+        make_pair(1.0, 60, start_ms=ms, at=(k + 0.52, 5 + k % 2), camera=f"cam-{k}") for k, ms in enumerate(starts)
+    ]
     beats = [make_empty(3600, interval_s=10, camera=c) for c in cameras[:-2]]
     path = write_messages(lab.root / "in" / "a.jsonl", merge(*pairs, *beats))
     assert lab.vsd("ingest", path)[0] == 0
