@@ -54,9 +54,9 @@ def messages(*, camera: str, day: str, hours: tuple[int, ...] = HOURS, shift_m: 
     for hour in hours:
         for k in range(90):
             ts = f"{day}T{hour:02d}:{k // 6:02d}:{10 * (k % 6):02d}Z"
-            persons = [{"id": f"a{hour}", "x_m": 1.0 + shift_m, "y_m": k % 5 / 2}]
+            persons = [{"id": f"a{hour}", "x_m": 1.0 + shift_m, "y_m": 0.02 + k % 5 / 2}]
             if k % 15 < 5:
-                persons.append({"id": f"b{hour}-{k // 15}", "x_m": 2.0 + shift_m, "y_m": k % 5 / 2})
+                persons.append({"id": f"b{hour}-{k // 15}", "x_m": 2.0 + shift_m, "y_m": 0.02 + k % 5 / 2})
             found.append({"v": 1, "camera": camera, "ts": ts, "seq": k, "engine": "acme 2.1", "persons": persons})
     return found
 
