@@ -31,7 +31,7 @@
 --   denominator  recorded open camera-hours
 --   needs        5 recorded days and 5 violations for an interval
 --   uncertainty  day-clustered 95 % interval; five verdicts on the change
---   by           vsd_analytics.figures.rates.level_often
+--   by           vsd_analytics.figures.rates.violation_rate_level
 -- figure: M13 Hour-of-week profile
 --   definition   M7, M0 and people in view by local hour and weekday over the last 4 weeks; rates pulled towards the mean hour as far
 --                as chance may have made them

@@ -26,7 +26,7 @@
 --   denominator  person-hours
 --   needs        20 person-hours; 5 days and 5 violations for an interval
 --   uncertainty  day-clustered 95 % interval; five verdicts on the change
---   by           vsd_analytics.figures.rates.level_risky
+--   by           vsd_analytics.figures.rates.encounter_rate_level
 -- figure: M10 Duration of violations
 --   definition   median, 90 % quantile, share of 30 s and longer, of violations that began in opening hours
 --   unit         s; share

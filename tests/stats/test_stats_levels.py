@@ -55,7 +55,7 @@ def brute_force_m0(n: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
 
 @given(counts, hours)
 @settings(max_examples=60, deadline=None)
-def test_how_often_equals_the_house_plans_formula_when_all_cameras_recorded(n: np.ndarray, x: np.ndarray) -> None:
+def test_violation_rate_equals_the_house_plans_formula_when_all_cameras_recorded(n: np.ndarray, x: np.ndarray) -> None:
     estimate = violation_rate(n, x)
     assert (estimate.rate, estimate.lo, estimate.hi) == pytest.approx(brute_force_m0(n, x), rel=1e-9)
     assert estimate.df == pytest.approx(6)
@@ -64,7 +64,7 @@ def test_how_often_equals_the_house_plans_formula_when_all_cameras_recorded(n: n
 
 @given(counts, hours)
 @settings(max_examples=60, deadline=None)
-def test_how_risky_equals_the_ratio_estimator_of_r3(n: np.ndarray, x: np.ndarray) -> None:
+def test_encounter_rate_equals_the_ratio_estimator_of_r3(n: np.ndarray, x: np.ndarray) -> None:
     n_d, x_d = n[0], x[0] * 10
     estimate = encounter_rate(n_d, x_d)
     rate = n_d.sum() / x_d.sum()

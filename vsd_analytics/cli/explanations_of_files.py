@@ -83,8 +83,7 @@ Some records of a file are more than a year away from the others, of the file an
 Common cause: a camera or engine that lost its clock and began again at 1990 or 2000. A history of other years is fine.
 Fix: set the clock (NTP), and remove the records: vsd purge --camera ID --range DAYS with the days of the message.""",
     "W220": """\
-Positions or distances do not look like metres: people would be faster than anybody runs, or far outside the floor.
-Or people would stand inside each other, or on whole metres.
+Positions do not look like metres: people would outrun anybody, be far off the floor, inside each other, or rounded.
 Common causes: millimetres, centimetres or feet; pixels, degrees or speeds mapped to x_m y_m; the height above the floor
 mapped to y_m; one place for people whom the engine has lost; a person twice in a frame; times without their decimals,
 which make one frame of many; a plan with a wrong origin or scale.
