@@ -22,10 +22,10 @@ _HALF_MM: Final = 0.0005
 def _rounded(case: Case) -> Iterator[Doubt]:
     """W220: positions that were rounded to half metres or metres."""
     places = case.sample.rows[["x", "y"]].dropna().to_numpy()
-    if case.sample.is_pairs or len(places) < 5 * ROWS_MIN or len(np.unique(places, axis=0)) < ROWS_MIN:
+    if case.sample.is_pairs or len(places) < 5 * ROWS_MIN:
         return
     is_coarse = (np.abs(places / COARSE_M - np.rint(places / COARSE_M)) < 1e-6).all()
-    if is_coarse:
+    if is_coarse and len(np.unique(places, axis=0)) >= ROWS_MIN:
         is_whole = (places == np.rint(places)).all()
         yield Doubt(
             "W220",

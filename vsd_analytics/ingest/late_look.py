@@ -19,7 +19,9 @@ from vsd_analytics.ingest.understanding import SourceCard, table_head
 from vsd_analytics.site.model import Site
 
 EVERY: Final = 500_000
-"""After so many records the newest `SAMPLE_ROWS` are looked at, and once more at the end."""
+"""After so many records the newest `LATE_ROWS` are looked at, and once more at the end."""
+LATE_ROWS: Final = 10_000
+"""Fewer than of the first records: what went wrong in between shows in these too, and each look costs time."""
 _SHOWN_MAX: Final = 5
 
 
@@ -56,7 +58,7 @@ class LateLook:
             for value, n in values.items():
                 if value in counter or len(counter) < VALUES_MAX:
                     counter[value] += n
-        while len(self._newest) > 1 and self._n_held(self._newest[1:]) >= SAMPLE_ROWS:
+        while len(self._newest) > 1 and self._n_held(self._newest[1:]) >= LATE_ROWS:
             del self._newest[0]
         self._n += n_rows(batch.tables.values())
         self._n_since += n_rows(batch.tables.values())
@@ -79,7 +81,7 @@ class LateLook:
         if card is None:
             return
         # the card has looked at the first ones: they would hide those behind them
-        sample = sample_of(self._newest, is_whole=False, n_last=min(SAMPLE_ROWS, self._n - SAMPLE_ROWS))
+        sample = sample_of(self._newest, is_whole=False, n_last=min(LATE_ROWS, self._n - SAMPLE_ROWS))
         head = table_head(self.source, self.reader, self.options)
         if head is not None:
             head = replace(head, values={**head.values, **self._values})
