@@ -432,6 +432,10 @@ def test_observers_see_what_is_durable_and_cannot_stop_the_listener(tmp_path: Pa
     assert set(TABLES) >= {"frames"}
 
 
+AUTHORITY = ("-addext", "keyUsage=critical,keyCertSign")
+"""Python 3.13 asks for this, and for the key of the authority in each certificate (RFC 5280)."""
+
+
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not on this machine")
 def test_tls_and_password(tmp_path: Path) -> None:
     tls = tmp_path / "tls"
@@ -441,9 +445,9 @@ def test_tls_and_password(tmp_path: Path) -> None:
         subprocess.run(["openssl", *arguments], check=True, capture_output=True, cwd=tls)
 
     key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
-    openssl("req", "-x509", *key, "-keyout", "ca.key", "-out", "ca.pem", "-subj", "/CN=test ca")
+    openssl("req", "-x509", *key, "-keyout", "ca.key", "-out", "ca.pem", "-subj", "/CN=test ca", *AUTHORITY)
     openssl("req", *key, "-keyout", "server.key", "-out", "server.csr", "-subj", "/CN=localhost")
-    (tls / "names").write_text("subjectAltName=DNS:localhost")
+    (tls / "names").write_text("subjectAltName=DNS:localhost\nauthorityKeyIdentifier=keyid\n")
     signed = ("-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial", "-days", "2", "-extfile", "names")
     openssl("x509", "-req", "-in", "server.csr", *signed, "-out", "server.pem")
     subprocess.run(["mosquitto_passwd", "-b", "-c", str(tls / "users"), "vsd", "secret"], check=True)
