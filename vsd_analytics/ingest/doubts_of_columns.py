@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
+from collections.abc import Set as AbstractSet
 from typing import Final
 
 import numpy as np
@@ -36,14 +37,12 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
         return
     if not (case.sample.rows["camera"] == camera).all():
         return
-    told = [found for name in case.files if (found := cameras_in([name]))]
-    different = set[str]().union(*told).difference(told[0].intersection(*told) if told else ())
-    if len(different) > 1:
+    if (n := len(case.differing_cameras)) > 1:
         fix = "one command for each camera, with --camera ID (and a [[camera]] in vsd.toml for each)"
-        yield _merged_cameras(case, f"the names of these files tell of {len(different)} cameras", different, fix)
+        yield _merged_cameras(case, f"the names of these files tell of {n} cameras", case.differing_cameras, fix)
         return
     known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
-    own = cameras_in(name.rpartition("/")[2] for name in case.files[:1])
+    own = cameras_in(name.rpartition("/")[2] for name in [case.file])
     if known and own and not own & known:
         yield Doubt(
             "W221",
@@ -96,7 +95,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _merged_cameras(case: Case, what: str, found: set[str], fix: str) -> Doubt:
+def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> Doubt:
     return Doubt(
         "W221",
         f"{what} ({', '.join(sorted(found)[:4])}), and all rows go to {case.options.camera}",

@@ -122,7 +122,7 @@ def understand(
     head: Sequence[RawBatch],
     *,
     is_whole: bool,
-    files: Sequence[str] = (),
+    differing_cameras: frozenset[str] = frozenset(),
 ) -> SourceCard:
     """Return what was understood of a source.
 
@@ -133,11 +133,11 @@ def understand(
         options: What the user says, completed from vsd.toml.
         head: The first batches.
         is_whole: Whether there are no others.
-        files: Names of the source, then of others of the command and of earlier imports.
+        differing_cameras: As in `Case`.
     """
     sample = sample_of(head, is_whole=is_whole)
     table = table_head(source, reader, options)
-    case = Case(site, options, sample, table, files)
+    case = Case(site, options, sample, table, source.name, differing_cameras)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are quarantined later
         return _card(case, reader.name)
 
