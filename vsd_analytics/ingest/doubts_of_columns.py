@@ -38,7 +38,7 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
     if not (case.sample.rows["camera"] == camera).all():
         return
     if (n := len(case.differing_cameras)) > 1:
-        fix = "one command for each camera, with --camera ID (and a [[camera]] in vsd.toml for each)"
+        fix = "a [[camera]] for each, and a [[source]] with camera_from_name; or one command for each, with --camera ID"
         yield _merged_cameras(case, f"the names of these files tell of {n} cameras", case.differing_cameras, fix)
         return
     known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
@@ -62,7 +62,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
             case,
             f"the names of its files tell of {len(parts)} cameras",
             parts,
-            "name them one by one, each with --camera",
+            "a [[source]] with camera_from_name, or name them one by one, each with --camera",
         )
     for column in named_like(case.head.values, "file"):
         if len(found := cameras_in(case.head.values[column])) > 1 and not case.is_settled_by_where(column):

@@ -21,6 +21,7 @@ from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.late_look import LateLook
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.profile_camera import with_named_camera
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.recognise import find_adapter
@@ -172,10 +173,14 @@ def ingest(
     run = next_run(site.root / "store")
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for source in sources:
-            read = options_for(site, source, options)
-            result = _Ingest(
-                site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
-            ).run()
+            try:
+                read = options_for(site, source, options)
+            except InputError as error:
+                result = SourceResult(source.name, options.format or "", error=error)
+            else:
+                result = _Ingest(
+                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
+                ).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
             results.append(result)
@@ -343,8 +348,10 @@ def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOpt
 
     Raises:
         UsageError: E101, as `with_site`.
+        InputError: E213, its name should say the camera, and does not.
     """
     profile = profile_of(source.name, site.sources)
+    options = with_named_camera(site, source, profile, options)
     return with_site(site, options) if profile is None else options_of_profile(site, profile, options)
 
 
@@ -368,8 +375,9 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     """
     known = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     camera = options.camera
-    is_only_camera = options.is_only_camera or (camera is None and len(site.cameras) == 1)
-    if camera is None and len(site.cameras) == 1:
+    is_unsaid = camera is None and options.camera_from_name is None
+    is_only_camera = options.is_only_camera or (is_unsaid and len(site.cameras) == 1)
+    if is_unsaid and len(site.cameras) == 1:
         camera = site.cameras[0].camera_id
     elif camera is not None and camera not in known:
         near = difflib.get_close_matches(camera, known, n=1)
