@@ -221,6 +221,10 @@ def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, in
     return at[0], at[1]
 
 
+_ULTRALYTICS = frozenset({"name", "class", "confidence", "box"})
+"""Columns of `to_csv` and `to_json` of its results."""
+
+
 def _missing(
     source: Source,
     column: str,
@@ -240,6 +244,15 @@ def _missing(
             where=Where(source.name, header.line, header.text),
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
+        )
+    if column == "ts" and set(shown) >= _ULTRALYTICS:
+        return InputError(
+            f"{source.file_name} has neither times nor frame numbers",
+            code="E203",
+            where=Where(source.name, header.line, header.text),
+            why="these are results of ultralytics for one picture, and they do not say which",
+            fix="let it write a file for each frame (save_txt=True), then: vsd engine run labels/ --camera ID --size "
+            "WIDTHxHEIGHT --hz 25 --start INSTANT --out frames.jsonl",
         )
     is_pair = proposed is not None and "track_a" in proposed and "x_a_m" in proposed
     renames = dict(proposed or {}) if is_pair else completed(proposed or {}, ours or column, header, wanted=column)
