@@ -275,11 +275,11 @@ def _ids(case: Case) -> Iterator[Doubt]:
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
-        n_without = int(sample.rows["track"].isna().sum())
+        n_without = int((sample.rows["track_no"] < 0).sum())
         if n_without > sample.n / 2:
             what = f"{n_without:,} of {sample.n:,} rows have no track id"
             yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
-        n_records = sample.rows["track"].value_counts()
+        n_records = sample.rows.loc[sample.rows["track_no"] >= 0, "track_no"].value_counts()
         n_frames = sample.rows["ts_ms"].nunique()
         if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
             what = f"{len(n_records):,} track ids, and nearly each has one record: they do not last"
