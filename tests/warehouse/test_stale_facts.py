@@ -306,7 +306,7 @@ def test_new_fact_is_computed_beside_the_others(
     (tmp_path / "shipped/sql/facts/presence.sql").write_text(added, encoding="utf-8")
     relations.cache_clear()
     result = build(project(root))
-    assert dict(result.reasons) == {"SQL changed": len(HOURS)}
+    assert dict(result.reasons) == {"incomplete": len(HOURS)}
     assert result.facts == {"presence": len(HOURS)}
 
 

@@ -41,6 +41,7 @@ def build(
     *,
     first_hour: int | None = None,
     last_hour: int | None = None,
+    facts: Collection[str] | None = None,
     on_hours: Callable[[int], None] | None = None,
     on_plan: Callable[[int], None] | None = None,
     has_lock: bool = False,
@@ -54,6 +55,7 @@ def build(
         site: The project; reads `<root>/store`, writes `<root>/facts`.
         first_hour: First UTC hour number; None = everything stored. Facts are computed by whole UTC days.
         last_hour: Last one, inclusive.
+        facts: Names of the hourly facts that are asked for; None = all. Files of the others stay as they are.
         on_hours: Called with the number of hours done, for a progress bar.
         on_plan: Called once with the number of stale hours.
         has_lock: The caller holds the locks against removal of records (`store.removal`) and of facts, and removes
@@ -66,7 +68,7 @@ def build(
 
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on its
-        inputs only, not on the range.
+        inputs only, not on the range or on which facts are asked for.
 
     Raises:
         StoreError: E302, a file of the store or of the facts is damaged. No fact is computed from a part whose bytes
@@ -78,10 +80,10 @@ def build(
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
-            return _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting, spread)
+            return _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
         with removal.reading(store.root):
             with superseded.reading(root):
-                result = _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting, spread)
+                result = _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
                 is_published = is_published and first_hour is last_hour is None and _publish(site, result)
             unneeded = list(result.superseded_files)
             if first_hour is None and last_hour is None:
@@ -104,6 +106,7 @@ def _build(
     store: Store,
     first_hour: int | None,
     last_hour: int | None,
+    facts: Collection[str] | None,
     on_hours: Callable[[int], None] | None,
     on_plan: Callable[[int], None] | None,
     is_trusting: bool,
@@ -115,7 +118,7 @@ def _build(
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
     days = _fresh_days(site, day_units_of, check, spread)
     units = hour_units(site, index, hours, days)
-    files = FactDays(site, units, is_trusting=is_trusting)
+    files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
     stale = _stale(files)
     computed = _computed(units, stale)
     reasons = Counter(files.reason(u) for u in computed)
@@ -133,8 +136,10 @@ def _build(
     of_days = {u.number: day_path(site, u) for u in day_units_of if u.number not in sealed.whole_days}
     paths = {**files.paths, DAY_FACT: of_days}
     if files.missing or not is_trusting or files.has_others():
+        # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
+        asked = {DAY_FACT, *files.names}
         unneeded = superseded.find(
-            beside.roots(site),
+            {name: root for name, root in beside.roots(site).items() if name in asked},
             site_id=site.site_id,
             fresh=paths,
             sealed=sealed,
@@ -246,7 +251,9 @@ def _write_hours(
             camera_days=pa.concat_tables([days[d].rows for d in needed]),
             first_hour=own[0],
             last_hour=own[-1],
-            pairs=() if wanted[PAIRS] else files.whole(PAIRS, [h for h in recorded if own[0] - 1 <= h <= own[-1] + 1]),
+            pairs=()
+            if wanted.get(PAIRS)
+            else files.whole(PAIRS, [h for h in recorded if own[0] - 1 <= h <= own[-1] + 1]),
         )
         for relation, rows in facts:
             name = relation.name
@@ -289,7 +296,8 @@ class BuildPlan:
         days: UTC days with records.
         inputs: By path of a fresh file, what it notes about its inputs. Files of a day are left out where their names
             are unknown, because the fact `camera_days` of a day around it has to be computed first.
-        fresh, stale, missing: Hours with records by the state of their facts.
+        fresh, stale, missing: Hours with records by the state of their facts: all there; some out of date; some not
+            computed, because nobody asked for them so far.
     """
 
     days: Collection[int]
@@ -311,9 +319,11 @@ def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | No
     inputs: dict[Path, Mapping[str, Any]] = {paths[u.number]: u.inputs for u in units}
     inputs |= {of_day[day]: files.noted(name, day) for name, of_day in files.paths.items() for day in of_day}
     asked = {h for h in hours if _is_within(h, first_hour, last_hour)}
-    stale = {u.number for day, names in files.missing.items() for n in names for u in files.stale(n, day)}
-    stale |= {h for h in hours if h // 24 in unknown}
-    missing = {h for h in stale if not files.holds(h)}
+    found = [(n, u) for day, names in files.missing.items() for n in names for u in files.stale(n, day)]
+    outdated = {u.number for n, u in found if files.is_noted(n, u)}
+    outdated |= {h for h in hours if h // 24 in unknown and files.holds(h)}
+    stale = {u.number for _, u in found} | {h for h in hours if h // 24 in unknown}
+    missing = stale - outdated
     numbers = {h // 24 for h in hours} | {u.number for u in units}
     return BuildPlan(numbers, inputs, asked - stale, asked & (stale - missing), asked & missing)
 

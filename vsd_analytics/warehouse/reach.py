@@ -9,11 +9,9 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from vsd_analytics.schema import TABLES
 from vsd_analytics.store.layout import HOUR_MS, Part
+from vsd_analytics.store.spans import ends_ms
 from vsd_analytics.warehouse.units import PartIndex
 
 SPANS = b"vsd.spans"
@@ -82,7 +80,7 @@ def noted_spans(parts: Mapping[Any, Iterable[Part]]) -> dict[bytes, bytes]:
         for part in parts[table]:
             of_hour.setdefault(part.hour, []).append(part)
         for shared in (found_parts for found_parts in of_hour.values() if len(found_parts) > 1):
-            found |= {part.digest: span for part in shared if (span := _span(part)) is not None}
+            found |= {part.digest: span for part in shared if (span := ends_ms(part.path)) is not None}
     return {SPANS: json.dumps(found, sort_keys=True).encode()} if found else {}
 
 
@@ -90,14 +88,3 @@ def spans_of(metadata: Mapping[bytes, bytes] | None) -> Spans:
     """Return what `noted_spans` noted; files of an older version note nothing."""
     noted = json.loads((metadata or {}).get(SPANS, b"{}"))
     return {str(digest): (int(first), int(last)) for digest, (first, last) in noted.items()}
-
-
-def _span(part: Part) -> tuple[int, int] | None:
-    """Return the first and last instant of a part by its footer; None where a writer noted none."""
-    about = pq.read_metadata(part.path)
-    at = about.schema.names.index("ts")
-    noted = [about.row_group(i).column(at).statistics for i in range(about.num_row_groups)]
-    if not noted or not all(n is not None and n.has_min_max for n in noted):
-        return None
-    ends = [pa.scalar(end, pa.timestamp("ms", "UTC")).value for n in noted for end in (n.min, n.max)]
-    return min(ends), max(ends)
