@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from datetime import date, datetime, timedelta
 from itertools import pairwise
 from types import TracebackType
@@ -26,7 +26,7 @@ from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.relations import Catalog
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
 from vsd_analytics.warehouse.sources import RelationSources
-from vsd_analytics.warehouse.sqlfiles import Relation
+from vsd_analytics.warehouse.sqlfiles import Relation, facts_behind
 from vsd_analytics.warehouse.stored_days import SPARE_DAYS, calendar_days, days_of, stored_extent
 
 if TYPE_CHECKING:
@@ -54,6 +54,8 @@ class Warehouse:
             facts.
         spare_days: Where more than a year has no records, the calendar has this many days of it after the last record
             before and before the next one; it leaves out the rest (`stored_days.calendar_days`).
+        relations: Facts and marts that will be asked for: only facts behind these are computed first, all others when
+            a query names them. None = all.
     """
 
     def __init__(
@@ -67,6 +69,7 @@ class Warehouse:
         on_hours: Callable[[int], None] | None = None,
         uses_days: bool = True,
         spare_days: int = SPARE_DAYS,
+        relations: Collection[str] | None = None,
     ) -> None:
         self.site, self.first, self.last = site, first, last
         store = Store(site.root / "store", site_id=site.site_id)
@@ -82,10 +85,12 @@ class Warehouse:
         self._reading.enter_context(removal.reading(store.root))
         self._reading_facts = contextlib.ExitStack()
         self._reading_facts.enter_context(superseded.reading(site.root / "facts"))
+        self._facts = None if relations is None else facts_behind(relations)
         self.built: BuildResult = build(
             site,
             first_hour=self._hours[0],
             last_hour=self._hours[1],
+            facts=self._facts,
             on_plan=on_plan,
             on_hours=on_hours,
             has_lock=True,
@@ -225,15 +230,17 @@ class Warehouse:
             self._sources.refuse_damaged(error)
             raise
 
-    def _whole_facts(self) -> None:
-        """Check every file of hourly facts of the range, and recompute the torn ones."""
-        build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], has_lock=True)
+    def _whole_facts(self, name: str) -> BuildResult:
+        """Check the files of hourly facts of the range and compute the missing ones: all facts where not asked for."""
+        if self._facts is not None and name not in self._facts:
+            self._facts = None
+        return build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], facts=self._facts, has_lock=True)
 
     def _rows_of_days(self, relation: Relation, first: date, last: date) -> pa.Table:
         """Return the rows of a mart of the days from `first` to `last`, computed from hourly facts."""
         days = (max(first, self.first), min(last, self.last))
         if days not in self._of_days:
-            self._of_days[days] = Warehouse(self.site, *days, uses_days=False)
+            self._of_days[days] = Warehouse(self.site, *days, uses_days=False, relations=self._facts)
         inner = self._of_days[days]
         inner.materialise(relation.name)
         return inner.table(f"select * from {relation.name}")
