@@ -261,7 +261,7 @@ def _calibrated(
         if planes:
             if is_tracked:
                 on = standing(part, planes=planes, calibration=used, picture_px=picture_px)
-                part = tracked_at(part, on.xy, on.floor_per_px, ts_ms=when)
+                part = tracked_at(part, on.xy, on.floor_per_px, picture_px=picture_px, ts_ms=when)
             seen = locate_on_planes(
                 part,
                 planes=planes,

@@ -1,38 +1,55 @@
-"""Track ids for a detector that has none: people followed on the floor from frame to frame.
+"""Track ids for a detector that has none: people followed on the floor, forward in time and then backward.
 
-Each track is a Kalman filter with constant velocity on the floor. A foot point far away is uncertain along the view and
-certain across it, so its covariance is mapped through the homography, and a sighting belongs to the track that makes it
-most likely (Yi and others, UCMCTrack: Multi-Object Tracking with Uniform Camera Motion Compensation, AAAI 2024).
+A foot point far away is uncertain along the view and certain across it, so its covariance is mapped through the
+homography (Yi and others, UCMCTrack, AAAI 2024). A link between two frames competes with the end of one track and the
+begin of another, which are likely at the border of the picture and where tracks of the same recording begin and end.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.special import ndtr
 
 from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.calibration_error import floor_per_px
 from vsd_analytics.engine.people import Array, People
+from vsd_analytics.engine.walks import WALK_M_S, Walks, joined, surprise
 from vsd_analytics.geometry.homography import to_floor
+
+Rows = NDArray[np.intp]
 
 FOOT_SHARE: Final = 0.05
 """Error of a foot point in body heights of the picture, as in UCMCTrack."""
 FOOT_PX: Final = 1.0
 """And at least so many pixels."""
-WALK_M_S: Final = 1.0
-"""Sd of each part of the velocity of a person not seen before."""
-TURN_M_S2: Final = 0.4
-"""Sd of the acceleration that people walk with."""
-GATE: Final = 9.2
-"""Squared Mahalanobis distance up to which a sighting may belong to a track: 99 % with two degrees of freedom."""
-_NEVER: Final = 1e6
+OUTSIDE_M2: Final = 0.05
+"""Persons per square metre beyond the border of the picture, who may step into it."""
+BEGIN_M2_S: Final = 0.002
+"""Tracks that begin inside the picture, per square metre and second, before any are known."""
+END_S: Final = 0.01
+"""Share of tracks that end inside the picture, per second."""
+LEAVE: Final = 0.7
+"""Share of those who could step out of the picture that do."""
+MISSED: Final = 0.03
+"""Chance that the detector misses somebody for a while."""
+KNOWN_S: Final = 100.0
+"""After so many seconds the begins that were found in a place count as much as what is assumed."""
+KNOWN_PERSON_S: Final = 20.0
+"""And after so many seconds of persons in a place the ends."""
+CELL_M: Final = 1.0
+"""Begins and ends are counted in squares of three such cells."""
 LOST_S: Final = 1.0
 LOST_FRAMES: Final = 2
 LOST_MOST_S: Final = 5.0
 """A track ends when it was seen neither for `LOST_S` nor in so many frames, and in any case after `LOST_MOST_S`."""
+_NO_TRACK: Final = -1
+_HOPELESS: Final = 15.0
+"""By so much a link may look worse from the past alone than no link; then the future is not asked."""
 
 
 def tracked(
@@ -51,23 +68,28 @@ def tracked(
     """
     uv = feet(people)
     xy = to_floor(homography, uv, picture_px=picture_px)
-    return tracked_at(people, xy, floor_per_px(homography, uv, picture_px=picture_px), ts_ms=ts_ms)
+    per_px = floor_per_px(homography, uv, picture_px=picture_px)
+    return tracked_at(people, xy, per_px, picture_px=picture_px, ts_ms=ts_ms)
 
 
-def tracked_at(people: People, xy: Array, per_px: Array, *, ts_ms: NDArray[np.int64]) -> People:
+def tracked_at(
+    people: People, xy: Array, per_px: Array, *, picture_px: tuple[int, int] | None, ts_ms: NDArray[np.int64]
+) -> People:
     """Return the people with track ids, as `tracked`, from places on the floor.
 
     Args:
         people: As detected.
         xy: Floor metres, shape (n, 2).
         per_px: Derivative of the places by pixels, metres per pixel, shape (n, 2, 2).
+        picture_px: Width and height of the picture; None = nobody knows where it ends.
         ts_ms: UTC milliseconds of each of `people.frames`.
     """
     outline = people.outline
     sd_px = np.maximum(FOOT_PX, FOOT_SHARE * (outline[:, 3] - outline[:, 1]))
     covariance = per_px @ np.swapaxes(per_px, 1, 2) * (sd_px**2)[:, None, None]
-    numbers = follow(xy, covariance, np.searchsorted(people.frames, people.frame), ts_ms / 1000)
-    return with_ids(people, numbers, ts_ms=ts_ms)
+    border_s = None if picture_px is None else _border_s(feet(people), per_px, picture_px)
+    rows = np.searchsorted(people.frames, people.frame)
+    return with_ids(people, follow(xy, covariance, rows, ts_ms / 1000, border_s=border_s), ts_ms=ts_ms)
 
 
 def with_ids(people: People, numbers: NDArray[np.int64], *, ts_ms: NDArray[np.int64]) -> People:
@@ -78,7 +100,16 @@ def with_ids(people: People, numbers: NDArray[np.int64], *, ts_ms: NDArray[np.in
     return People(people.frame, ids, people.box, people.joints, people.frames, people.ts_ms, people.bad)
 
 
-def follow(xy: Array, covariance: Array, frame: NDArray[np.intp], time_s: Array) -> NDArray[np.int64]:
+def _border_s(uv: Array, per_px: Array, picture_px: tuple[int, int]) -> Array:
+    """Return how many seconds of usual walking it is to each side of the picture, shape (n, 4)."""
+    a, b, c, d = per_px[:, 0, 0], per_px[:, 0, 1], per_px[:, 1, 0], per_px[:, 1, 1]
+    px_m = np.column_stack([np.hypot(d, b), np.hypot(c, a)]) / np.abs(a * d - b * c)[:, None]
+    return np.concatenate([uv, np.array(picture_px) - uv], axis=1) / np.tile(WALK_M_S * px_m, 2)
+
+
+def follow(
+    xy: Array, covariance: Array, frame: NDArray[np.intp], time_s: Array, *, border_s: Array | None = None
+) -> NDArray[np.int64]:
     """Return the track number of each sighting, shape (n,), from 1.
 
     Args:
@@ -86,83 +117,196 @@ def follow(xy: Array, covariance: Array, frame: NDArray[np.intp], time_s: Array)
         covariance: Of `xy`, square metres, shape (n, 2, 2).
         frame: Row of the frame in `time_s`, in order, shape (n,).
         time_s: Seconds of each frame.
+        border_s: Seconds of usual walking to each side of the picture, shape (n, 4); None = not known.
     """
+    known = np.flatnonzero(np.isfinite(xy).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    border_s = np.full((len(xy), 4), np.inf) if border_s is None else border_s
+    seen = _Seen.of(xy[known], covariance[known], frame[known], time_s, border_s[known])
+    before = _links(seen, None)
+    backward = seen.learnt(before).backward()
+    before = _reversed(_links(backward, _reversed(before)))
     number = np.zeros(len(xy), dtype=np.int64)
-    tracks, n_tracks = _Tracks.none(), 0
-    edges = np.searchsorted(frame, np.arange(len(time_s) + 1))
-    is_known = np.asarray(np.isfinite(xy).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
-    for i, now_s in enumerate(time_s.tolist()):
-        rows = np.arange(edges[i], edges[i + 1])
-        rows = rows[is_known[rows]]
-        tracks.advance(now_s, i)
-        of_track, of_row = tracks.matches(xy[rows], covariance[rows])
-        tracks.update(of_track, xy[rows[of_row]], covariance[rows[of_row]], now_s, i)
-        number[rows[of_row]] = tracks.number[of_track]
-        new = np.setdiff1d(rows, rows[of_row])
-        number[new] = n_tracks + 1 + np.arange(len(new))
-        n_tracks += len(new)
-        tracks.begin(number[new], xy[new], covariance[new], now_s, i)
-    number[~is_known] = n_tracks + 1 + np.arange(np.sum(~is_known))
+    number[known] = _numbers(before)
+    n_tracks = int(number.max(initial=0))
+    number[number == 0] = n_tracks + 1 + np.arange(len(xy) - len(known))
     return number
 
 
-class _Tracks:
-    """Kalman filters side by side: state x, y, vx, vy; covariance; number; when and in which frame last seen."""
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """All sightings in order of time, and what begins and ends of tracks cost there (-2 log of their likelihood)."""
 
-    def __init__(self, state: Array, covariance: Array, number: NDArray[np.int64], seen_s: Array, seen: Array) -> None:
-        self.state, self.covariance, self.number, self.seen_s, self.seen = state, covariance, number, seen_s, seen
-        self._now_s = -np.inf
+    xy: Array
+    covariance: Array
+    frame: Rows
+    time_s: Array
+    begin: Array
+    end: Array
 
     @classmethod
-    def none(cls) -> _Tracks:
-        return cls(np.empty((0, 4)), np.empty((0, 4, 4)), np.empty(0, dtype=np.int64), np.empty(0), np.empty(0))
+    def of(cls, xy: Array, covariance: Array, frame: Rows, time_s: Array, border_s: Array) -> _Seen:
+        step_s = np.diff(time_s, prepend=np.nan, append=np.nan)
 
-    def advance(self, now_s: float, frame: int) -> None:
-        """Predict all tracks at an instant; leave out those not seen for long."""
-        unseen_s = now_s - self.seen_s
-        is_recent = (unseen_s <= LOST_S) | (frame - self.seen <= LOST_FRAMES)
-        alive = np.flatnonzero(is_recent & (unseen_s <= LOST_MOST_S))
-        self.state, self.covariance, self.number = self.state[alive], self.covariance[alive], self.number[alive]
-        self.seen_s, self.seen = self.seen_s[alive], self.seen[alive]
-        step = now_s - self._now_s if np.isfinite(self._now_s) else 0.0
-        self._now_s = now_s
-        move = np.eye(4)
-        move[0, 2] = move[1, 3] = step
-        pushed = np.kron(np.array([[step**4 / 4, step**3 / 2], [step**3 / 2, step**2]]), np.eye(2)) * TURN_M_S2**2
-        self.state = self.state @ move.T
-        self.covariance = move @ self.covariance @ move.T + pushed
+        def crossing(step: Array) -> Array:
+            """Return the chance that somebody of unknown direction crosses the border in a time."""
+            with np.errstate(invalid="ignore"):
+                return np.asarray(1 - np.prod(ndtr(border_s / step[:, None]), axis=1))
 
-    def matches(self, xy: Array, covariance: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the rows of tracks and of sightings that belong together."""
-        off = xy[None] - self.state[:, None, :2]
-        both = self.covariance[:, None, :2, :2] + covariance[None]
-        determinant = both[..., 0, 0] * both[..., 1, 1] - both[..., 0, 1] ** 2
-        square = (
-            both[..., 1, 1] * off[..., 0] ** 2
-            - 2 * both[..., 0, 1] * off[..., 0] * off[..., 1]
-            + both[..., 0, 0] * off[..., 1] ** 2
-        ) / determinant
-        # the likelihood has the size of the covariance in it: else the most uncertain track would take everybody
-        cost = np.where(square < GATE, square + np.log(determinant), _NEVER)
-        of_track, of_row = linear_sum_assignment(cost)
-        is_one = cost[of_track, of_row] < _NEVER
-        return of_track[is_one], of_row[is_one]
+        since, until = step_s[frame], step_s[frame + 1]
+        begin = np.nan_to_num(BEGIN_M2_S * since + OUTSIDE_M2 * crossing(since), nan=1.0)
+        end = np.nan_to_num(np.minimum(END_S * until + LEAVE * crossing(until), 0.95), nan=1.0)
+        return cls(xy, covariance, frame, time_s, -2 * np.log(begin), -2 * np.log(end))
 
-    def update(self, rows: NDArray[np.intp], xy: Array, covariance: Array, now_s: float, frame: int) -> None:
-        """Move tracks by what was seen of them."""
-        prior = self.covariance[rows]
-        gain = prior[:, :, :2] @ np.linalg.inv(prior[:, :2, :2] + covariance)
-        self.state[rows] += np.einsum("nij,nj->ni", gain, xy - self.state[rows, :2])
-        self.covariance[rows] = prior - gain @ prior[:, :2, :]
-        self.seen_s[rows], self.seen[rows] = now_s, frame
+    def learnt(self, before: Rows) -> _Seen:
+        """Return the same with begins and ends as the tracks found have them; no sighting counts for itself."""
+        n_frames = len(self.time_s)
+        if n_frames < 2:
+            return self
+        step_s = (self.time_s[-1] - self.time_s[0]) / (n_frames - 1)
+        begins = (before == _NO_TRACK) & (self.frame > 0)
+        ends = self.frame < n_frames - 1
+        ends[before[before != _NO_TRACK]] = False
+        cells = np.floor(self.xy / CELL_M).astype(np.int64)
+        near = _Counts(cells)
+        weight = KNOWN_S / step_s
+        begin = weight * np.exp(-self.begin / 2) + (near.of(begins) - begins) / (3 * CELL_M) ** 2
+        weight_end = KNOWN_PERSON_S / step_s
+        end = weight_end * np.exp(-self.end / 2) + near.of(ends) - ends
+        return _Seen(
+            self.xy,
+            self.covariance,
+            self.frame,
+            self.time_s,
+            np.where(self.frame > 0, -2 * np.log(begin / (weight + n_frames)), self.begin),
+            np.where(
+                self.frame < n_frames - 1,
+                -2 * np.log(np.minimum(end / (weight_end + near.of(np.ones(len(ends)))), 0.95)),
+                self.end,
+            ),
+        )
 
-    def begin(self, number: NDArray[np.int64], xy: Array, covariance: Array, now_s: float, frame: int) -> None:
-        """Add tracks of people not seen before, with unknown velocity."""
-        n = len(number)
-        first = np.tile(np.diag([0.0, 0.0, WALK_M_S**2, WALK_M_S**2]), (n, 1, 1))
-        first[:, :2, :2] = covariance
-        self.state = np.concatenate([self.state, np.column_stack([xy, np.zeros((n, 2))])])
-        self.covariance = np.concatenate([self.covariance, first])
-        self.number = np.concatenate([self.number, number])
-        self.seen_s = np.concatenate([self.seen_s, np.full(n, now_s)])
-        self.seen = np.concatenate([self.seen, np.full(n, float(frame))])
+    def backward(self) -> _Seen:
+        """Return the sightings with time reversed."""
+        frame = len(self.time_s) - 1 - self.frame[::-1]
+        time_s = self.time_s[-1] - self.time_s[::-1] if len(self.time_s) else self.time_s
+        return _Seen(self.xy[::-1], self.covariance[::-1], frame, time_s, self.end[::-1], self.begin[::-1])
+
+    def rows(self) -> list[Rows]:
+        """Return the sightings of each frame."""
+        edges = np.searchsorted(self.frame, np.arange(1, len(self.time_s)))
+        return np.split(np.arange(len(self.frame)), edges)
+
+
+class _Counts:
+    """How many sightings lie in the three by three cells around each."""
+
+    def __init__(self, cells: NDArray[np.int64]) -> None:
+        unique, self._of = np.unique(cells, axis=0, return_inverse=True)
+        self._of = self._of.reshape(-1)
+        index = {tuple(cell): row for row, cell in enumerate(unique.tolist())}
+        near = [
+            (row, index[other])
+            for (x, y), row in index.items()
+            for other in ((x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1))
+            if other in index
+        ]
+        self._row, self._near = np.array(near, dtype=np.intp).reshape(-1, 2).T
+
+    def of(self, counted: Array | NDArray[np.bool_]) -> Array:
+        here = np.bincount(self._of, counted)
+        return np.bincount(self._row, here[self._near])[self._of]
+
+
+def _after(before: Rows) -> Rows:
+    """Return the next sighting of each, of the one before each, and the other way round."""
+    after = np.full(len(before), _NO_TRACK)
+    linked = np.flatnonzero(before != _NO_TRACK)
+    after[before[linked]] = linked
+    return after
+
+
+def _reversed(before: Rows) -> Rows:
+    """Return the links with time reversed."""
+    after = _after(before)[::-1]
+    return np.where(after == _NO_TRACK, _NO_TRACK, len(before) - 1 - after)
+
+
+def _numbers(before: Rows) -> NDArray[np.int64]:
+    number = np.cumsum(before == _NO_TRACK)
+    for row in np.flatnonzero(before != _NO_TRACK).tolist():
+        number[row] = number[before[row]]
+    return np.asarray(number, dtype=np.int64)
+
+
+def _futures(seen: _Seen, before: Rows) -> Walks:
+    """Return what each sighting and all later ones of its track say of the walk at its instant."""
+    late, later = seen.backward(), _reversed(before)
+    walks = Walks.unseen(len(before))
+    for rows in late.rows():
+        new, old = rows[later[rows] == _NO_TRACK], rows[later[rows] != _NO_TRACK]
+        walks.put(new, Walks.begun(late.xy[new], late.covariance[new], is_any=True))
+        if len(old):
+            step_s = late.time_s[late.frame[old]] - late.time_s[late.frame[later[old]]]
+            walks.put(old, walks[later[old]].after(step_s).seen(late.xy[old], late.covariance[old]))
+    return walks.backward()[np.arange(len(before))[::-1]]
+
+
+def _links(seen: _Seen, before: Rows | None) -> Rows:
+    """Return the sighting before each in its track, -1 at begins, chosen frame by frame in order of time.
+
+    Args:
+        seen: All sightings.
+        before: Links as they were: they say what comes after each sighting. None = from the past alone.
+    """
+    n = len(seen.frame)
+    futures = None if before is None else _futures(seen, before)
+    before = np.full(n, _NO_TRACK) if before is None else before.copy()
+    after = _after(before)
+    pasts = Walks.unseen(n)
+    open_rows = np.empty(0, dtype=np.intp)
+    for i, rows in enumerate(seen.rows()):
+        unseen_s = seen.time_s[i] - seen.time_s[seen.frame[open_rows]]
+        is_recent = (unseen_s <= LOST_S + 1e-9) | (i - seen.frame[open_rows] <= LOST_FRAMES)
+        alive = is_recent & (unseen_s <= LOST_MOST_S)
+        open_rows = open_rows[alive]
+        past = pasts[open_rows].after(unseen_s[alive])
+        of_open, of_row = _matches(seen, open_rows, rows, past, futures, after)
+        a, b = open_rows[of_open], rows[of_row]
+        after[before[rows[before[rows] != _NO_TRACK]]] = _NO_TRACK
+        before[rows] = _NO_TRACK
+        before[after[a[after[a] != _NO_TRACK]]] = _NO_TRACK
+        before[b], after[a] = a, b
+        pasts.put(rows, Walks.begun(seen.xy[rows], seen.covariance[rows]))
+        pasts.put(b, past[of_open].seen(seen.xy[b], seen.covariance[b]))
+        still = np.ones(len(open_rows), dtype=bool)
+        still[of_open] = False
+        open_rows = np.concatenate([open_rows[still], rows])
+    return before
+
+
+def _matches(
+    seen: _Seen, open_rows: Rows, rows: Rows, past: Walks, futures: Walks | None, after: Rows
+) -> tuple[Rows, Rows]:
+    """Return which of the open tracks have which of a frame's sightings: the most likely assignment, or none."""
+    if not len(open_rows) or not len(rows):
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    frame = seen.frame[rows[0]]
+    missed = np.where(frame - seen.frame[open_rows] > 1, -2 * np.log(MISSED), 0.0)
+    apart = seen.end[open_rows].copy()
+    off = seen.xy[rows][None] - past.state[:, None, :2]
+    link = surprise(off, past.covariance[:, None, :2, :2] + seen.covariance[rows][None]) + missed[:, None]
+    if futures is not None:
+        a, b = np.nonzero(link < apart[:, None] + seen.begin[rows] + _HOPELESS)
+        link[:] = np.inf
+        if len(a):
+            link[a, b] = joined(past[a], futures[rows[b]]) + missed[a]
+        late = np.flatnonzero((after[open_rows] != _NO_TRACK) & (seen.frame[after[open_rows]] > frame))
+        if len(late):  # seen again after this frame: that link would be lost
+            then = after[open_rows[late]]
+            step_s = seen.time_s[seen.frame[then]] - seen.time_s[frame]
+            other = joined(past[late].after(step_s), futures[then]) - 2 * np.log(MISSED)
+            apart[late] = np.minimum(apart[late], other - seen.begin[then])
+    gain = np.minimum(link - apart[:, None] - seen.begin[rows], 0.0)
+    of_open, of_row = linear_sum_assignment(gain)
+    is_one = gain[of_open, of_row] < 0
+    return of_open[is_one], of_row[is_one]
