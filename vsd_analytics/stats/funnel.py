@@ -24,7 +24,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 from scipy.special import erf, stdtr
 
 from vsd_analytics.stats.false_discovery import benjamini_hochberg
@@ -98,6 +97,8 @@ def usual(y: Floats, v: Floats) -> tuple[float, float, float]:
         y: Log ratios, shape (n_sites,).
         v: Their variances, same shape.
     """
+    from scipy.optimize import brentq  # takes a tenth of a second to import, and only many sites ask
+
     n = len(y)
 
     def excess(tau: float) -> float:
