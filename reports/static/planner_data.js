@@ -6,10 +6,17 @@ const M = JSON.parse($('meta').textContent);
 /* A sentence of the page's catalogue with its named places filled. */
 const word = (key, values = {}, plural = 2) => { const entry = M.words[key]; return (entry.other ? entry[plural === 1 ? 'one' : 'other'] : entry).replace(/\{(\w+)\}/g, (_, name) => values[name]); };
 
-/* ---- the packed data: numbers of seven bits a byte, see vsd_analytics/planner/pack.py ---- */
-function decoded(text) { const a = new Uint8Array(text.length); for (let i = 0; i < a.length; i++) a[i] = text.charCodeAt(i); return a; }
+/* ---- the packed data: numbers of seven bits a byte or in planes of bytes, see vsd_analytics/planner/pack.py ---- */
+/* Base 85: five signs for four bytes, in the order of their codes; these mean something in a page and are no signs. */
+const NO_SIGNS = [34, 38, 39, 60, 62, 92, 96, 123, 125];
+function decoded(text) {
+  const of = new Uint8Array(127), n = text.length, a = new DataView(new ArrayBuffer(4 * Math.ceil(n / 5)));
+  for (let code = 33, k = 0; code < 127; code++) if (!NO_SIGNS.includes(code)) of[code] = k++;
+  for (let i = 0, at = 0; i < n; at += 4) { let v = 0; for (const end = i + 5; i < end; i++) v = v * 85 + (i < n ? of[text.charCodeAt(i)] : 84); a.setUint32(at, v); }
+  return new Uint8Array(a.buffer, 0, Math.floor(n * 4 / 5));
+}
 async function unpack(text) {
-  const bytes = Uint8Array.fromBase64 ? Uint8Array.fromBase64(text) : decoded(atob(text));
+  const bytes = decoded(text);
   const gzip = new DecompressionStream('gzip'), into = gzip.writable.getWriter();
   into.write(bytes).catch(() => {}); into.close().catch(() => {});
   return new Uint8Array(await new Response(gzip.readable).arrayBuffer());
@@ -27,9 +34,10 @@ function reader(b) {
     }
     return a;
   };
+  const wide = n => { const a = new Float64Array(n); for (let p = b[i++], f = 1; p--; f *= 256) for (let k = 0; k < n; k++) a[k] += b[i++] * f; return a; };
   const keys = n => { const a = many(n); for (let k = 1; k < n; k++) a[k] += a[k - 1]; return a; };
   const part = () => { const n = one(); i += n; return reader(b.subarray(i - n, i)); };
-  return { one, many, keys, part };
+  return { one, many, wide, keys, part };
 }
 
 /* What is read only when it is first asked for. */
@@ -43,7 +51,7 @@ function readPanel(r) {
   for (const k of ['day', 'weekday', 'hour', 'fold']) p[k] = r.many(S);
   const rec = r.many(C * S);
   p.recorded = rec.map(v => Math.floor(v / 2) / 3.6e6); p.counted = rec.map(v => v % 2);
-  p.n = r.many(P * C * S); const unit = r.one(); p.time = scaled(r.many(P * C * S), unit / 3.6e6); p.close = scaled(r.many(P * C * S), unit / 1e3);
+  p.n = r.wide(P * C * S); const unit = r.one(); p.time = scaled(r.wide(P * C * S), unit / 3.6e6); p.close = scaled(r.wide(P * C * S), unit / 1e3);
   return p;
 }
 
@@ -58,7 +66,7 @@ const scaled = (a, unit) => { if (unit !== 1) for (let i = 0; i < a.length; i++)
 function readRows(t, r, kinds, unit) {
   const size = r.many(t.n), n = sum(size), rows = { n, camera: new Uint8Array(n), cell: new Int32Array(n), slot: r.many(n) };
   for (let i = 0, k = 0; i < t.n; i++) for (let j = 0, slot = 0; j < size[i]; j++, k++) { slot += rows.slot[k]; rows.slot[k] = slot; rows.camera[k] = t.camera[i]; rows.cell[k] = t.cell[i]; }
-  for (const kind of kinds) rows[kind] = scaled(r.many(n), unit);
+  for (const kind of kinds) rows[kind] = scaled(r.wide(n), unit);
   return rows;
 }
 

@@ -52,8 +52,8 @@ def test_the_report_has_the_planted_flow_and_the_page_draws_it(shop: Path) -> No
     assert {r["ways"] for r in corridor} == {"both"}
     assert all(abs(r["value"]) < 1 and r["n_people"] >= 5 for r in corridor)
     page = render_html(report)
-    figure = page[page.index("Which way people walk, and where") :]
-    assert "From area to area" in figure
+    figure = page[page.index("Which way people walk and go next") :]
+    assert "Between areas" in figure
     assert len(re.findall(r'class="vs"', figure)) >= 3
     assert HOSTILE not in page
     assert "&lt;b&gt;Bread" in page

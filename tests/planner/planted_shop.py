@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import gzip
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -108,58 +107,81 @@ def known(site: Site, **options: Any) -> PlannerData:
     return planner_pages(site, MONDAY, **options)[0]
 
 
-def numbers(page: str, name: str) -> Iterator[int]:
-    """Yield the packed numbers of a part of a page, `data` or `cells`, by a decoder of its own."""
-    found = re.search(rf'<script type="text/plain" id="{name}">([^<]*)</script>', page)
-    assert found is not None
-    value = shift = 0
-    for byte in gzip.decompress(base64.b64decode(found[1])):
-        value |= (byte & 127) << shift
-        shift += 7
-        if byte < 128:
-            yield value
-            value = shift = 0
+def of_base_85(text: str) -> bytes:
+    """Return the bytes of base 85 whose signs are in the order of their codes, without those of HTML and scripts."""
+    signs = [chr(c) for c in range(33, 127) if chr(c) not in "\"&'<>\\`{}"]
+    assert len(signs) == 85
+    padded, data = text + signs[84] * (-len(text) % 5), b""
+    for at in range(0, len(padded), 5):
+        value = 0
+        for sign in padded[at : at + 5]:
+            value = value * 85 + signs.index(sign)
+        data += value.to_bytes(4, "big")
+    return data[: len(data) - -len(text) % 5]
+
+
+class PackedStream:
+    """Reads the numbers of a part of a page, `data` or `cells`, by a decoder of its own."""
+
+    def __init__(self, page: str, name: str) -> None:
+        found = re.search(rf'<script type="text/plain" id="{name}">([^<>&]*)</script>', page)
+        assert found is not None
+        self._bytes = iter(gzip.decompress(of_base_85(found[1])))
+
+    def one(self) -> int:
+        """Read a number of seven bits a byte."""
+        value = shift = 0
+        for byte in self._bytes:
+            value |= (byte & 127) << shift
+            shift += 7
+            if byte < 128:
+                return value
+        raise AssertionError("the numbers ended too early")
+
+    def many(self, n: int) -> list[int]:
+        """Read n of them."""
+        return [self.one() for _ in range(n)]
+
+    def wide(self, n: int) -> list[int]:
+        """Read n numbers in planes of bytes."""
+        values = [0] * n
+        for plane in range(next(self._bytes)):
+            values = [v + (next(self._bytes) << 8 * plane) for v in values]
+        return values
 
 
 def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
     """Return the weeks of a page as lists: hours, counts by place, camera and hour, rows of cells."""
-    hours, cells = (numbers(page, name) for name in ("data", "cells"))
-    stream = hours
-
-    def many(n: int) -> list[int]:
-        return [next(stream) for _ in range(n)]
-
+    hours, cells = (PackedStream(page, name) for name in ("data", "cells"))
     weeks = []
     n_cameras, n_places = len(data.cameras), len(data.places)
     for week in (data.week, data.before):
         if week is None:
             continue
-        stream = hours
-        n = next(stream)
-        told: dict[str, Any] = {"day": many(n), "weekday": many(n), "hour": many(n), "fold": many(n)}
-        told["recorded"] = many(n_cameras * n)
-        told["n"] = many(n_places * n_cameras * n)
-        unit = next(stream)
-        told["time"], told["close"] = ([unit * v for v in many(n_places * n_cameras * n)] for _ in range(2))
+        n = hours.one()
+        told: dict[str, Any] = {name: hours.many(n) for name in ("day", "weekday", "hour", "fold")}
+        told["recorded"] = hours.many(n_cameras * n)
+        told["n"] = hours.wide(n_places * n_cameras * n)
+        unit = hours.one()
+        told["time"], told["close"] = ([unit * v for v in hours.wide(n_places * n_cameras * n)] for _ in range(2))
         if week.cells is not None:
-            stream = cells
             for name, kinds in (("violations", 1), ("time_cells", 2)):
-                next(stream)  # how many bytes follow, as before each part
+                cells.one()  # how many bytes follow, as before each part
                 if name == "time_cells":
-                    told["unit"] = next(stream)
-                sums = next(stream)
-                told[f"{name}_key"], told[f"{name}_sums"] = many(sums), [many(sums) for _ in range(kinds)]
-                next(stream)
-                size = many(sums)
-                many(sum(size))
-                told[name] = [many(sum(size)) for _ in range(kinds)]
+                    told["unit"] = cells.one()
+                sums = cells.one()
+                told[f"{name}_key"], told[f"{name}_sums"] = cells.many(sums), [cells.many(sums) for _ in range(kinds)]
+                cells.one()
+                size = cells.many(sums)
+                cells.many(sum(size))
+                told[name] = [cells.wide(sum(size)) for _ in range(kinds)]
                 if name == "violations":
-                    next(stream)
-                    rows = next(stream)
-                    told["fine_key"], told["fine"] = many(rows), [many(rows)]
-            next(stream)
-            n_x, n_y, _, _ = many(4)
-            many(n_x * n_y)
+                    cells.one()
+                    rows = cells.one()
+                    told["fine_key"], told["fine"] = cells.many(rows), [cells.many(rows)]
+            cells.one()
+            n_x, n_y, _, _ = cells.many(4)
+            cells.many(n_x * n_y)
         weeks.append(told)
     return weeks
 

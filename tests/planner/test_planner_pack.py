@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 import gzip
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from planner.planted_shop import of_base_85
 from scipy.stats import t
 
-from vsd_analytics.planner.pack import LARGEST, packed, sparse, varints
+from vsd_analytics.planner.pack import LARGEST, packed, planes, sparse, varints
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
 
 
@@ -35,6 +35,8 @@ def test_numbers_come_back(numbers: list[int]) -> None:
 def test_what_a_browser_cannot_hold_is_refused(number: int) -> None:
     with pytest.raises(ValueError, match="2\\^53"):
         varints([number])
+    with pytest.raises(ValueError, match="2\\^53"):
+        planes([number])
 
 
 def test_rows_are_gaps_and_columns() -> None:
@@ -45,7 +47,23 @@ def test_rows_are_gaps_and_columns() -> None:
 def test_equal_numbers_give_equal_text() -> None:
     text = packed([varints([1, 2, 300])])
     assert text == packed([varints([1, 2, 300])])
-    assert decoded(gzip.decompress(base64.b64decode(text))) == [1, 2, 300]
+    assert not set(text) & set("<>&\"'")
+    assert decoded(gzip.decompress(of_base_85(text))) == [1, 2, 300]
+
+
+@given(st.lists(st.integers(0, LARGEST)))
+def test_planes_hold_the_low_bytes_first(numbers: list[int]) -> None:
+    found = planes(np.array(numbers, dtype=np.int64))
+    n, k = len(numbers), found[0]
+    assert len(found) == 1 + n * k
+    rows = [found[1 + p * n : 1 + (p + 1) * n] for p in range(k)]
+    assert [sum(row[i] << 8 * p for p, row in enumerate(rows)) for i in range(n)] == numbers
+    assert k == max(((v.bit_length() + 7) // 8 for v in numbers), default=0)
+
+
+def test_times_pack_smaller_in_planes() -> None:
+    times = np.random.default_rng(3).gamma(2.0, 1500, 20_000).astype(np.int64)
+    assert len(packed([planes(times)])) < 0.95 * len(packed([varints(times)]))
 
 
 @pytest.mark.parametrize("confidence", [0.5, 0.8, 0.95, 0.975, 0.999])

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from planner import dense_floor as dense
 from planner import planted_shop as planted
+from report.sample_space import AREAS, five_areas, visits
 
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import ResolvedSpot
@@ -155,3 +156,25 @@ def test_a_floor_without_places_has_a_page_without_map(masked: PlannerData) -> N
 def test_the_size_is_bounded_by_the_floor(masked: PlannerData, n_violations: int) -> None:
     page = render_planner(dense.planner(masked, n_violations=n_violations))
     assert len(page.encode()) <= 800_000
+
+
+def test_five_areas_that_ask_how_they_are_used_leave_the_file_within_800_kb(masked: PlannerData) -> None:
+    asked = {key: figure for key, figure in five_areas().figures.items() if key in ("M37", "M39", "M40", "M41", "M42")}
+    floor, area, *others = masked.places
+    areas = [replace(area, place_id=f"area:{key}", name=name) for key, name in AREAS.items()]
+    assert masked.shown is not None
+    outline = masked.shown.areas[0]
+    drawn = tuple(
+        replace(outline, area_id=key, name=name, ring=tuple((x + 2 * k, y) for x, y in outline.ring))
+        for k, (key, name) in enumerate(AREAS.items())
+    )
+    data = replace(
+        masked,
+        places=(floor, *areas, others[-1]),
+        shown=replace(masked.shown, areas=drawn),
+        space={**visits(), **asked},
+    )
+    page = render_planner(dense.planner(data, n_violations=2_000_000))
+    assert page.count("data-from=") >= 3
+    assert "How the space is used" in page
+    assert 700_000 < len(page.encode()) <= 800_000

@@ -10,7 +10,7 @@ import numpy as np
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import HourPanel
 from vsd_analytics.planner.logged_changes import ChangeSide
-from vsd_analytics.planner.pack import packed, sparse, varints
+from vsd_analytics.planner.pack import packed, planes, sparse, varints
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek
 
 ORIGIN: Final = 1_000_000
@@ -66,8 +66,9 @@ def _panel_bytes(panel: HourPanel) -> list[bytes]:
     """Return hours, counts and times; times in the largest unit that all are a multiple of, such as 0.2 s."""
     numbers = (panel.day, panel.weekday, panel.hour, panel.fold, 2 * panel.recorded_ms + panel.is_counted)
     unit_ms = max(1, int(np.gcd.reduce(np.concatenate((panel.exposure_ms, panel.close_ms), axis=None))))
-    times = (varints(v // unit_ms) for v in (panel.exposure_ms, panel.close_ms))
-    return [varints([panel.day.size]), *(varints(v) for v in (*numbers, panel.n)), varints([unit_ms]), *times]
+    times = (planes(v // unit_ms) for v in (panel.exposure_ms, panel.close_ms))
+    counts = (*(varints(v) for v in numbers), planes(panel.n))
+    return [varints([panel.day.size]), *counts, varints([unit_ms]), *times]
 
 
 def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[bytes]:
@@ -103,7 +104,7 @@ def _table(rows: cell_counts.Rows, n_cells: int, *head: bytes) -> list[bytes]:
     gaps[first] = rows.slot[first]
     return [
         *_part([*head, *sparse(key, *sums)]),
-        *_part([varints(size), varints(gaps), *(varints(v) for v in rows.values)]),
+        *_part([varints(size), varints(gaps), *(planes(v) for v in rows.values)]),
     ]
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from report import sample_sections as sections
 from report import sample_weeks as weeks
+from report.sample_space import AREAS, CAPACITY, five_areas
 
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.languages import speaking
@@ -17,6 +18,7 @@ from vsd_analytics.site.model import LANGUAGES
 
 pytestmark = pytest.mark.browser
 
+CAPACITY_NAMES = [AREAS[area] for area in CAPACITY]
 ALL = {**weeks.ALL, **sections.MORE}
 MODES = [("light", 1280), ("dark", 390)]
 """Dark changes colours alone, at any width: together both modes show every width and every colour."""
@@ -32,6 +34,17 @@ TOO_SMALL = """() => [...document.body.querySelectorAll("*")].flatMap(e => {
     return found;
 })"""
 """Visible text under 12 px, also in drawings, and links under 24 px high."""
+WORDS = r"""() => {
+    const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    let n = 0;
+    while (texts.nextNode()) {
+        const e = texts.currentNode.parentElement;
+        if (e.closest("svg, .vh, .skip, style") || !e.checkVisibility()) continue;
+        n += texts.currentNode.textContent.split(/\s+/).filter(w => /\p{L}{2,}/u.test(w)).length;
+    }
+    return n;
+}"""
+"""Words of two letters or more that a reader sees, outside drawings."""
 TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 
@@ -117,6 +130,33 @@ def test_a_page_with_every_section_is_short_and_asks_on_the_first_screen_of_a_ph
     page.close()
     assert words <= 1060
     assert question["top"] < 700
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_five_areas_that_ask_how_they_are_used_leave_the_page_within_900_words_and_four_sheets(
+    browser: Any, axe: str, tmp_path: Path, language: str
+) -> None:
+    """Names in drawings are no words of the page, nor is what only a screen reader says."""
+    week = five_areas()
+    week = replace(week, provenance=replace(week.provenance, language=language), story=None)
+    with speaking(language):
+        (tmp_path / "page.html").write_text(render_html(week), encoding="utf-8")
+    context = browser.new_context(viewport={"width": 390, "height": 844}, bypass_csp=True)
+    page = context.new_page()
+    page.goto((tmp_path / "page.html").as_uri())
+    words = page.evaluate(WORDS)
+    pdf = page.pdf(prefer_css_page_size=True, print_background=True)
+    names = page.locator("#waiting tbody th").all_inner_texts()
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    page.evaluate(axe)
+    found = page.evaluate("tags => axe.run(document, {runOnly: tags})", TAGS)
+    overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    context.close()
+    assert 700 < words <= 900
+    assert len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
+    assert names[:6] == ["Checkout queue", "Pharmacy counter", *CAPACITY_NAMES]
+    assert [(v["id"], n["target"]) for v in found["violations"] for n in v["nodes"]] == []
+    assert overflow == 0
 
 
 def test_forced_colours_leave_drawings_their_own(browser: Any, pages: dict[str, Path]) -> None:

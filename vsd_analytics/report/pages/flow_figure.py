@@ -40,10 +40,11 @@ def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFi
         return None
     return MapFigure(
         title=say("maps.flow_title"),
-        unit=" ".join(_said(report, between, cells)),
+        unit=" ".join(_said(between, cells)),
+        detail=" ".join(_detail(report, between, cells)),
         panels=tuple(panels),
         keys=(),
-        summary=say("maps.change_table"),
+        summary=say("waiting.words"),
         region=say("maps.flow_region"),
         caption=say("maps.flow_caption", number=number),
         head=tuple(say(f"maps.flow_{key}") for key in ("from_to", "share", "per_hour")),
@@ -70,11 +71,17 @@ def doubts(between: Rows) -> list[str]:
     said = []
     if unknown := dict.fromkeys(r["place"] for r in between if r["value"] is None):
         said.append(say("maps.flow_unknown", places=terms.joined(unknown)))
-    if off := dict.fromkeys(r["place"] for r in between if r["fits_arrivals"] is False):
-        said.append(say("maps.flow_disagrees", places=terms.joined(off)))
-    if unseen := dict.fromkeys(r["place"] for r in between if r.get("in_view_only") and r["value"] is not None):
-        said.append(say("maps.flow_in_view", places=terms.joined(unseen)))
-    return said
+    return said + _misfits(between) + _partial(between)
+
+
+def _misfits(between: Rows) -> list[str]:
+    off = dict.fromkeys(r["place"] for r in between if r["fits_arrivals"] is False)
+    return [say("maps.flow_disagrees", places=terms.joined(off))] if off else []
+
+
+def _partial(between: Rows) -> list[str]:
+    unseen = dict.fromkeys(r["place"] for r in between if r.get("in_view_only") and r["value"] is not None)
+    return [say("maps.flow_in_view", places=terms.joined(unseen))] if unseen else []
 
 
 def _rows(report: WeekReport, key: str) -> Rows:
@@ -82,13 +89,21 @@ def _rows(report: WeekReport, key: str) -> Rows:
     return () if figure is None or figure.rows is None else figure.rows
 
 
-def _said(report: WeekReport, between: Rows, cells: Rows) -> list[str]:
-    """Return what is drawn, and what is not known."""
-    said = [say("maps.flow_sub_lines")]
+def _said(between: Rows, cells: Rows) -> list[str]:
+    """Return how to read the drawings, and what is not known or does not fit."""
+    said = [say("maps.flow_read" if cells else "maps.flow_sub_lines")]
+    if unknown := dict.fromkeys(r["place"] for r in between if r["value"] is None):
+        said.append(say("maps.flow_lost", places=terms.joined(unknown)))
+    return said + _misfits(between)
+
+
+def _detail(report: WeekReport, between: Rows, cells: Rows) -> list[str]:
+    """Return what an arrow is, and of whom the shares of the table are."""
+    said = []
     if cells:
         cell = fmt.distance(cells[0]["cell_m"], report.rules.distance_unit)
-        said = [say("maps.flow_sub", cell=cell, people=report.rules.mask_below)]
-    return said + doubts(between)
+        said.append(say("maps.flow_sub", cell=cell, people=report.rules.mask_below))
+    return said + _partial(between)
 
 
 def _row(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -31,6 +31,7 @@ class MapFigure:
     Attributes:
         title: The finding.
         unit: What is drawn.
+        detail: More on it, folded with the table.
         panels: The drawings.
         keys: The legend.
         summary: What opens the table.
@@ -51,3 +52,4 @@ class MapFigure:
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     moved: str = ""
+    detail: str = ""

@@ -1,4 +1,7 @@
-"""Queues and capacities as the page shows them: texts made from the rows of M39, M40 and M41."""
+"""Queues and capacities as the page shows them: texts made from the rows of M39, M40 and M41.
+
+A page shows a row of numbers for each place and what makes them doubtful; the same in words, and by hour, is folded.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from typing import Any
 
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.words import format as fmt
+from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.reasons import reason_text
 
@@ -37,11 +41,30 @@ class QueueView:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlaceNumbers:
+    """A queue or a place with a capacity as a row of a table: each number, and its likely range or nothing."""
+
+    name: str
+    cells: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WaitingView:
-    """The section: queues, and a sentence for each place with a capacity."""
+    """The section.
+
+    Attributes:
+        queues: In words, and by hour.
+        capacities: A sentence for each place with a capacity.
+        queue_rows: People waiting, median and 90 % quantile of waits in seconds, share who leave before the end.
+        capacity_rows: Capacity, people on average, share of time at 60 % and at 100 % of it.
+        notes: What is not known of them, or doubtful.
+    """
 
     queues: tuple[QueueView, ...]
     capacities: tuple[str, ...]
+    queue_rows: tuple[PlaceNumbers, ...]
+    capacity_rows: tuple[PlaceNumbers, ...]
+    notes: tuple[str, ...]
 
 
 def waiting(figures: Mapping[str, Figure]) -> WaitingView | None:
@@ -65,7 +88,18 @@ def waiting(figures: Mapping[str, Figure]) -> WaitingView | None:
     ]
     if use is not None and not of_use:
         capacities = [say("waiting.no_capacity", reason=reason_text(use.reason))]
-    return WaitingView(queues=tuple(views), capacities=tuple(capacities))
+    queue_rows = [_queue_row(name, _of(of_people, area), _of(of_waits, area)) for area, name in places]
+    capacity_rows = [
+        _capacity_row(name, [row for row in of_use if row["place"] == name])
+        for name in dict.fromkeys(str(row["place"]) for row in of_use)
+    ]
+    return WaitingView(
+        queues=tuple(views),
+        capacities=tuple(capacities),
+        queue_rows=tuple(queue_rows),
+        capacity_rows=tuple(capacity_rows),
+        notes=tuple(_notes(people, of_people, of_waits, use, of_use, [*queue_rows, *capacity_rows])),
+    )
 
 
 def time_text(value_s: float) -> str:
@@ -142,6 +176,54 @@ def _capacity(name: str, rows: Rows) -> str:
     people, well = fmt.number(mean["value"]), fmt.percent(busy["value"])
     said = say(key, plural=None, **place, people=people, busy=well, **more)
     return f"{said} {say('waiting.unrecorded', hours=str(missed))}" if missed else said
+
+
+def _queue_row(name: str, people: Rows, waits: Rows) -> PlaceNumbers:
+    cells = [_numbers(_row(people, "mean"), fmt.number)]
+    cells += [_numbers(_row(waits, key), fmt.count) for key in ("median", "p90")]
+    return PlaceNumbers(name=name, cells=(*cells, _numbers(_row(waits, "left"), fmt.percent_short)))
+
+
+def _capacity_row(name: str, rows: Rows) -> PlaceNumbers:
+    mean, busy, full = (_row(rows, key) for key in ("people", "busy", "full"))
+    capacity = (fmt.count(mean["capacity"]), "")
+    cells = (capacity, _numbers(mean, fmt.number), _numbers(busy, fmt.percent_short), _numbers(full, fmt.percent_short))
+    return PlaceNumbers(name=name, cells=cells)
+
+
+def _numbers(row: Mapping[str, Any], write: Callable[[float], str]) -> tuple[str, str]:
+    """Return a number and its likely range, nothing where that is not known or no wider than it is written."""
+    lo, hi = row.get("lo"), row.get("hi")
+    if row.get("value") is None:
+        return fmt.MISSING, ""
+    if lo is None or hi is None:
+        return write(row["value"]), ""
+    low, high = write(lo), write(hi)
+    return write(row["value"]), "" if low == high else f"{low.removesuffix('%')}\u2013{high}"
+
+
+def _notes(
+    people: Figure | None,
+    of_people: Rows,
+    of_waits: Rows,
+    use: Figure | None,
+    of_use: Rows,
+    rows: Sequence[PlaceNumbers],
+) -> list[str]:
+    """Return what is not known of the numbers, or doubtful, as short sentences."""
+    notes = []
+    if people is not None and not of_people:
+        notes.append(say("waiting.no_people", reason=reason_text(people.reason)))
+    if use is not None and not of_use:
+        notes.append(say("waiting.no_capacity", reason=reason_text(use.reason)))
+    if any(value == fmt.MISSING for row in rows for value, _ in row.cells):
+        notes.append(say("waiting.dash"))
+    if doubtful := dict.fromkeys(str(r["place"]) for r in of_waits if r.get("agrees") is False):
+        notes.append(say("waiting.care", places=terms.joined(doubtful)))
+    gaps = [r for r in (*of_people, *of_use) if r.get("hour") is None and r["key"] in ("mean", "people")]
+    if part := dict.fromkeys(str(r["place"]) for r in gaps if r.get("silent_cameras") or r.get("unrecorded_hours")):
+        notes.append(say("waiting.gaps", places=terms.joined(part)))
+    return notes
 
 
 def _too_little() -> str:
