@@ -27,12 +27,12 @@ WORDS = r"""() => {
 
 
 @pytest.fixture(scope="module", params=[2, 12], ids=["two weeks", "twelve weeks"])
-def demo_of_weeks(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def demo_of_weeks(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a demo project with this many weeks, stored."""
     root = tmp_path_factory.mktemp("demo") / "vsd-demo"
     write_demo_project(root, seed=4, weeks=request.param)
     ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
-    yield root
+    return root
 
 
 def pages(root: Path, out: Path) -> Iterator[str]:
