@@ -87,6 +87,8 @@ def test_an_answer_is_on_the_next_page_and_not_on_earlier_ones(site: Site) -> No
 def test_a_rise_at_a_place_without_weight_is_no_material_place(site: Site) -> None:
     report = w.report(site)
     assert {a.area_id: a.is_material for a in report.areas} == {"queue": True, "door": True, None: True}
+    assert report.spots is not None
+    n_spots = len(report.spots.cards) + report.spots.n_more
     toml = (site.root / "vsd.toml").read_text(encoding="utf-8")
     try:
         (site.root / "vsd.toml").write_text(toml + "\n[report]\nmaterial_share = 0.4\n", encoding="utf-8")
@@ -94,6 +96,9 @@ def test_a_rise_at_a_place_without_weight_is_no_material_place(site: Site) -> No
     finally:
         (site.root / "vsd.toml").write_text(toml, encoding="utf-8")
     assert {a.area_id: a.is_material for a in report.areas} == {"queue": True, "door": False, None: False}
+    assert report.spots is not None
+    assert report.spots.kind == "tested"
+    assert report.spots.n_more == n_spots - len(report.spots.cards) > 0  # the planner shows them
     assert report.agenda is not None
     assert [p.place for p in report.agenda.places] == ["queue"]
 

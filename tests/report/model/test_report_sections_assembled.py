@@ -36,6 +36,8 @@ def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_questi
     assert week.spots is not None
     first, second, third = week.spots.cards
     assert week.spots.kind == "tested"
+    assert week.spots.first == w.BEFORE  # the window of four weeks begins before the data do
+    assert week.spots.last == w.MONDAY + timedelta(days=6)
     assert [c.name for c in week.spots.cards] == ["Queue", "Door", "On the rest of the floor"]
     assert "spot 3" in third.ask
     assert second.ask.endswith("people stop?")

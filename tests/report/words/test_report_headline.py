@@ -478,3 +478,16 @@ def test_a_week_that_clearly_differs_but_is_usual_is_no_headline_and_the_lead_ha
     assert story.headline == "Violations are in their usual range"
     assert "14% fewer than in week 45" in "".join(s.text for s in story.lead)
     assert story_of(beside_usual("clear_fall", "below")).headline.startswith("Violations fell by about a seventh")
+
+
+def test_chance_alone_is_a_thing_to_know_of_first_weeks_only() -> None:
+    """A site that reads its page every week knows it: the same third thing in ten of eleven weeks is no news."""
+    report = weeks.normal()
+    whole = tuple(replace(c, share=1.0, not_counted=None, not_compared=None) for c in report.coverage.cameras)
+    report = replace(report, coverage=replace(report.coverage, cameras=whole))
+    assert [t.kind for t in things(report)] == ["worked", "watch", "distrust"]
+    assert things(report)[2].title == "Likely ranges cover chance only"
+    known = replace(report, agenda=Agenda(places=(), asked=(), busiest_before=()), trend=trend(report))
+    assert [t.kind for t in things(known)] == ["worked", "watch"]
+    weak = replace(known, coverage=replace(known.coverage, cameras=(replace(whole[0], share=0.5), *whole[1:])))
+    assert [t.kind for t in things(weak)] == ["worked", "watch", "distrust"]
