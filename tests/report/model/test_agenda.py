@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from datetime import timedelta
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from report import sample_sections as weeks
 from vsd_analytics.cli import cli
 from vsd_analytics.config import load_site
 from vsd_analytics.config.asked_questions import read_asked
-from vsd_analytics.figures.week.floor_maps import _heaviest_patch
+from vsd_analytics.figures.week.floor_maps import _heaviest_patch, _spots
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.site.model import Site
 
@@ -87,6 +89,8 @@ def test_an_answer_is_on_the_next_page_and_not_on_earlier_ones(site: Site) -> No
 def test_a_rise_at_a_place_without_weight_is_no_material_place(site: Site) -> None:
     report = w.report(site)
     assert {a.area_id: a.is_material for a in report.areas} == {"queue": True, "door": True, None: True}
+    assert report.spots is not None
+    n_spots = len(report.spots.cards) + report.spots.n_more
     toml = (site.root / "vsd.toml").read_text(encoding="utf-8")
     try:
         (site.root / "vsd.toml").write_text(toml + "\n[report]\nmaterial_share = 0.4\n", encoding="utf-8")
@@ -94,6 +98,9 @@ def test_a_rise_at_a_place_without_weight_is_no_material_place(site: Site) -> No
     finally:
         (site.root / "vsd.toml").write_text(toml, encoding="utf-8")
     assert {a.area_id: a.is_material for a in report.areas} == {"queue": True, "door": False, None: False}
+    assert report.spots is not None
+    assert report.spots.kind == "tested"
+    assert report.spots.n_more == n_spots - len(report.spots.cards) > 0  # the planner shows them
     assert report.agenda is not None
     assert [p.place for p in report.agenda.places] == ["queue"]
 
@@ -126,6 +133,13 @@ def test_the_number_of_an_area_is_at_its_heaviest_patch_and_not_where_a_neighbou
     assert np.unravel_index(int(kept.argmax()), kept.shape) == (2, 2)
     assert kept[8, 0] == 0.0
     assert not _heaviest_patch(own, 9.0).any()
+    settings = SimpleNamespace(heat_steps=(0.5,))
+    queue = SimpleNamespace(area_id="queue", name="Queue", polygon=((0, 0), (9, 0), (9, 9), (0, 9)))
+    data: Any = SimpleNamespace(areas=[queue], site=SimpleNamespace(settings=settings))
+    grid: Any = SimpleNamespace(axes=lambda: (np.arange(9) + 0.5, np.arange(9) + 0.5))
+    row: Any = SimpleNamespace(area_id="queue", name="Queue", often=SimpleNamespace(value=3.0))
+    (spot,) = _spots(data, grid, own, [row])
+    assert (spot.at, spot.peak) == ((2.5, 2.5), 2.0)
 
 
 def test_a_card_says_how_often_here_and_how_many_spots_the_planner_has_beside_it() -> None:

@@ -36,12 +36,16 @@ def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_questi
     assert week.spots is not None
     first, second, third = week.spots.cards
     assert week.spots.kind == "tested"
+    assert week.spots.first == w.BEFORE  # the window of four weeks begins before the data do
+    assert week.spots.last == w.MONDAY + timedelta(days=6)
     assert [c.name for c in week.spots.cards] == ["Queue", "Door", "On the rest of the floor"]
     assert "spot 3" in third.ask
     assert second.ask.endswith("people stop?")
     assert second.question.endswith("people stop, above all from 09:00 to 11:00?")
     assert [s.at for m in week.maps for s in m.spots] == [c.at for c in week.spots.cards]
     assert first.often == week.areas[0].often
+    at_the_spots = [(c.here.value, c.here.previous) for c in (first, second) if c.here is not None]
+    assert at_the_spots == [pytest.approx((20.0, 20.0), rel=0.02), pytest.approx((6.0, 12.0), rel=0.02)]
     assert first.evidence is not None
     assert (first.evidence.days_present, first.evidence.camera_id, first.evidence.lost_h) == (7, "cam-1", 0.0)
     assert first.evidence.recorded_share == pytest.approx(week.areas[0].recorded_share)

@@ -121,7 +121,8 @@ def test_with_a_usual_range_the_headline_says_where_the_week_lies(often: Verdict
     headline = story_of(beside_usual(often, position)).headline
     assert {"below": "below their", "within": "their usual", "above": "above their"}[position] in headline
     assert terms.n_words(headline) <= MAX_WORDS
-    assert (" fell" in headline or " rose" in headline) == often.startswith("clear")
+    is_news = often.startswith("clear") and position != "within"
+    assert (" fell" in headline or " rose" in headline) == is_news
 
 
 def test_a_clear_change_of_time_too_close_within_its_usual_range_is_no_headline() -> None:
@@ -469,3 +470,24 @@ def test_a_twin_of_before_may_say_no_clear_change() -> None:
     old = data.replace(b'"cannot_tell"', b'"no_clear_change"')
     assert old != data
     assert from_json(old) == from_json(data)
+
+
+def test_a_week_that_clearly_differs_but_is_usual_is_no_headline_and_the_lead_has_the_change() -> None:
+    """One of twenty weeks in which nothing changed clearly differs from the week before."""
+    story = story_of(beside_usual("clear_fall", "within"))
+    assert story.headline == "Violations are in their usual range"
+    assert "14% fewer than in week 45" in "".join(s.text for s in story.lead)
+    assert story_of(beside_usual("clear_fall", "below")).headline.startswith("Violations fell by about a seventh")
+
+
+def test_chance_alone_is_a_thing_to_know_of_first_weeks_only() -> None:
+    """A site that reads its page every week knows it: the same third thing in ten of eleven weeks is no news."""
+    report = weeks.normal()
+    whole = tuple(replace(c, share=1.0, not_counted=None, not_compared=None) for c in report.coverage.cameras)
+    report = replace(report, coverage=replace(report.coverage, cameras=whole))
+    assert [t.kind for t in things(report)] == ["worked", "watch", "distrust"]
+    assert things(report)[2].title == "Likely ranges cover chance only"
+    known = replace(report, agenda=Agenda(places=(), asked=(), busiest_before=()), trend=trend(report))
+    assert [t.kind for t in things(known)] == ["worked", "watch"]
+    weak = replace(known, coverage=replace(known.coverage, cameras=(replace(whole[0], share=0.5), *whole[1:])))
+    assert [t.kind for t in things(weak)] == ["worked", "watch", "distrust"]

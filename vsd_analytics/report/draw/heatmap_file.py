@@ -145,7 +145,7 @@ def _figure(
     foot = max(0.12 * max(width, 0.6 * height), 1.25 * site.settings.distance_m)
     side = min(WIDTH_IN, (HEIGHT_MAX_IN - 1.0) * width / (height + foot))
     figure = Figure(figsize=(max(side, 6.0) + 2.2, max(side, 3.0) * (height + foot) / width + 0.8))
-    canvas = FigureCanvasAgg(figure)
+    FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.02, 0.78, 0.88))
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -173,7 +173,7 @@ def _figure(
             annotation_clip=True,
             bbox={"facecolor": WHITE, "alpha": 0.7, "edgecolor": "none", "pad": 0.8},
         )
-        extent = name.get_window_extent(canvas.get_renderer())
+        extent = name.get_window_extent()
         if any(extent.overlaps(other) for other in named):
             name.remove()  # two names over each other cannot be read
         else:

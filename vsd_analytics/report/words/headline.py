@@ -3,6 +3,9 @@
 The headline reads the two verdicts and the usual range, never a point estimate alone. In the catalogue `headline.pair`
 is the whole 5 x 6 table of verdicts (how often x share of time too close), and `headline.usual` says where how often
 lies beside the weeks before; abnormal weeks have their own sentence each. "After" is allowed, "because" is not.
+
+A week within its usual range has no news for the headline, also where it clearly differs from last week: one of twenty
+such pairs of weeks differs by chance, and the lead gives the change with its range.
 """
 
 from __future__ import annotations
@@ -139,8 +142,10 @@ def _compared_headline(report: WeekReport, cameras: Sequence[CameraRecord]) -> t
     if entry is not None:
         choices += [("/after", say("headline.after", headline=plain, entry=tail)) for tail in _after(entry)]
     if usual is not None and keys[1] not in CLEAR:
-        beside = say(f"headline.usual.{keys[0]}.{usual.position}", moved=moved)
-        choices += [("/where", say("headline.where", headline=beside, part=tail)) for tail in _where(report)]
+        is_usual = usual.position == "within" and keys[0] in CLEAR
+        beside = say(f"headline.usual.{'cannot_tell' if is_usual else keys[0]}.{usual.position}", moved=moved)
+        if not is_usual:
+            choices += [("/where", say("headline.where", headline=beside, part=tail)) for tail in _where(report)]
         choices.append((f"/{usual.position}", beside))
     choices += [("/where", say("headline.where", headline=plain, part=tail)) for tail in _where(report)]
     choices.append(("", plain))

@@ -40,7 +40,8 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     if report.state == "too_incomplete":
         return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
     if report.state == "normal" and report.level.often.value is not None:
-        return _worked(report), _watch(report), _distrust(report)
+        doubts = () if _is_chance_all(report) else (_distrust(report),)
+        return _worked(report), _watch(report), *doubts
     part = "_part" if report.silent_cameras else ""
     worked = Thing(kind="worked", title=recorded, text=say(f"things.enough{part}"), target="data")
     if report.level.often.value is None:
@@ -248,8 +249,13 @@ def _distrust(report: WeekReport) -> Thing:
     if report.level.risky.state == "not_measurable":
         text = terms.sentence(reason_text(report.level.risky.reason) or say("lead.no_positions"))
         return _doubt(say("things.no_risk"), text, "about")
+    return _doubt(say("things.chance"), say("things.chance_text"), "about")
+
+
+def _is_chance_all(report: WeekReport) -> bool:
+    """Tell whether chance is all there is to doubt, and earlier pages said so: no news (`about` still has it)."""
     is_known = report.agenda is not None and report.trend is not None and len(report.trend.weeks) > KNOWN_WEEKS
-    return _doubt(say("things.chance"), say("things.chance_short" if is_known else "things.chance_text"), "about")
+    return is_known and _distrust(report).title == say("things.chance")
 
 
 def _weak(camera: CameraRecord, report: WeekReport) -> Thing:
