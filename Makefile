@@ -48,6 +48,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_spill.py --sites 400
 	$(BIN)/python tests/report/words/prove_words.py --sites 40
 	$(BIN)/python tests/report/prove_flagship.py
+	$(BIN)/python tests/report/words/prove_twelve_weeks.py
 	$(BIN)/python tests/report/words/prove_sceptic.py --sites 20
 	$(BIN)/python tests/stats/prove_decomposition.py
 	$(BIN)/python tests/stats/prove_forecast.py --worlds 20

@@ -91,7 +91,7 @@ def cli(ctx: click.Context, folder: str, now: str | None, quiet: bool, verbose: 
 
     Exit codes: 0 done, 1 done but something needs you, 2 could not run, 130 interrupted.
     """
-    ctx.obj = Project(folder=folder, now_text=now, quiet=quiet, verbose=verbose)
+    ctx.obj = Project(folder=folder, now_text=now, quiet=quiet, verbose=verbose, is_own_process=bool(ctx.obj))
     if now is not None:
         instant(now, zone="UTC", what="--now")
 
@@ -106,7 +106,7 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments is not None:
         sys.exit(run(cli, arguments))
     gc.set_threshold(GARBAGE_AFTER)
-    code = run(cli, sys.argv[1:])
+    code = run(cli, sys.argv[1:], is_own_process=True)
     if code != 0:
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):

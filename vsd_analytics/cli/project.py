@@ -27,12 +27,14 @@ class Project:
         now_text: As given by `--now`.
         quiet: Print nothing but results and errors.
         verbose: Show tracebacks.
+        is_own_process: The process ends with the command.
     """
 
     folder: str
     now_text: str | None = None
     quiet: bool = False
     verbose: bool = False
+    is_own_process: bool = False
 
     @cached_property
     def now(self) -> datetime:

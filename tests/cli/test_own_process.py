@@ -1,0 +1,95 @@
+"""`vsd report` in a process of its own imports no pandas, whose page is that of a process which has it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from warehouse.small_projects import T0, Person, beats, make_site, put
+
+from vsd_analytics.config import load_site
+from vsd_analytics.warehouse import warehouse as module
+
+ENDS = "import os, sys\nos._exit = lambda code: print('pandas' in sys.modules, 'scipy.optimize' in sys.modules)\n"
+RUNS = "from vsd_analytics.cli import main\nmain()\n"
+QUERY = "select count(*) as n from camera_hours where recorded_s >= $least"
+TOML = """
+[site]
+id = "shop"
+name = "Shop"
+timezone = "Europe/Rome"
+[[floor]]
+id = "main"
+name = "Main"
+[[camera]]
+id = "cam"
+name = "Cam"
+floor = "main"
+"""
+
+
+def project(root: Path) -> Path:
+    (root / "vsd.toml").write_text(TOML)
+    walkers = [
+        Person(T0 + s * 1000, track, s * 20 + k * 700, k * 300) for s in range(120) for k, track in enumerate("abc")
+    ]
+    put(load_site(root), [*walkers, *beats(T0, T0 + 120_000)])
+    return root
+
+
+def report(root: Path, out: Path, before: str) -> str:
+    arguments = ["vsd", "-C", str(root), "report", "--week", "2026-W46", "--format", "html,json,csv", "--out", str(out)]
+    code = f"{before}{ENDS}sys.argv = {arguments!r}\n{RUNS}"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return done.stdout.splitlines()[-1]
+
+
+def test_a_report_imports_neither_pandas_nor_an_optimiser_and_is_the_same_without(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    report(root, tmp_path / "warm", "")  # computes the facts, with pandas or without
+    assert report(root, tmp_path / "without", "") == "False False"
+    assert report(root, tmp_path / "with", "import pandas\n").startswith("True")
+    files = sorted(p.name for p in (tmp_path / "without").iterdir())
+    assert {Path(name).suffix for name in files} == {".html", ".json", ".csv"}
+    for name in files:
+        assert (tmp_path / "without" / name).read_bytes() == (tmp_path / "with" / name).read_bytes()
+
+
+def test_after_pyarrow_has_been_answered_frames_still_come_and_go() -> None:
+    code = (
+        "import sys\nfrom vsd_analytics.cli.without_pandas import answer_pyarrow\nanswer_pyarrow()\n"
+        "import pyarrow as pa\nrows = pa.table({'a': [1, 2]})\nassert 'pandas' not in sys.modules\n"
+        "frame = rows.to_pandas()\nassert pa.Table.from_pandas(frame).equals(rows)\nprint(len(frame))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout == "2\n"
+
+
+def test_a_question_asked_again_is_answered_without_a_query_until_somebody_takes_the_connection(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = make_site(tmp_path)
+    put(site, [Person(T0 + s * 1000, "a", s * 20, 0) for s in range(60)])
+    n_runs = 0
+    run = module.Warehouse.run
+
+    def counting(self: module.Warehouse, query: str, read: object) -> object:
+        nonlocal n_runs
+        n_runs += query == QUERY
+        return run(self, query, read)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(module.Warehouse, "run", counting)
+    with module.open_warehouse(site, "2026-11-09", "2026-11-09") as warehouse:
+        first = warehouse.rows(QUERY, {"least": 0})
+        assert first[0]["n"] > 0
+        first[0]["n"] = -1  # what a caller does with its rows is its own business
+        assert warehouse.rows(QUERY, {"least": 0})[0]["n"] > 0
+        assert n_runs == 1
+        assert warehouse.rows(QUERY, {"least": 10**9}) == [{"n": 0}]
+        assert n_runs == 2
+        warehouse.materialise("camera_hours")
+        warehouse.con.execute("delete from camera_hours")
+        assert warehouse.rows(QUERY, {"least": 0}) == [{"n": 0}]
+    assert n_runs == 3
