@@ -217,4 +217,4 @@ def test_the_import_of_a_file_has_the_id_that_it_has_with_the_camera_said(tmp_pa
 def test_a_file_that_names_its_camera_is_refused_with_the_camera_and_the_profile(tmp_path: Path) -> None:
     root = project(tmp_path / "p")
     said = vsd(root, "ingest", str(table(tmp_path / "tills_2025-11-10.csv")))
-    assert "fix: --camera tills; with --save NAME beside it, vsd check makes a profile" in said.output
+    assert "fix: --camera tills; vsd check tills_2025-11-10.csv --save NAME makes a profile" in said.output

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from marked_files import MARKED
 from odd_files import STEPS, Odd, stored
 from odder_files import ODDER, ODDER_WORKBOOKS, csv_text
 from oddest_files import ODDEST
@@ -30,7 +31,7 @@ def test_an_odder_workbook_is_stored_right_or_refused_with_the_reason(
     check(odd, tmp_path, capsys)
 
 
-@pytest.mark.parametrize("odd", ODDEST, ids=lambda odd: odd.name)
+@pytest.mark.parametrize("odd", [*ODDEST, *MARKED], ids=lambda odd: odd.name)
 def test_a_file_that_looks_right_and_is_not_is_seen_without_a_plan(
     odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,18 +102,20 @@ Fix: --map camera_id=COLUMN, and engine_ids = ["its name"] under each [[camera]]
 them, one command for each. Files named after cameras: one command for each, with --camera.""",
     "W222": """\
 A column says what each row is, and some rows are no persons, or people whom the engine has lost, or the engine is not
-sure of many of them. Every row that is read counts as a person.
+sure of many of them. Or lines of sums are among the rows. Every row that is read counts as a person.
 Fix: --where "class_name = 'person'", with the column and word of the file. Rows left out are counted.
 A limit of the engine's confidence goes into the same filter: --where "class_name = 'person' and confidence >= 0.4".""",
     "W223": """\
 Times have no offset from UTC, and nobody stated their clock, so they are taken as UTC. The message shows what they are
 in the site's zone then, what they would be if they were on the site's clock, and how many would be in opening hours.
-Or the times are certain, and hardly any is in opening hours: the engine's clock may be that of another zone.
+Or some times have an offset and others none; or the clock goes back by an hour, as at the end of summer time; or hardly
+any time is in opening hours: the engine's clock may be that of another zone.
 Fix: --zone Europe/Rome, or for good clock = "Europe/Rome" under [[camera]]; clock = "UTC" if UTC is right.""",
     "W224": """\
 Many rows name the same person, camera and time at different places. A person has one place at a time, so only one of
 such rows is stored, and the others are left out as second sightings. Or each record of a frame has a time of its own:
-people are close to each other only in one frame, so nobody would ever be too close.
+people are close to each other only in one frame, so nobody would ever be too close. Or several frames have one time,
+and people without ids stand beside themselves.
 Common causes: dates without the time of day, times without seconds, ids that several people share.
 Fix: --map ts=date+time joins two columns; export times with parts of seconds. --period 1 keeps one record a second.""",
     "W225": """\
@@ -127,7 +129,7 @@ the engine works at, and state that size as picture_px in vsd.toml. A box is two
 centre and its size, and pixels are counted from the upper edge down.""",
     "W227": """\
 The times cannot be right: they are in another century, or come from a clock of twelve hours without AM and PM, or the
-date beside them does not change at midnight.
+date beside them does not change at midnight. Or they are ten years old to the month, as seconds since 1980 (GPS) are.
 Common causes: ticks or days that are not counted from 1970, digits of a date read as a number, a wrong unit.
 Fix: export ISO times, or state how they are written: --time-format "%Y%m%d%H%M%S".""",
     "W228": """\

@@ -264,7 +264,7 @@ def _missing(
         chosen = [f"--camera {named or 'ID'}"] if column == "camera_id" and near is None else []
         fix = " ".join([*chosen, *filter(None, [renames_option(renames)])])
     if named is not None:
-        fix += "; with --save NAME beside it, vsd check makes a profile that reads the camera from such names"
+        fix += f"; vsd check {source.file_name} --save NAME makes a profile that reads the camera from such names"
     return InputError(
         f"{source.file_name} has no column {column!r}",
         code="E203",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Final
 
 from vsd_analytics.geometry.picture_size import picture_size
@@ -46,6 +47,7 @@ class Case:
         sample: The first records.
         head: The columns, for tables; None for formats without columns of the user's choice.
         file: Name of the source.
+        now: The clock; None = unknown.
         differing_cameras: Those that names of the command's sources and of earlier imports say, where they differ.
     """
 
@@ -55,6 +57,7 @@ class Case:
     head: TableHead | None
     file: str = ""
     differing_cameras: frozenset[str] = frozenset()
+    now: datetime | None = None
 
     @property
     def cameras(self) -> tuple[Camera, ...]:

@@ -15,6 +15,7 @@ from vsd_analytics.ingest.telling_names import (
     GONE,
     OBJECTS,
     PERSON,
+    SUMS,
     VAGUE,
     cameras_in,
     ids_like,
@@ -27,6 +28,7 @@ from vsd_analytics.ingest.telling_names import (
 WEAK: Final = 0.3
 """Confidence below which detectors hardly ever show a box."""
 WEAK_SHARE: Final = 0.5
+_YES, _NO = frozenset({"1", "1.0", "true", "yes"}), frozenset({"0", "0.0", "false", "no"})
 
 
 def _cameras_of_files(case: Case) -> Iterator[Doubt]:
@@ -138,22 +140,37 @@ def _classes(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _absent(case: Case) -> Iterator[Doubt]:
-    """W222: rows that a tracker marks as not in view."""
+def _marked(case: Case) -> Iterator[Doubt]:
+    """W222: rows that a tracker marks as not in view, or as no person."""
     if case.head is None or case.sample.is_pairs:
         return
-    for column in named_like(case.head.values, "absent"):
-        values = {value.lower(): n for value, n in case.head.values[column].items()}
-        yes = sum(n for value, n in values.items() if value in ("1", "1.0", "true", "yes"))
-        if yes and len(values) == 2 and values.keys() & {"0", "0.0", "false", "no"}:
-            no = next(v for v in case.head.values[column] if v.lower() in ("0", "0.0", "false", "no"))
+    marks = [(column, _YES, _NO) for column in named_like(case.head.values, "absent")]
+    marks += [(column, _NO, _YES) for column in named_like(case.head.values, "present")]
+    for column, out, wanted in marks:
+        values = case.head.values[column]
+        n_out = sum(n for value, n in values.items() if value.lower() in out)
+        seen = next((value for value in values if value.lower() in wanted), None)
+        if n_out and seen is not None and len(values) == 2 and not case.is_settled_by_where(column):
             yield Doubt(
                 "W222",
-                f"{column[:80]!r} marks {yes:,} of {sum(values.values()):,} rows",
-                "people whom the tracker does not see would count where it guesses them",
-                f'--where "{quoted(column)} = {no if no.isdecimal() else repr(no)}"',
+                f"{column[:80]!r} marks {n_out:,} of {sum(values.values()):,} rows",
+                "what is no person, or nobody sees where the tracker guesses it, would count as one",
+                f'--where "{quoted(column)} = {seen if seen.isdecimal() else repr(seen)}"',
                 is_sure=True,
             )
+
+
+def _sums(case: Case) -> Iterator[Doubt]:
+    """W222: a line of sums below a table, read as a person."""
+    tracks = case.sample.rows["track"].dropna().unique()
+    names = [str(t) for t in tracks if letters(str(t)) in SUMS] if len(tracks) > 2 else []
+    if names and len(names) < len(tracks) / 2:
+        yield Doubt(
+            "W222",
+            f"{', '.join(name[:20] for name in names[:3])} as the id of a person: some rows seem to be sums",
+            "a sum or mean would count as a person",
+            "leave such lines out of the export",
+        )
 
 
 def _states(case: Case) -> Iterator[Doubt]:
@@ -290,7 +307,8 @@ COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _cameras_of_files,
     _cameras,
     _classes,
-    _absent,
+    _marked,
+    _sums,
     _states,
     _weak,
     _confidences,

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
+from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
 from vsd_analytics.ingest.instants import utc_to_local
 from vsd_analytics.ingest.telling_names import named_like
@@ -16,6 +17,17 @@ from vsd_analytics.site.model import Site
 
 _DAY_MS, _HOUR_MS, _MINUTE_MS = 86_400_000, 3_600_000, 60_000
 _FIRST_MS, _LAST_MS = (int(pd.Timestamp(f"{year}-01-01", tz="UTC").timestamp() * 1000) for year in (2005, 2100))
+_SILENCE_MS: Final = 10 * _MINUTE_MS
+_GPS_MS: Final = 315_964_800_000
+RECENT_DAYS: Final = 60
+"""Files are imported within so many days. A wider limit would doubt more recordings of ten years ago."""
+PEOPLE_MIN: Final = 2
+FRAMES_MAX: Final = 5
+STEP_MAX_M_S: Final = 2.4
+REPEATED_SHARE: Final = 0.3
+"""Share of times with the same people again. With one frame a time it is 0 on ATC, ETH, Hotel and Zara; with several a
+second .51 to .54 on ETH and Hotel, .07 on Zara, where somebody comes or goes between most frames."""
+_GROUPS_MAX: Final = 500
 FRAME_MIN_MS: Final = 20
 """No engine sends frames faster."""
 CLOSED_SHARE: Final = 0.9
@@ -77,6 +89,84 @@ def open_share(local_ms: np.ndarray, site: Site) -> float:
                 at = minutes + back * 24 * 60
                 is_open |= (weekday == day) & ~is_closed & (at >= start) & (at < end)
     return float(is_open.mean()) if len(is_open) else 0.0
+
+
+def _mixed_offsets(case: Case) -> Iterator[Doubt]:
+    """W223: times of one camera of which some have an offset from UTC and others have none."""
+    if case.options.zone is not None or case.sample.n < ROWS_MIN:
+        return
+    has_none = pd.Series(case.sample.zones != "")
+    shares = has_none.groupby(case.sample.rows["camera_no"].to_numpy()).mean()
+    if ((shares > 0) & (shares < 1)).any():
+        zone = next(name for name in case.sample.zone_names if name)
+        n, n_all = int(has_none.sum()), len(has_none)
+        yield Doubt(
+            "W223",
+            f"{n:,} of {n_all:,} times have no offset, and are taken as {zone}; the others have one",
+            "two programs with two clocks may have written the file: people would be hours apart who were together",
+            "export all times with their offset, or one file for each clock",
+        )
+
+
+def _hour_back(case: Case) -> Iterator[Doubt]:
+    """W223: a clock that goes back by an hour once, as at the end of summer time, read as one without it."""
+    sample = case.sample
+    if sample.n < 5 * ROWS_MIN or not (sample.zones != "").all():
+        return
+    ts_ms, camera = (sample.rows[c].to_numpy().astype(np.int64) for c in ("ts_ms", "camera_no"))
+    steps = np.where(camera[1:] == camera[:-1], np.diff(ts_ms), 0)
+    back = steps[steps < 0]
+    if len(back) == 1 and -_HOUR_MS <= back[0] <= -_HOUR_MS + _SILENCE_MS:
+        at = int(ts_ms[:-1][steps < 0][0])
+        yield Doubt(
+            "W223",
+            f"the clock goes back by an hour once, at {_clock(at)} (UTC, as it is read)",
+            "it was put back at the end of summer time: the hour would be stored on top of the one before",
+            f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
+        )
+
+
+def _gps(case: Case) -> Iterator[Doubt]:
+    """W227: seconds since 1980, as satellites count them, read as seconds since 1970: ten years ago to the day."""
+    if case.now is None or case.head is None or case.sample.n < ROWS_MIN:
+        return
+    written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
+    late_ms = case.now.timestamp() * 1000 - _GPS_MS - float(np.median(case.sample.rows["ts_ms"]))
+    if is_number(written) and -_DAY_MS < late_ms < RECENT_DAYS * _DAY_MS:
+        yield Doubt(
+            "W227",
+            f"times are {_GPS_MS / 365.2425 / _DAY_MS:.0f} years old, and as seconds since 1980 they would be recent",
+            "GPS clocks count from 6 January 1980: all records would be stored ten years too early",
+            "add 315964800 and take away the leap seconds (18 since 2017), or export ISO times",
+        )
+
+
+def _several_frames(case: Case) -> Iterator[Doubt]:
+    """W224: several frames with one time and without ids, so that each person stands beside himself."""
+    sample = case.sample
+    if sample.is_pairs or sample.has_ids or not sample.has_floor or case.options.period_s is not None:
+        return
+    groups = [g[["x", "y"]].to_numpy() for _, g in sample.rows.groupby(["camera_no", "ts_ms"], sort=False)]
+    groups = [g for g in groups[:_GROUPS_MAX] if len(g) >= 2 * PEOPLE_MIN]
+    n_repeated = sum(map(_is_repeated, groups))
+    if n_repeated >= max(ROWS_MIN, REPEATED_SHARE * len(groups)):
+        yield Doubt(
+            "W224",
+            f"{n_repeated:,} of {len(groups):,} times have several frames: the same people again, a step further",
+            "people without ids would stand beside themselves, and each would be too close to himself",
+            "export times with parts of seconds, or one frame of each second",
+            is_sure=True,
+        )
+
+
+def _is_repeated(places: np.ndarray) -> bool:
+    """Return whether places, in the order of the file, are those of the same people in two to five frames."""
+    for k in range(2, FRAMES_MAX + 1):
+        if len(places) % k == 0 and len(places) >= k * PEOPLE_MIN:
+            across, up = np.diff(places.reshape(k, -1, 2), axis=0).T
+            if np.hypot(across, up).max() <= STEP_MAX_M_S / k:
+                return True
+    return False
 
 
 def _merging(case: Case) -> Iterator[Doubt]:
@@ -266,8 +356,12 @@ TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _years,
     _half_days,
     _midnights,
+    _gps,
     _zones,
+    _mixed_offsets,
+    _hour_back,
     _closed,
     _merging,
+    _several_frames,
     _scattered,
 )

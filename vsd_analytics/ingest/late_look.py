@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from typing import Final
 
 import numpy as np
@@ -35,7 +36,7 @@ class LateLook:
         reader: Its adapter.
         options: What the user says, completed from vsd.toml.
         card: What was understood of the first records.
-        differing_cameras: As in `Case`.
+        differing_cameras, now: As in `Case`.
     """
 
     site: Site
@@ -44,6 +45,7 @@ class LateLook:
     options: IngestOptions
     card: SourceCard | None
     differing_cameras: frozenset[str]
+    now: datetime
     _newest: list[RawBatch] = field(default_factory=list)
     _values: dict[str, Counter[str]] = field(default_factory=dict)
     _n: int = 0
@@ -85,7 +87,7 @@ class LateLook:
         head = table_head(self.source, self.reader, self.options)
         if head is not None:
             head = replace(head, values={**head.values, **self._values})
-        case = Case(self.site, self.options, sample, head, self.source.name, self.differing_cameras)
+        case = Case(self.site, self.options, sample, head, self.source.name, self.differing_cameras, self.now)
         with np.errstate(over="ignore", invalid="ignore"):
             doubts = doubts_of(case)
         known = {d.code: d.is_sure for d in card.doubts}

@@ -278,7 +278,7 @@ class _Ingest:
             head, error = _head(batches)
             if head:
                 self.understand(result, reader, head)
-            late = LateLook(self.site, self.source, reader, self.options, result.card, self.differing_cameras)
+            late = LateLook(self.site, self.source, reader, self.options, result.card, self.differing_cameras, self.now)
             for batch in chain(head, () if error is not None else batches):
                 late.add(batch)
                 yield batch
@@ -298,7 +298,14 @@ class _Ingest:
         is_whole = sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS
         differing = self.differing_cameras
         card = understand(
-            self.site, self.source, reader, self.options, head, is_whole=is_whole, differing_cameras=differing
+            self.site,
+            self.source,
+            reader,
+            self.options,
+            head,
+            is_whole=is_whole,
+            differing_cameras=differing,
+            now=self.now,
         )
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)

@@ -21,9 +21,9 @@ VALUES_MAX = 200
 SHOWN_ROWS = 3
 _CHARS = 80
 _SIDES = ("bottom", "top")
-_ROLES: tuple[Role, ...] = ("camera", "id", "class", "confidence", "time", "date", "file", "storey", "absent", "state")
-LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "state")
+LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "present", "state")
 """What is looked at to the end of a file: these columns have few values."""
+_ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "time", "date", "file")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,9 @@ import unicodedata
 from collections.abc import Iterable
 from typing import Final, Literal
 
-Role = Literal["camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent", "state"]
+Role = Literal[
+    "camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent", "present", "state"
+]
 
 
 def _words(text: str) -> frozenset[str]:
@@ -30,7 +32,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "class": _words(
         "class classname classid classlabel cls clsname clsid label labelname category categoryid categoryname "
         "objecttype objtype objectclass objclass detectionclass predictedclass kind type classe clase klasse "
-        "objektklasse categoria kategorie categorie tipo typ"
+        "objektklasse categoria kategorie categorie tipo typ species"
     ),
     "confidence": _words(
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
@@ -44,7 +46,11 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     ),
     "storey": _words("floor floorid floorname floorno level levelid storey story etage stockwerk geschoss planta"),
     "third axis": _words("z zm zmm zcm zft posz positionz worldz zpos zposition elevation"),
-    "absent": _words("lost islost outside outsideview invisible deleted"),
+    "absent": _words(
+        "lost islost outside outsideview invisible deleted predicted ispredicted extrapolated falsepositive "
+        "isfalsepositive ghost isghost"
+    ),
+    "present": _words("valid isvalid visible isvisible isperson ishuman isreal"),
     "state": _words("state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus"),
 }
 
@@ -117,6 +123,12 @@ GONE: Final = _words(
     "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated"
 )
 """States of a track whom the tracker does not see."""
+
+SUMS: Final = _words(
+    "total totals sum sums mean average avg median count min max std subtotal gesamt summe mittelwert anzahl totale "
+    "somma media totaux somme moyenne promedio suma"
+)
+"""Words with which programs begin a line of sums below a table."""
 
 VAGUE: Final = frozenset({"kind", "type", "tipo", "typ"})
 """Names of columns that hold anything: they name classes only where a class of objects is in them."""

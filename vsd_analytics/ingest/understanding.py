@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,7 @@ def understand(
     *,
     is_whole: bool,
     differing_cameras: frozenset[str] = frozenset(),
+    now: datetime | None = None,
 ) -> SourceCard:
     """Return what was understood of a source.
 
@@ -137,10 +139,11 @@ def understand(
         head: The first batches.
         is_whole: Whether there are no others.
         differing_cameras: As in `Case`.
+        now: The clock.
     """
     sample = sample_of(head, is_whole=is_whole)
     table = table_head(source, reader, options)
-    case = Case(site, options, sample, table, source.name, differing_cameras)
+    case = Case(site, options, sample, table, source.name, differing_cameras, now)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are quarantined later
         return _card(case, reader.name)
 
