@@ -1,7 +1,7 @@
 """How old a figure is: from a message that is stored to the hours of the running day, by records in an hour.
 
 A made-up morning of many cameras; one more frame comes in at its end, is appended and folded, and the hours of the day
-are read. Run it with
+are read, as `vsd hours` does. Run it with
 
     python tests/benchmarks/bench_live.py --cameras 46
 
@@ -33,15 +33,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cameras", type=int, default=46)
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--hours", type=int, default=2, help="whole hours stored before the running one, at most 11")
+    parser.add_argument("--minute", type=int, default=45, help="of the running hour, in which the message comes")
     given = parser.parse_args()
     n_hour = given.cameras * HOUR_S * 6
     took: list[tuple[float, float, float]] = []
     with tempfile.TemporaryDirectory() as folder:
-        site = write_site(Path(folder), n_records=n_hour * 5 // 2, n_cameras=given.cameras)
+        site = write_site(Path(folder), n_records=n_hour * (2 * given.hours + 1) // 2, n_cameras=given.cameras)
         build(site)
         store = Store(site.root / "store", site_id=site.site_id)
         for number in range(given.rounds + 1):
-            at_ms = FIRST_MS + 1000 * (2 * HOUR_S + HOUR_S * 3 // 4 + number)
+            at_ms = FIRST_MS + 1000 * (given.hours * HOUR_S + given.minute * 60 + number)
             rows = dict(camera_hour(np.random.default_rng(number), 0, at_ms, most=6))
             wall, cpu = time.perf_counter(), time.process_time()
             for table, records in rows.items():
@@ -55,7 +57,8 @@ def main() -> None:
     wall_s, cpu_s, fold_s = (statistics.median(t[k] for t in took) for k in range(3))
     least = min(t[1] for t in took)
     print(
-        f"{n_hour:,} person records an hour: message to hours {cpu_s:.1f} s of processor time (least {least:.1f}), "
+        f"{n_hour:,} person records an hour, hour {given.hours + 1}, minute {given.minute}: message to hours "
+        f"{cpu_s:.1f} s of processor time (least {least:.1f}), "
         f"{fold_s:.1f} of it storing; {wall_s:.1f} s of wall time; {given.rounds} rounds"
     )
 
