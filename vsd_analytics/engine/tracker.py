@@ -18,10 +18,8 @@ from scipy.special import ndtr
 from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.calibration_error import floor_per_px
 from vsd_analytics.engine.people import Array, People
-from vsd_analytics.engine.walks import WALK_M_S, Walks, joined, surprise
+from vsd_analytics.engine.walks import WALK_M_S, Rows, Walks, joined, surprise
 from vsd_analytics.geometry.homography import to_floor
-
-Rows = NDArray[np.intp]
 
 FOOT_SHARE: Final = 0.05
 """Error of a foot point in body heights of the picture, as in UCMCTrack."""
@@ -213,8 +211,9 @@ class _Counts:
         self._row, self._near = np.array(near, dtype=np.intp).reshape(-1, 2).T
 
     def of(self, counted: Array | NDArray[np.bool_]) -> Array:
+        """Return the sum of a value over the sightings around each."""
         here = np.bincount(self._of, counted)
-        return np.bincount(self._row, here[self._near])[self._of]
+        return np.asarray(np.bincount(self._row, here[self._near]), dtype=np.float64)[self._of]
 
 
 def _after(before: Rows) -> Rows:
@@ -244,7 +243,7 @@ def _futures(seen: _Seen, before: Rows) -> Walks:
     walks = Walks.unseen(len(before))
     for rows in late.rows():
         new, old = rows[later[rows] == _NO_TRACK], rows[later[rows] != _NO_TRACK]
-        walks.put(new, Walks.begun(late.xy[new], late.covariance[new], is_any=True))
+        walks.put(new, Walks.begun(late.xy[new], late.covariance[new]))
         if len(old):
             step_s = late.time_s[late.frame[old]] - late.time_s[late.frame[later[old]]]
             walks.put(old, walks[later[old]].after(step_s).seen(late.xy[old], late.covariance[old]))
