@@ -277,3 +277,24 @@ def test_the_usual_configuration_is_judged_only_where_its_broker_has_the_port_of
     monkeypatch.setattr(broker, "_examine_broker", lambda *_, **__: iter(()))
     found = [f for f in broker.examine_live(site, now=NOW, environ={}) if str(usual) in f.subject + f.detail]
     assert [f.state == "needs you" for f in found] == [is_judged]
+
+
+@pytest.mark.parametrize("has_site", [False, True])
+def test_a_named_configuration_is_judged_without_a_project_and_without_a_broker_in_it(
+    tmp_path: Path, has_site: bool
+) -> None:
+    config = tmp_path / "mosquitto.conf"
+    config.write_text("persistence false\n")
+    if has_site:
+        (tmp_path / "vsd.toml").write_text(
+            '[site]\nid = "s"\nname = "S"\ntimezone = "UTC"\n[[floor]]\nid = "g"\nname = "G"\n'
+            '[[camera]]\nid = "cam-1"\nname = "C"\n'
+        )
+    bad = CliRunner().invoke(cli, ["-C", str(tmp_path), "doctor", "--broker-config", str(config)])
+    assert f"needs you  broker configuration {config}" in bad.output
+    printed = CliRunner().invoke(cli, ["listen", "--broker-config"]).output
+    config.write_text(f"{printed}\npersistence_location {tmp_path}/\n")
+    good = CliRunner().invoke(cli, ["-C", str(tmp_path), "doctor", "--broker-config", str(config)])
+    assert f"ok         broker configuration {config}" in good.output
+    assert ("only the machine and the broker configuration are checked" in good.output) is not has_site
+    assert ("needs you" in good.output) is has_site, "of a project without records, the store does"

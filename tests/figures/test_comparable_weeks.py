@@ -21,7 +21,7 @@ from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 from vsd_analytics.store.seals import UnitSeal
-from vsd_analytics.warehouse.build import hourly_inputs
+from vsd_analytics.warehouse.camera_days import hourly_inputs
 from vsd_analytics.warehouse.sealed import SealedRange
 from vsd_analytics.warehouse.warehouse import open_warehouse
 

@@ -121,6 +121,23 @@ def axis(people: list[list[Person]], *, below: str = "") -> list[dict[str, Any]]
     return found
 
 
+def axis_v1(people: list[list[Person]]) -> list[dict[str, Any]]:
+    """Return frames of `com.axis.scene.frame.v1`: empty frames have no list, persons a class now and then."""
+    found = []
+    for k, each in enumerate(people):
+        objects: list[dict[str, Any]] = []
+        for n, (track, x, y) in enumerate(each):
+            box = {"left": x - 0.02, "top": y - 0.2, "right": x + 0.02, "bottom": y}
+            person: dict[str, Any] = {"bounding_box": box, "object_track_id": f"8e653185-{track}"}
+            head = {**person, "object_track_id": f"head-{track}", "class": {"type": "Head", "score": 0.9}}
+            if k % 4 == 0:
+                person["class"] = {"type": "Human", "score": 0.7, "upper_clothing_colors": []}
+            objects += [person, head] if n == 0 else [person]
+        frame: dict[str, Any] = {"channel_id": 1, "timestamp": iso(k).replace("Z", "249Z")}
+        found.append({**frame, **({"detections": objects} if objects else {})})
+    return found
+
+
 def azure(people: list[list[Person]], *, is_calibrated: bool = True) -> list[dict[str, Any]]:
     """Return person distance events; positions are metres, or shares of the picture where not calibrated."""
     found = []

@@ -14,6 +14,7 @@ from engine_files import (
     START,
     START_MS,
     axis,
+    axis_v1,
     azure,
     azure_preview,
     azure_preview_distances,
@@ -83,12 +84,17 @@ FORMATS = {
     ),
     "deepstream minimal": Format("nvidia", "a.jsonl", lines(deepstream(SHARES)), **PICTURE),
     **{
-        f"axis {below or 'v1'}": Format(
+        f"axis {below or 'beta'}": Format(
             "axis-scene", "a.jsonl", lines(axis(SHARES, below=below)), options={"size_px": SIZE}, **PICTURE,
             left_out={"not a person": N_FRAMES, "object without a class": N_FRAMES},
         )
         for below in ("", "frame", "data")
     },
+    "axis v1": Format(
+        "axis-scene", "a.jsonl", lines(axis_v1(SHARES)),
+        [[(f"8e653185-{t}", x, y) for t, x, y in each] for each in SHARES], {"size_px": SIZE}, is_picture=True,
+        left_out={"not a person": sum(map(bool, SHARES))},
+    ),
     "azure": Format("azure-spatial-analysis", "a.jsonl", lines(azure(METRES)), METRES, has_ids=False),
     "azure, not calibrated": Format(
         "azure-spatial-analysis", "a.json", json.dumps(azure(METRES, is_calibrated=False)[0], indent=1).encode()
@@ -308,6 +314,20 @@ def test_supervision_without_frame_or_time_is_refused(root: Path) -> None:
     error = read(root, "a.csv", data).sources[0].error
     assert error is not None
     assert error.code == "E203"
+    assert "frame_index" in (error.fix or "")
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.json"])
+def test_results_of_ultralytics_for_one_picture_are_refused_with_the_way_that_works(root: Path, name: str) -> None:
+    box = {"x1": 235.925, "y1": 770.14203, "x2": 371.54599, "y2": 1101.02905}
+    data = f'name,class,confidence,box,track_id\nperson,0,0.7438,"{box}",7\n'
+    if name == "a.json":
+        found = {"name": "person", "class": 0, "confidence": 0.7438, "box": box, "track_id": 7}
+        data = json.dumps([found], indent=2)
+    error = read(root, name, data.encode()).sources[0].error
+    assert error is not None
+    assert error.code == "E203"
+    assert "save_txt=True" in (error.fix or "")
 
 
 def test_a_person_whose_parent_is_zero_is_a_part_of_nothing(root: Path) -> None:

@@ -10,6 +10,8 @@ from report import ingested_worlds as w
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config import load_site
+from vsd_analytics.config.asked_questions import read_asked
 
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:
@@ -42,6 +44,18 @@ def test_missing_reports_are_made_and_pages_that_are_there_stay(shop: Path, caps
     before = {p.name: p.stat().st_ino for p in reports.iterdir() if p.name != "index.html"}
     assert run(cli, ["-C", str(shop), "--quiet", "--now", "2026-12-01", "site", "build", "--make"]) == 1
     assert {p.name: p.stat().st_ino for p in reports.iterdir() if p.name != "index.html"} == before
+
+
+def test_weeks_made_for_the_index_ask_each_a_question_that_can_be_answered(shop: Path) -> None:
+    """The demo makes its pages in the same way: with memory, and with ids that `vsd log answer` knows."""
+    assert run(cli, ["-C", str(shop), "--quiet", "--now", "2026-12-01", "site", "build", "--make"]) == 0
+    asked = read_asked(load_site(shop))
+    assert len(asked) == 2
+    assert asked[1].text.startswith("Still open from week 45:")
+    for one, week in zip(asked, ("2026-W45", "2026-W46"), strict=True):
+        assert one.question_id in (shop / "reports" / f"{week}.html").read_text(encoding="utf-8")
+    answer = ["log", "answer", asked[0].question_id, "tried", "--at", "2026-11-10"]
+    assert run(cli, ["-C", str(shop), "--quiet", "--now", "2026-12-01", *answer]) == 0
 
 
 def test_a_page_of_vsd_report_alone_gets_its_figures_if_the_records_still_give_it(

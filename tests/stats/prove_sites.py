@@ -29,6 +29,7 @@ class Found:
 
     Attributes:
         is_false: Some site that does not differ was named.
+        false_share: Share of the sites named that do not differ, 0 where none is named.
         power: Share of the sites that differ which were named.
         is_dead_named: The site without its camera in most weeks was named.
         covered: Share of ranges that hold the truth, of all sites and of the named that differ.
@@ -38,6 +39,7 @@ class Found:
     """
 
     is_false: bool
+    false_share: float
     power: float
     is_dead_named: bool
     covered: tuple[float, float]
@@ -73,6 +75,7 @@ def one(world: SiteWorld, seed: int) -> Found:
         unseen = any(f.differs and number[f.key.site_id] == world.n_sites - 1 for f in without.floors)
     return Found(
         is_false=bool(named[~does_differ].any()),
+        false_share=float(named[~does_differ].sum() / max(1, named.sum())),
         power=float(named[does_differ].mean()) if world.effects else np.nan,
         is_dead_named=bool(named[-1]) and world.has_gaps,
         covered=(
@@ -113,24 +116,24 @@ def main() -> None:
     asked = parser.parse_args()
     n = asked.worlds
     print(
-        "| world | worlds with a false name | those that differ named | ranges that hold the truth: all / named "
-        "| site without its camera named | the same where nobody looks at cameras "
-        "| league table's extremes that differ |"
+        "| world | of those named, false | worlds with a false name | those that differ named "
+        "| ranges that hold the truth: all / named | site without its camera named "
+        "| the same where nobody looks at cameras | league table's extremes that differ |"
     )
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|")
     with ProcessPoolExecutor(2) as pool:
         for name, world in ((k, w) for k, w in WORLDS.items() if asked.only in k):
             found = list(pool.map(partial(one, world), range(n), chunksize=8))
-            false, power, dead, naive, blind = (
+            share, false, power, dead, naive, blind = (
                 np.mean([getattr(f, of) for f in found])
-                for of in ("is_false", "power", "is_dead_named", "naive", "is_naive_dead")
+                for of in ("false_share", "is_false", "power", "is_dead_named", "naive", "is_naive_dead")
             )
             held, held_named = (np.mean([v for f in found if not np.isnan(v := f.covered[k])] or [0]) for k in (0, 1))
             gaps = f"{dead:.1%}" if world.has_gaps else "–"
             gaps += f" | {blind:.0%}" if world == PLANTED else " | –"
             has = bool(world.effects)
             print(
-                f"| {name} | {false:.1%} | {f'{power:.0%}' if has else '–'} "
+                f"| {name} | {share:.1%} | {false:.1%} | {f'{power:.0%}' if has else '–'} "
                 f"| {held:.0%} / {f'{held_named:.0%}' if has else '–'} | {gaps} | {f'{naive:.0%}' if has else '–'} |",
                 flush=True,
             )

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from stats.site_worlds import LAST, SiteWorld, site_floors
 
 from vsd_analytics.site_index.site_comparison import compare_sites
-from vsd_analytics.stats.funnel import BETA, CUT, funnel, usual
+from vsd_analytics.stats.funnel import BETA, CUT, ERROR, funnel, usual
 from vsd_analytics.stats.standard_ratio import SiteTime, class_rates, known_shares, standard_ratios
 
 RATES = np.array([0.1, 0.2, 0.3, 0.45])
@@ -64,6 +64,25 @@ def test_a_few_sites_that_differ_do_not_widen_the_limits() -> None:
     assert usual(y, v)[1] < 2.2 * 0.1**2
     assert np.var(y) > 6 * 0.1**2
     assert funnel(y[:3], v[:3], v[:3] + 9) is None
+
+
+def test_one_in_twenty_of_the_sites_named_may_be_false_not_one_page_in_twenty() -> None:
+    """Eight of 40 differ by four and a half standard deviations; Holm's step-down would name fewer of them."""
+    rng = np.random.default_rng(8)
+    v, df = np.full(40, 0.06**2), np.full(40, 60.0)
+    n_false = n_named = n_differ = n_holm = 0
+    for _ in range(200):
+        y = rng.normal(0, math.hypot(0.06, 0.08), 40)
+        y[:8] += 0.45 * np.where(np.arange(8) % 2, 1, -1)
+        found = funnel(y, v, df)
+        assert found is not None
+        n_false, n_named = n_false + int(found.differs[8:].sum()), n_named + int(found.differs.sum())
+        n_differ += int(found.differs[:8].sum())
+        p = np.sort(found.p)
+        n_holm += int(np.argmax(np.append(p * (40 - np.arange(40)), 1) > ERROR))
+    assert 0 < n_false / n_named <= 0.05
+    assert n_differ / (8 * 200) > 0.6
+    assert n_named > 1.05 * n_holm
 
 
 def test_the_sites_that_differ_are_named_and_a_dead_camera_is_not_blamed() -> None:

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.bench.heatmaps import HEATMAPS, CountedCells, ours_first
+from vsd_analytics.bench.heatmaps import HEATMAPS, CountedCells, ours_first, ours_whole
 from vsd_analytics.warehouse.input_fingerprint import text_hash
 
 LIBRARIES = {
@@ -41,7 +41,7 @@ def work(kind: str, step: str, folder: Path, n: int) -> Callable[[], Any]:
             importlib.import_module(library)
     if kind == "heatmaps":
         importlib.import_module("vsd_analytics.warehouse.warehouse")
-        if HEATMAPS[step] is ours_first:
+        if HEATMAPS[step] in (ours_first, ours_whole):
             shutil.rmtree(folder / "facts", ignore_errors=True)
         return lambda: HEATMAPS[step](folder)
     if kind == "pairs":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -11,7 +11,10 @@ from vsd_analytics.cli.file_options import file_options, ingest_options
 from vsd_analytics.cli.ingest import read_files
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from vsd_analytics.config.camera_in_name import CameraName
 
 
 @click.command()
@@ -42,23 +45,42 @@ def check(project: Project, /, files: tuple[str, ...], save: str | None, as_json
             "--save takes one file, by whose name the profile is chosen", fix=f"--save {save} with one FILE"
         )
     refuse_name(project.site, save)
+    named = _camera_in_name(project, files[0], given)
+    given = given if named is None else {**given, "camera": named.camera}
     formats: list[str] = []
     code = read_files(project, files, given, is_dry_run=True, as_json=as_json, read_as=formats)
     if not formats:
         project.say("no profile was saved: first correct what is said above")
         return code
-    _save(project, save, Path(files[0]).name, formats[0], given)
+    _save(project, save, Path(files[0]).name, formats[0], given, named)
     return code
 
 
-def _save(project: Project, name: str, file_name: str, kind: str, given: dict[str, Any]) -> None:
+def _camera_in_name(project: Project, file: str, given: dict[str, Any]) -> CameraName | None:
+    """Return the camera that a file's name says, where its records do not say it, and neither do options or profile."""
+    from vsd_analytics.ingest.adapter import Source
+    from vsd_analytics.ingest.pipeline import options_for
+    from vsd_analytics.ingest.profile_camera import name_to_save
+
+    source = Source(Path(file), settings=project.site.settings)
+    try:
+        options = options_for(project.site, source, ingest_options(project, given))
+    except InputError:  # reading the file reports it
+        return None
+    return name_to_save(project.site, source, options)
+
+
+def _save(
+    project: Project, name: str, file_name: str, kind: str, given: dict[str, Any], named: CameraName | None
+) -> None:
     from vsd_analytics.config.new_source import save_source
     from vsd_analytics.config.source_profiles import NewProfile
 
     options = ingest_options(project, given)
     stated = {
         "format": kind,
-        "camera": options.camera,
+        "camera": options.camera if named is None else None,
+        "camera_from_name": None if named is None else named.pattern,
         "columns": options.columns,
         "map": options.map or None,
         "unit": options.unit,
@@ -71,9 +93,12 @@ def _save(project: Project, name: str, file_name: str, kind: str, given: dict[st
         "engine": options.engine,
         "persons": options.persons,
     }
-    profile = NewProfile(name, file_name, stated)
+    profile = NewProfile(name, file_name, stated, () if named is None else named.files)
     written = save_source(project.site, profile)
     project.say(f"saved in vsd.toml:\n{written.rstrip()}")
+    if named is not None:
+        project.say(f"it is for files named {', '.join(named.files)}; the name says the camera: {named.pattern}")
+        return
     wider = profile.wider_pattern
     also = "" if wider is None else f'; for others of its kind, widen it there: files = "{wider}"'
     project.say(f"it is for files named {profile.pattern}{also}")

@@ -29,7 +29,8 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
     """
     from vsd_analytics.figures import operator_counts
 
-    with warehouse_of(project, week=week, days=days) as warehouse:
+    read = ("hours", "camera_hours", "message_gaps", "outages", "sequence_runs")
+    with warehouse_of(project, week=week, days=days, relations=read) as warehouse:
         until_ms = operator_counts.begun_until_ms(warehouse, now=project.now)
         found = operator_counts.coverage(warehouse, until_ms=until_ms)
         notes, unfinished = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)

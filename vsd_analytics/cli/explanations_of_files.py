@@ -56,6 +56,11 @@ A file was not stored, because something about it is almost surely wrong: the me
 before it give the code of each reason. No record of it was stored, so that no wrong number can be reported.
 Fix: run the command again with the option that the message gives. vsd check FILE shows what is understood with it.
 If the file is right as it is: --yes.""",
+    "E213": """\
+The name of a file should say the camera, as camera_from_name of its [[source]] in vsd.toml asks, and it says none that
+vsd.toml has, or several. Nothing of the file was read.
+Fix: engine_ids = ["its name"] under the [[camera]] that is meant; rename the file; or --camera for this file alone.
+Beside a * of the pattern a camera's name ends where a word ends: cam-12 is never read as cam-1.""",
     "W208": """\
 One sequence of an archive has no floor metres in its world columns; it was left out, the others were read.
 Fix: import it on its own with its boxes and a calibrated camera.""",

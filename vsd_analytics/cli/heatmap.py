@@ -72,7 +72,7 @@ def heatmap(
         raise UsageError("a picture needs a file", fix=f"--out where.{kind}")
     if kind in ("png", "svg") and share:
         raise UsageError("--share is for tables", fix="the map of vsd report hides small counts")
-    with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m) as warehouse:
+    with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m, relations=("heatmap",)) as warehouse:
         frame = operator_counts.heatmap(warehouse, floor_id=floor_id, at=at)
         if kind in ("png", "svg"):
             from vsd_analytics.report.draw.heatmap_file import draw_heatmap

@@ -56,7 +56,8 @@ def hours(
     """
     from vsd_analytics.figures import operator_counts
 
-    with warehouse_of(project, week=week, days=days) as warehouse:
+    read = ("hours", "camera_hours", *(["area_hours"] if by == "area" else []))
+    with warehouse_of(project, week=week, days=days, relations=read) as warehouse:
         until_ms = operator_counts.begun_until_ms(warehouse, now=project.now)
         frame = operator_counts.hours(warehouse, by=by, until_ms=until_ms)
         notes, said = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)

@@ -129,7 +129,7 @@ def report(
         except VsdError as error:
             failed.append(error)
     if is_mailed or PAGES & set(kinds):
-        _remember(project, reports)
+        remember_questions(project, reports)
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
     for report in reports:
@@ -152,7 +152,7 @@ def report(
     return code
 
 
-def _remember(project: Project, reports: list[WeekReport]) -> None:
+def remember_questions(project: Project, reports: list[WeekReport]) -> None:
     """Store the questions of the pages for later weeks; a read-only project only warns."""
     from vsd_analytics.config.asked_questions import remember
     from vsd_analytics.report.words.questions import choose
@@ -224,5 +224,5 @@ def write_report(project: Project, *, week: str, kind: str, out: str, floor_id: 
     """Write the report of a week and return the files."""
     reports = make_reports(project, week=week, floor_id=floor_id)
     paths = [path for r in reports for path in write(Path(out), _files(project, r).of(kind))]
-    _remember(project, reports)
+    remember_questions(project, reports)
     return paths

@@ -192,6 +192,8 @@ def make_missing(project: Project) -> list[Path]:
 def write_week(project: Project, week: str) -> list[Path]:
     """Write page and JSON file of each floor that has no JSON file of a week yet, into the project's reports.
 
+    The question of each page written is stored, so that it can be answered and later weeks do not ask it again.
+
     Args:
         project: A project with a vsd.toml.
         week: ISO week, such as 2026-W46.
@@ -199,7 +201,7 @@ def write_week(project: Project, week: str) -> list[Path]:
     Returns:
         The files written: a page before its JSON file.
     """
-    from vsd_analytics.cli.report import make_reports
+    from vsd_analytics.cli.report import make_reports, remember_questions
     from vsd_analytics.cli.report_formats import ReportFiles
     from vsd_analytics.store.durable import publish
 
@@ -219,6 +221,7 @@ def write_week(project: Project, week: str) -> list[Path]:
         if not page.exists():
             publish(page, files.of("html")[page.name])
             written.append(page)
+            remember_questions(project, [report])
         publish(json_file, files.of("json")[json_file.name])
         written.append(json_file)
     return written

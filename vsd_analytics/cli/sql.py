@@ -71,8 +71,9 @@ def sql(
     if query is None:
         raise UsageError("which query?", fix='vsd sql "select * from hours"')
     from vsd_analytics.warehouse.analyst_query import query_rows, run_query
+    from vsd_analytics.warehouse.relations import named_relations
 
-    with warehouse_of(project, week=week, days=days) as warehouse:
+    with warehouse_of(project, week=week, days=days, relations=named_relations(query)) as warehouse:
         if as_json:
             emit_json({"rows": query_rows(warehouse, query)})
             return

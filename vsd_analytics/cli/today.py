@@ -139,8 +139,10 @@ def _today(project: Project, floor_id: str | None) -> list[Today]:
     at: datetime = project.now.astimezone(site.zone)
     if stored_extent(site) is None:
         raise nothing_stored(project)
-    with warehouse_of(project, week=None, days=f"{figures.first_day(at)}..{at.date()}") as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours", "camera_slots")
+    read = ("episodes", "violations", "camera_hours", "camera_slots")
+    days = f"{figures.first_day(at)}..{at.date()}"
+    with warehouse_of(project, week=None, days=days, relations=read) as warehouse:
+        warehouse.materialise(*read)
         return [figures.today(warehouse, at, floor_id=f) for f in ([floor_id] if floor_id else floors)]
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import Any
 
+from vsd_analytics.config import camera_in_name
 from vsd_analytics.config.broker_and_alarms import read_topics
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
 from vsd_analytics.config.reader import Form, TableReader, nearest
@@ -47,6 +48,7 @@ def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[Sou
             files=_files(table),
             format=table.text("format", example='"table"'),
             camera=_camera(table, names),
+            camera_from_name=_camera_from_name(table),
             columns=table.texts("columns", example='["ts", "track_id", "x_m", "y_m"]') or None,
             map=_map(table),
             unit=table.word("unit", tuple(METRES), example="mm"),
@@ -85,11 +87,13 @@ class NewProfile:
         profile_id: Its id.
         file_name: Name of a file of its kind; runs of digits in it become `*`.
         values: Further keys; None = left out.
+        files: Patterns of file names, where they are not made of `file_name`.
     """
 
     profile_id: str
     file_name: str
     values: dict[str, Any] = field(default_factory=dict)
+    files: tuple[str, ...] = ()
 
     @property
     def pattern(self) -> str:
@@ -107,7 +111,8 @@ class NewProfile:
 
     def text(self) -> str:
         """Return the lines of `vsd.toml`."""
-        keys = {"id": self.profile_id, "files": self.pattern, **self.values}
+        files = (self.files[0] if len(self.files) == 1 else self.files) or self.pattern
+        keys = {"id": self.profile_id, "files": files, **self.values}
         return "\n".join(["[[source]]", *(f"{k} = {_toml(v)}" for k, v in keys.items() if v is not None)]) + "\n"
 
 
@@ -154,6 +159,23 @@ def _camera(table: TableReader, names: Collection[str]) -> str | None:
         note=f"did you mean {close[0]}?" if close else None,
         fix=f'camera = "{close[0]}"' if close else "name a camera of this file, or add a [[camera]]",
     )
+    return None
+
+
+def _camera_from_name(table: TableReader) -> str | None:
+    example = f'"{camera_in_name.EXAMPLE}"'
+    value = table.text("camera_from_name", example=example)
+    if value is None:
+        return None
+    why = camera_in_name.fault_of(value)
+    if why is None and "camera" in table.values:
+        why = "camera says it already"
+    if why is None and "files" not in table.values:
+        why = "messages have no file names: say files, or map camera_id"
+    if why is None:
+        return value
+    what = f"{table.label} camera_from_name {value!r} cannot be used"
+    table.fault("camera_from_name", what, why=why, fix=f"write it as: camera_from_name = {example}")
     return None
 
 

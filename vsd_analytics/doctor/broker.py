@@ -31,7 +31,7 @@ _EXPLAINED = {CLOCKS_DISAGREE: "E708", CANNOT_STORE: "E304"}
 
 
 def examine_live(
-    site: Site, *, now: datetime, environ: Mapping[str, str], config: Path | None = None
+    site: Site, *, now: datetime, environ: Mapping[str, str], has_config: bool = False
 ) -> Iterator[Finding]:
     """Check the listener and the broker; yields nothing for a site without `[mqtt]`.
 
@@ -39,16 +39,14 @@ def examine_live(
         site: The site.
         now: The clock.
         environ: Environment, for the password.
-        config: The broker's configuration; None = the usual file when the broker is on this machine, and the file is
-            of a broker with its port.
+        has_config: The user named the broker's configuration. Else the usual file is checked, when the broker is on
+            this machine and the file is of a broker with its port.
     """
     if site.broker is None:
         return
     yield from examine_listener(site, status=read_status(site.root), now=now)
     yield from _examine_broker(site.broker, environ=environ)
-    if config is not None:
-        yield from examine_config(config)
-    elif site.broker.host in LOCAL_HOSTS and USUAL_CONFIG.exists():
+    if not has_config and site.broker.host in LOCAL_HOSTS and USUAL_CONFIG.exists():
         ports = ports_of(USUAL_CONFIG)
         if ports is None or site.broker.port in ports:
             yield from examine_config(USUAL_CONFIG)

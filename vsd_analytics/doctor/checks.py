@@ -46,9 +46,10 @@ def examine(
         start: Folder to start from.
         now: The clock.
         environ: Environment variables, which override settings.
-        broker_config: The broker's mosquitto.conf, to be checked too.
+        broker_config: The broker's mosquitto.conf, to be checked too, also where there is no project.
     """
-    return (*_machine(environ), *_project(start, now=now, environ=environ, broker_config=broker_config))
+    found = [*_machine(environ), *_project(start, now=now, environ=environ, broker_config=broker_config)]
+    return (*found, *(() if broker_config is None else _broker_config(broker_config)))
 
 
 def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
@@ -100,7 +101,10 @@ def _project(
     try:
         folder = find_project(start)
     except VsdError as error:
-        yield Finding(FILE, "needs you", error.what, error.fix)
+        if broker_config is None:
+            yield Finding(FILE, "needs you", error.what, error.fix)
+        else:  # the broker may be on a machine without a project
+            yield Finding(FILE, "note", f"{error.what}: only the machine and the broker configuration are checked")
         return
     yield _file_system(folder)
     try:
@@ -204,7 +208,13 @@ def _live(site: Site, *, now: datetime, environ: Mapping[str, str], broker_confi
         return
     from vsd_analytics.doctor.broker import examine_live  # the MQTT client is loaded only where there is a broker
 
-    yield from examine_live(site, now=now, environ=environ, config=broker_config)
+    yield from examine_live(site, now=now, environ=environ, has_config=broker_config is not None)
+
+
+def _broker_config(path: Path) -> Iterator[Finding]:
+    from vsd_analytics.doctor.broker import examine_config
+
+    yield from examine_config(path)
 
 
 def _disk(site: Site) -> Finding:

@@ -95,6 +95,7 @@ class IngestOptions:
     Attributes:
         format: Name of an adapter, or None to detect it.
         camera: Camera id for records that name none.
+        camera_from_name: `camera_from_name` of vsd.toml, for the files of a folder or archive.
         columns: Column names of a headerless table, in order.
         map: Our column names to theirs; a name that the file lacks is an error.
         site_map: `[ingest.map]` of vsd.toml, our column names to theirs, used for files that have such columns.
@@ -155,6 +156,7 @@ class IngestOptions:
     persons: str | None = None
     profile: str | None = None
     is_only_camera: bool = False
+    camera_from_name: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

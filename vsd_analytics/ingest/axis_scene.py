@@ -1,23 +1,26 @@
-"""AXIS Scene Metadata, frame by frame: the messages of `axis.scene.frame_v1` as MQTT publishes them.
+"""AXIS Scene Metadata, frame by frame: the messages of `com.axis.scene.frame.v1` as MQTT publishes them.
 
-A message has a UTC time and the objects of one frame: track id, class, box as shares of the picture. The frame is the
-message itself, or is below `frame` or `data.frame`, as in the beta. Messages do not name the camera: `--camera` does.
-`operations` end or rename tracks. A track that was renamed goes on under its new id; ids are not joined afterwards.
+A message has a UTC time and the objects of one frame (`detections`; `observations` in the beta): track id, class, box
+as shares of the picture. The frame is the message itself, or is below `frame` or `data.frame`. An empty frame has a
+time only. Cameras classify an object in some frames, so its class is remembered. Messages do not name the camera:
+`--camera` does, and frames of another channel than the first are refused. Tracks that are renamed are not joined.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
-from vsd_analytics.ingest.json_messages import JsonMessages, inner, listed
+from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
 
 OTHERS = "not a person"
 UNKNOWN = "object without a class"
+_EMPTY = frozenset({"channel_id", "timestamp", "detections", "track_events"})
 _EDGE = 1.5
 """Boxes reach a little beyond the picture; further out they are no shares of it."""
 
@@ -29,28 +32,46 @@ class AxisScene(JsonMessages):
     coordinates: ClassVar = "shares of the picture (0 to 1), foot point = bottom centre of the box"
     engine: ClassVar = "AXIS Scene Metadata"
     marks: ClassVar = ("observations", "timestamp")
+    stable_marks: ClassVar = ("object_track_id", "timestamp")
+
+    def detects(self, source: Source) -> bool:
+        """Return whether the file begins with frames of the beta, of version 1, or with empty ones of version 1."""
+        return super().detects(source) or has_marks(source, self.stable_marks) or _is_empty_frame(source)
 
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: the humans of its observations."""
         frame = inner(message, "data") or message
         frame = inner(frame, "frame") or frame
         at = instant_of(frame.get("timestamp"))
+        channel = frame.get("channel_id", message.get("channel_id"))
+        frames.check_view(None if channel is None else f"channel {channel}")
         seen, others = [], {OTHERS: 0, UNKNOWN: 0}
-        for found in listed(frame, "observations"):
+        for found in [*listed(frame, "observations"), *listed(frame, "detections")]:
             if not isinstance(found, dict):
                 raise BadRowError("bad-message", f"an observation is {str(found)[:40]!r}")
-            kind = _kind(found)
+            track = id_of(found.get("object_track_id", found.get("track_id")))
+            kind = frames.kind_of(track, _kind(found))
             if kind == "human":
                 box = inner(found, "bounding_box")
                 left, right, bottom = (_share(box.get(side)) for side in ("left", "right", "bottom"))
                 width, height = size_of(options, None)
-                seen.append(
-                    SeenPerson(id_of(found.get("track_id")), None, ((left + right) / 2 * width, bottom * height))
-                )
+                seen.append(SeenPerson(track, None, ((left + right) / 2 * width, bottom * height)))
             else:
                 others[OTHERS if kind else UNKNOWN] += 1
         frames.add(None, at, seen, line=number)
         frames.dropped.update(others)
+
+
+def _is_empty_frame(source: Source) -> bool:
+    """Return whether the first line is a frame of version 1 without objects."""
+    first = source.head(4096).lstrip().partition(b"\n")[0] if source.path.is_file() else b""
+    if not first.startswith(b"{"):
+        return False
+    try:
+        found = json.loads(first)
+    except (ValueError, RecursionError):
+        return False
+    return {"channel_id", "timestamp"} <= set(found) <= _EMPTY
 
 
 def _kind(found: Mapping[str, Any]) -> str:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from vsd_analytics.config.camera_in_name import camera_named
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
 from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
@@ -120,7 +121,8 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         )
     if "camera_id" not in found and options.camera is None:
         why = "the site has several cameras, and nothing says which one saw this"
-        raise _missing(source, "camera_id", header, why, proposed)
+        said = camera_named(source.file_name, options.clocks)  # these have all names of cameras
+        raise _missing(source, "camera_id", header, why, proposed, named=None if said is None else said.camera)
     wanted = {*(("ts", TIME_OF_DAY) if "ts" in found else ("frame",)), "camera_id", *place}
     theirs = {ours: i for ours, i in found.items() if ours in wanted}
     names = {ours: header.names[i] for ours, i in theirs.items()}
@@ -219,6 +221,10 @@ def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, in
     return at[0], at[1]
 
 
+_ULTRALYTICS = frozenset({"name", "class", "confidence", "box"})
+"""Columns of `to_csv` and `to_json` of its results."""
+
+
 def _missing(
     source: Source,
     column: str,
@@ -227,6 +233,7 @@ def _missing(
     proposed: Mapping[str, str] | None = None,
     *,
     ours: str | None = None,
+    named: str | None = None,
 ) -> InputError:
     shown = [n for n in header.names if not n.startswith("_")]
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
@@ -238,6 +245,15 @@ def _missing(
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
         )
+    if column == "ts" and set(shown) >= _ULTRALYTICS:
+        return InputError(
+            f"{source.file_name} has neither times nor frame numbers",
+            code="E203",
+            where=Where(source.name, header.line, header.text),
+            why="these are results of ultralytics for one picture, and they do not say which",
+            fix="let it write a file for each frame (save_txt=True), then: vsd engine run labels/ --camera ID --size "
+            "WIDTHxHEIGHT --hz 25 --start INSTANT --out frames.jsonl",
+        )
     is_pair = proposed is not None and "track_a" in proposed and "x_a_m" in proposed
     renames = dict(proposed or {}) if is_pair else completed(proposed or {}, ours or column, header, wanted=column)
     near = renames.get(ours or column)
@@ -245,8 +261,10 @@ def _missing(
     if header.line is None and header.text is not None:
         fix = f"name it in --columns: {column}, at its place in the order of the file's columns"
     else:
-        chosen = ["--camera ID"] if column == "camera_id" and near is None else []
+        chosen = [f"--camera {named or 'ID'}"] if column == "camera_id" and near is None else []
         fix = " ".join([*chosen, *filter(None, [renames_option(renames)])])
+    if named is not None:
+        fix += "; with --save NAME beside it, vsd check makes a profile that reads the camera from such names"
     return InputError(
         f"{source.file_name} has no column {column!r}",
         code="E203",

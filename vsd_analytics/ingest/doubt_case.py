@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -46,14 +45,16 @@ class Case:
         options: What the user says, completed from vsd.toml.
         sample: The first records.
         head: The columns, for tables; None for formats without columns of the user's choice.
-        files: Names of the source, then of others of the command and of earlier imports.
+        file: Name of the source.
+        differing_cameras: Those that names of the command's sources and of earlier imports say, where they differ.
     """
 
     site: Site
     options: IngestOptions
     sample: Sample
     head: TableHead | None
-    files: Sequence[str] = ()
+    file: str = ""
+    differing_cameras: frozenset[str] = frozenset()
 
     @property
     def cameras(self) -> tuple[Camera, ...]:

@@ -38,14 +38,16 @@ def _rounded(case: Case) -> Iterator[Doubt]:
 def _bodies(case: Case) -> Iterator[Doubt]:
     """W220: people inside each other: one person several times in a frame, or a unit that is too large."""
     sample = case.sample
-    rows = sample.rows[["camera", "ts_ms", "track", "x", "y"]].dropna(subset=["x", "y"])
+    rows = sample.rows[["camera_no", "ts_ms", "track_no", "x", "y"]].dropna()
     if sample.is_pairs or len(rows) < 5 * ROWS_MIN or max(np.ptp(rows["x"]), np.ptp(rows["y"])) <= 1:
         return  # all within a square metre: another unit
     # what a fold stores once is one person here as well
-    has_id = rows["track"].notna()
-    is_repeated = has_id & rows.duplicated(["camera", "ts_ms", "track"])
-    rows = rows[~(is_repeated | (~has_id & rows.duplicated(["camera", "ts_ms", "x", "y"])))]
-    near_m = _nearest_m(rows["camera"].factorize()[0], *(rows[c].to_numpy() for c in ("ts_ms", "x", "y")))
+    has_id = rows["track_no"] >= 0
+    is_repeated = has_id & rows.duplicated(["camera_no", "ts_ms", "track_no"])
+    if not has_id.all():
+        is_repeated |= ~has_id & rows.duplicated(["camera_no", "ts_ms", "x", "y"])
+    near_m = _nearest_m(*(rows.loc[~is_repeated, c].to_numpy() for c in ("camera_no", "ts_ms", "x", "y")))
+    rows = rows[~is_repeated]
     n_same, share_in = int((near_m < _HALF_MM).sum()), float((near_m < BODY_M).mean())
     why = "two people cannot stand in one place: the same person may be written several times, or lost ones kept"
     fix = "one row for each person and time, and none for lost people; export the times of frames with their decimals"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
+from collections.abc import Set as AbstractSet
 from typing import Final
 
 import numpy as np
@@ -36,14 +37,12 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
         return
     if not (case.sample.rows["camera"] == camera).all():
         return
-    told = [found for name in case.files if (found := cameras_in([name]))]
-    different = set[str]().union(*told).difference(told[0].intersection(*told) if told else ())
-    if len(different) > 1:
-        fix = "one command for each camera, with --camera ID (and a [[camera]] in vsd.toml for each)"
-        yield _merged_cameras(case, f"the names of these files tell of {len(different)} cameras", different, fix)
+    if (n := len(case.differing_cameras)) > 1:
+        fix = "a [[camera]] for each, and a [[source]] with camera_from_name; or one command for each, with --camera ID"
+        yield _merged_cameras(case, f"the names of these files tell of {n} cameras", case.differing_cameras, fix)
         return
     known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
-    own = cameras_in(name.rpartition("/")[2] for name in case.files[:1])
+    own = cameras_in(name.rpartition("/")[2] for name in [case.file])
     if known and own and not own & known:
         yield Doubt(
             "W221",
@@ -63,7 +62,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
             case,
             f"the names of its files tell of {len(parts)} cameras",
             parts,
-            "name them one by one, each with --camera",
+            "a [[source]] with camera_from_name, or name them one by one, each with --camera",
         )
     for column in named_like(case.head.values, "file"):
         if len(found := cameras_in(case.head.values[column])) > 1 and not case.is_settled_by_where(column):
@@ -96,7 +95,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _merged_cameras(case: Case, what: str, found: set[str], fix: str) -> Doubt:
+def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> Doubt:
     return Doubt(
         "W221",
         f"{what} ({', '.join(sorted(found)[:4])}), and all rows go to {case.options.camera}",
@@ -276,11 +275,11 @@ def _ids(case: Case) -> Iterator[Doubt]:
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
-        n_without = int(sample.rows["track"].isna().sum())
+        n_without = int((sample.rows["track_no"] < 0).sum())
         if n_without > sample.n / 2:
             what = f"{n_without:,} of {sample.n:,} rows have no track id"
             yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
-        n_records = sample.rows["track"].value_counts()
+        n_records = sample.rows.loc[sample.rows["track_no"] >= 0, "track_no"].value_counts()
         n_frames = sample.rows["ts_ms"].nunique()
         if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
             what = f"{len(n_records):,} track ids, and nearly each has one record: they do not last"

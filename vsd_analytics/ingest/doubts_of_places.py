@@ -100,7 +100,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
     if len(places) < ROWS_MIN:
         return
     x, y = places["x"].to_numpy(), places["y"].to_numpy()
-    n_ids = case.sample.rows["track"].nunique()
+    n_ids = case.sample.n_tracks
     if len(places) >= 5 * ROWS_MIN and n_ids > 2 and 0 < max(np.ptp(x), np.ptp(y)) <= 1:
         is_share = bool(((x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)).all())
         more = ": every position is between 0 and 1" if is_share else f": x {x.min():.4g} to {x.max():.4g}"
@@ -153,7 +153,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
 def _axes(case: Case) -> Iterator[Doubt]:
     """W220: positions on one line, because one of the axes read is the height above the floor."""
     sample = case.sample
-    if sample.is_pairs or sample.n < 5 * ROWS_MIN or sample.rows["track"].nunique() == 1:
+    if sample.is_pairs or sample.n < 5 * ROWS_MIN or sample.n_tracks == 1:
         return
     extent = sample.extent("x", "y")
     if extent is None:

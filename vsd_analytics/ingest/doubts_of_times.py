@@ -85,7 +85,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
     if sample.n < ROWS_MIN or case.options.period_s is not None:
         return
     ts_ms = sample.rows["ts_ms"].to_numpy().astype(np.int64)
-    zones = [zone for zone in np.unique(sample.zones) if zone]
+    zones = [zone for zone in sample.zone_names if zone]
     local = utc_to_local(ts_ms, zones[0]) if len(zones) == 1 and (sample.zones != "").all() else ts_ms
     n_second, n_instants = sample.n_second(), len(np.unique(ts_ms))
     share = n_second / sample.n
@@ -162,7 +162,7 @@ def _half_days(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.n < ROWS_MIN or not (sample.zones != "").all():
         return
-    zones = np.unique(sample.zones)
+    zones = sample.zone_names
     local = sample.rows["ts_ms"].to_numpy().astype(np.int64)
     if len(zones) == 1:
         local = utc_to_local(local, zones[0])
@@ -187,7 +187,7 @@ def _half_days(case: Case) -> Iterator[Doubt]:
 def _midnights(case: Case) -> Iterator[Doubt]:
     """W227: times of day that pass midnight beside a date that does not change."""
     sample = case.sample
-    zones = np.unique(sample.zones)
+    zones = sample.zone_names
     if sample.n < ROWS_MIN or not (sample.zones != "").all() or len(zones) != 1:
         return
     local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), zones[0])
@@ -229,16 +229,16 @@ def _scattered(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
         return
-    rows = sample.rows.dropna(subset=["track"])
-    is_alone = ~rows.duplicated(["camera", "ts_ms"], keep=False)
-    rows = rows.sort_values(["camera", "track", "ts_ms"], kind="stable")
-    steps_ms = rows.groupby(["camera", "track"], sort=False)["ts_ms"].diff()
+    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
+    is_alone = ~rows.duplicated(["camera_no", "ts_ms"], keep=False)
+    rows = rows.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
+    steps_ms = rows.groupby(["camera_no", "track_no"], sort=False)["ts_ms"].diff()
     if not (usual_ms := float(steps_ms.median())) >= FRAME_MIN_MS:
         return
     # an id that comes again after a long time is somebody else's, or the same person's next visit
     life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
-    lives = rows.groupby(["camera", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
-    busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera"))
+    lives = rows.groupby(["camera_no", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
+    busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera_no"))
     together = float((lives["max"] - lives["min"]).sum()) / max(busy_ms, 1.0)
     if is_alone.mean() < ALONE_SHARE or together < TOGETHER:
         return

@@ -21,6 +21,8 @@ from vsd_analytics.schema import TableName
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
+KINDS_MAX = 10_000
+"""Objects whose class is remembered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,8 @@ class FrameRows:
     def __init__(self, options: IngestOptions, *, engine: str) -> None:
         self._options = options
         self._engine = options.engine or engine
+        self._kinds: dict[str, str] = {}
+        self._view: str | None = None
         self._clear()
 
     def _clear(self) -> None:
@@ -83,6 +87,29 @@ class FrameRows:
         self._frames.append((camera, ts_ms, zone, len(seen), line))
         self._seen += seen
         self.n_rows += 1 + len(seen)
+
+    def kind_of(self, track: str | None, kind: str) -> str:
+        """Return the class of an object: that of this frame, else ("") the one that its track had before; "" = none."""
+        if track is None or (not kind and track not in self._kinds):
+            return kind
+        if kind and track not in self._kinds and len(self._kinds) >= KINDS_MAX:
+            del self._kinds[next(iter(self._kinds))]  # the oldest
+        if kind:
+            self._kinds[track] = kind
+        return self._kinds[track]
+
+    def check_view(self, name: str | None) -> None:
+        """Take only the view (channel, lens) of the first frame where all frames of a file go to one camera.
+
+        Raises:
+            BadRowError: The frame is of another view.
+        """
+        if name is None or self._options.camera is None:
+            return
+        self._view = self._view or name
+        if name != self._view:
+            detail = f"the frame is of {name[:80]}, the first one of {self._view[:80]}, and all go to one camera"
+            raise BadRowError("other-view", f"{detail}; write a file for each")
 
     def batch(self, done_bytes: int, *, first_line: str | None = None) -> RawBatch:
         """Return the records added since the last call."""

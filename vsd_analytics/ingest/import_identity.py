@@ -11,7 +11,9 @@ from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
 
-_SAYS_NOTHING = frozenset({"is_sure", "is_only_camera", "profile", "line_max_bytes", "persons_max", "pairs_max"})
+_SAYS_NOTHING = frozenset(
+    {"is_sure", "is_only_camera", "camera_from_name", "profile", "line_max_bytes", "persons_max", "pairs_max"}
+)
 """Options that do not change how a record is read."""
 
 
@@ -30,6 +32,8 @@ def import_id(site: Site, source: Source, options: IngestOptions, *, kind: str) 
     read = {f.name: getattr(options, f.name) for f in dataclasses.fields(options) if f.name not in _SAYS_NOTHING}
     cameras = sorted((c.camera_id, *sorted(c.engine_ids)) for c in site.cameras)
     how = [kind, read, cameras, site.timezone, site.day_starts_min, _content(source.path)]
+    if options.camera_from_name is not None:  # an import without it has the id that it always had
+        how.append(options.camera_from_name)
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 

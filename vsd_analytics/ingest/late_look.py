@@ -35,7 +35,7 @@ class LateLook:
         reader: Its adapter.
         options: What the user says, completed from vsd.toml.
         card: What was understood of the first records.
-        files: As for `understand`.
+        differing_cameras: As in `Case`.
     """
 
     site: Site
@@ -43,7 +43,7 @@ class LateLook:
     reader: Adapter
     options: IngestOptions
     card: SourceCard | None
-    files: Sequence[str]
+    differing_cameras: frozenset[str]
     _newest: list[RawBatch] = field(default_factory=list)
     _values: dict[str, Counter[str]] = field(default_factory=dict)
     _n: int = 0
@@ -85,7 +85,7 @@ class LateLook:
         head = table_head(self.source, self.reader, self.options)
         if head is not None:
             head = replace(head, values={**head.values, **self._values})
-        case = Case(self.site, self.options, sample, head, self.files)
+        case = Case(self.site, self.options, sample, head, self.source.name, self.differing_cameras)
         with np.errstate(over="ignore", invalid="ignore"):
             doubts = doubts_of(case)
         known = {d.code: d.is_sure for d in card.doubts}

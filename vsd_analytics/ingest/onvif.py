@@ -3,7 +3,9 @@
 A file has one document or many, one after the other, as recorders write them. The document is read as it comes, never
 as a whole, and documents that declare types or entities are refused. Persons are objects of class Human. An object
 whose class comes in some frames only keeps it. Parts of persons (`Parent`), such as heads, are left out. Boxes are
-shares of the picture from -1 to 1, or device units that `tt:Transformation` turns into them; y goes up.
+shares of the picture from -1 to 1, or device units that `tt:Transformation` turns into them; y goes up. `UtcTime` is
+UTC, also where it has no offset. Frames of another lens (`VideoSourceToken`) than the first are refused where all go to
+one camera.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import IO, Any
 from xml.parsers import expat
 
@@ -26,8 +28,6 @@ OTHERS, UNKNOWN, PARTS = "not a person", "object without a class", "part of a pe
 PERSONS = frozenset({"human", "humanbody", "person", "pedestrian"})
 _NO_PARENT = frozenset({None, "", "0"})
 """What cameras write as `Parent` of an object that is a part of nothing."""
-CLASSES_MAX = 10_000
-"""Objects whose class is remembered."""
 _END = re.compile(rb"</(?:[\w.-]+:)?MetadataStream\s*>")
 _START = re.compile(rb"<(?:[\w.-]+:)?MetadataStream[\s>]")
 _TAIL_BYTES = 256
@@ -88,7 +88,6 @@ class _Documents:
         self._frames, self._options = frames, options
         self._held = b""
         self._reader: _Reader | None = None
-        self._classes: dict[str, str] = {}
         self._n_frames = 0
 
     def feed(self, data: bytes) -> None:
@@ -112,7 +111,7 @@ class _Documents:
             data = data.removeprefix(b"\xef\xbb\xbf").lstrip()
             if not data:
                 return
-            self._reader = _Reader(self._frames, self._options, self._classes, self._n_frames)
+            self._reader = _Reader(self._frames, self._options, self._n_frames)
         self._reader.feed(data, is_last=is_last)
         self._n_frames = self._reader.n_frames
         if is_last:
@@ -122,8 +121,8 @@ class _Documents:
 class _Reader:
     """Reads one document."""
 
-    def __init__(self, frames: FrameRows, options: IngestOptions, classes: dict[str, str], n_frames: int) -> None:
-        self._frames, self._options, self._classes = frames, options, classes
+    def __init__(self, frames: FrameRows, options: IngestOptions, n_frames: int) -> None:
+        self._frames, self._options = frames, options
         self.n_frames = n_frames
         self._is_bad = False
         self._n_waiting = 0
@@ -141,6 +140,7 @@ class _Reader:
         self._at: datetime | None = None
         self._wrong: BadRowError | None = None
         self._camera: str | None = None
+        self._view: str | None = None
         self._objects: list[_Object] = []
         self._translate, self._scale = (0.0, 0.0), (1.0, 1.0)
         self._is_in_frame = self._is_class = False
@@ -171,8 +171,9 @@ class _Reader:
             self._clear()
             self._is_in_frame = True
             self.n_frames += 1
-            self._camera = attributes.get("Source") if self._options.camera is None else None
-            self._guarded(lambda: setattr(self, "_at", instant_of(attributes.get("UtcTime"))))
+            self._view = attributes.get("VideoSourceToken")
+            self._camera = self._camera_of(attributes) if self._options.camera is None else None
+            self._guarded(lambda: setattr(self, "_at", self._instant(attributes.get("UtcTime"))))
         elif not self._is_in_frame:
             return
         elif tag == "Object":
@@ -189,6 +190,15 @@ class _Reader:
             self._guarded(lambda: setattr(self, "_likelihood", finite(attributes.get("Likelihood", "0"))))
         elif tag == "Likelihood" and self._is_class:
             self._text = []
+
+    def _camera_of(self, attributes: dict[str, str]) -> str | None:
+        """Return the lens that a frame is of, else the module that made it; the one that vsd.toml knows comes first."""
+        named = [n for key in ("VideoSourceToken", "Source") if (n := attributes.get(key))]
+        return next((n for n in named if n in self._options.clocks), named[0] if named else None)
+
+    def _instant(self, text: str | None) -> datetime:
+        at = instant_of(text)
+        return at.replace(tzinfo=UTC) if at.tzinfo is None and self._options.zone is None else at
 
     def _box(self, attributes: dict[str, str]) -> None:
         left, top, right, bottom = _numbers(attributes, "left", "top", "right", "bottom")
@@ -227,6 +237,7 @@ class _Reader:
             if self._wrong is not None:
                 raise self._wrong
             assert self._at is not None
+            self._frames.check_view(self._view)
             seen, others = [], {OTHERS: 0, UNKNOWN: 0, PARTS: 0}
             for each in self._objects:
                 kind = self._kind(each)
@@ -245,12 +256,7 @@ class _Reader:
 
     def _kind(self, each: _Object) -> str:
         """Return the class of an object: the most likely of this frame, else that of an earlier one; "" = unknown."""
-        if each.kinds:
-            kind = max(each.kinds)[1]
-            if each.object_id is not None and len(self._classes) < CLASSES_MAX:
-                self._classes[each.object_id] = kind
-            return kind
-        return self._classes.get(each.object_id or "", "")
+        return self._frames.kind_of(each.object_id, max(each.kinds)[1] if each.kinds else "")
 
     def _foot(self, each: _Object) -> tuple[float, float]:
         """Return the bottom centre of an object's box in pixels, right and down."""

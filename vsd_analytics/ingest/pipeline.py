@@ -21,11 +21,13 @@ from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.late_look import LateLook
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.profile_camera import with_named_camera
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.recognise import find_adapter
 from vsd_analytics.ingest.sample import SAMPLE_ROWS
 from vsd_analytics.ingest.table_rows import LEFT_OUT
+from vsd_analytics.ingest.telling_names import differing_cameras
 from vsd_analytics.ingest.understanding import SourceCard, refused, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site, SourceProfile
@@ -164,17 +166,21 @@ def ingest(
     keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
     normaliser = Normaliser(site, now=now, keys=keys)
     sources = [Source(path, settings=site.settings, shown=(shown or {}).get(path)) for path in paths]
-    earlier = [line.source for line in imports_of(site.root / "store").values() if not line.is_taken_back]
+    earlier = (line.source for line in imports_of(site.root / "store").values() if not line.is_taken_back)
+    differing = differing_cameras([*(source.name for source in sources), *earlier])
     results = []
     days = store.days()
     run = next_run(site.root / "store")
     with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
         for source in sources:
-            read = options_for(site, source, options)
-            files = tuple(dict.fromkeys([source.name, *(s.name for s in sources), *earlier]))
-            result = _Ingest(
-                site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, files
-            ).run()
+            try:
+                read = options_for(site, source, options)
+            except InputError as error:
+                result = SourceResult(source.name, options.format or "", error=error)
+            else:
+                result = _Ingest(
+                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
+                ).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
             results.append(result)
@@ -205,7 +211,7 @@ class _Ingest:
     on_bytes: Callable[[int], None] | None
     on_card: Callable[[SourceResult], None] | None
     run_number: int
-    files: tuple[str, ...]
+    differing_cameras: frozenset[str]
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -272,7 +278,7 @@ class _Ingest:
             head, error = _head(batches)
             if head:
                 self.understand(result, reader, head)
-            late = LateLook(self.site, self.source, reader, self.options, result.card, self.files)
+            late = LateLook(self.site, self.source, reader, self.options, result.card, self.differing_cameras)
             for batch in chain(head, () if error is not None else batches):
                 late.add(batch)
                 yield batch
@@ -290,7 +296,10 @@ class _Ingest:
     def understand(self, result: SourceResult, reader: Adapter, head: Sequence[RawBatch]) -> None:
         """Make the card of the source, and refuse what is almost surely wrong."""
         is_whole = sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS
-        card = understand(self.site, self.source, reader, self.options, head, is_whole=is_whole, files=self.files)
+        differing = self.differing_cameras
+        card = understand(
+            self.site, self.source, reader, self.options, head, is_whole=is_whole, differing_cameras=differing
+        )
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
         if self.on_card is not None:
@@ -339,8 +348,10 @@ def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOpt
 
     Raises:
         UsageError: E101, as `with_site`.
+        InputError: E213, its name should say the camera, and does not.
     """
     profile = profile_of(source.name, site.sources)
+    options = with_named_camera(site, source, profile, options)
     return with_site(site, options) if profile is None else options_of_profile(site, profile, options)
 
 
@@ -364,8 +375,9 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     """
     known = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     camera = options.camera
-    is_only_camera = options.is_only_camera or (camera is None and len(site.cameras) == 1)
-    if camera is None and len(site.cameras) == 1:
+    is_unsaid = camera is None and options.camera_from_name is None
+    is_only_camera = options.is_only_camera or (is_unsaid and len(site.cameras) == 1)
+    if is_unsaid and len(site.cameras) == 1:
         camera = site.cameras[0].camera_id
     elif camera is not None and camera not in known:
         near = difflib.get_close_matches(camera, known, n=1)

@@ -28,6 +28,7 @@ _OF_THE_SITE = frozenset(
     {
         "format",
         "site_map",
+        "camera_from_name",
         "frame_zone",
         "clocks",
         "pictures",

@@ -24,7 +24,7 @@ FIXES: Final[Mapping[str, str]] = {
     "line-too-long": "if such lines are right, raise line_max_bytes under [ingest] in vsd.toml",
     "long-track-id": "use the engine's short ids",
     "negative-distance": "export distances in metres; leave the cell empty where there is none",
-    "no-camera": "--camera ID, or a column camera_id",
+    "no-camera": "--camera ID, a column camera_id, or camera_from_name of a [[source]] in vsd.toml",
     "no-distance": "export distance_m, or both positions",
     "no-position": "export x_m y_m, or u_px v_px",
     "no-size": "--size WIDTHxHEIGHT, or picture of the camera in vsd.toml",

@@ -23,7 +23,8 @@ class Sample:
 
     Attributes:
         rows: Columns `camera ts_ms track x y u v` of person records, with `line`: metres, pixels, NaN = missing. Pair
-            records have `distance_m` and as `track` both ids.
+            records have `distance_m` and as `track` both ids. `camera_no` and `track_no` are numbers for cameras and
+            tracks, which compare faster than texts; -1 = missing.
         zones: Zone that each record's time was read in, "" where it had an offset.
         is_pairs: Whether they are pair records.
         n_rejected: Records that cannot be used.
@@ -51,7 +52,17 @@ class Sample:
     @property
     def has_ids(self) -> bool:
         """Return whether records have ids of people."""
-        return bool(self.rows["track"].notna().any())
+        return bool((self.rows["track_no"] >= 0).any())
+
+    @property
+    def n_tracks(self) -> int:
+        """Return the number of different track ids."""
+        return int(self.rows.loc[self.rows["track_no"] >= 0, "track_no"].nunique())
+
+    @property
+    def zone_names(self) -> list[str]:
+        """Return the different texts of `zones`."""
+        return sorted(map(str, pd.unique(self.zones)))
 
     def extent(self, across: str, up: str, *, tail: float = 0.01) -> tuple[float, float, float, float] | None:
         """Return the percentiles near the ends of two columns: least and largest of the first, then of the second.
@@ -74,12 +85,13 @@ class Sample:
         Returns:
             Speeds of steps of at most `STEP_MAX_S`.
         """
-        rows = self.rows[["camera", "track", "ts_ms", "x", "y"]].dropna()
+        is_known = (self.rows["track_no"] >= 0) & (self.rows["camera_no"] >= 0)
+        rows = self.rows.loc[is_known, ["camera_no", "track_no", "ts_ms", "x", "y"]].dropna()
         if step_min_s:
             slot = rows["ts_ms"] // (step_min_s * 1000)
-            rows = rows[~rows.assign(ts_ms=slot).duplicated(["camera", "track", "ts_ms"])]
-        rows = rows.sort_values(["camera", "track", "ts_ms"], kind="stable")
-        is_same = (rows["camera"].eq(rows["camera"].shift()) & rows["track"].eq(rows["track"].shift())).to_numpy()
+            rows = rows[~rows.assign(ts_ms=slot).duplicated(["camera_no", "track_no", "ts_ms"])]
+        rows = rows.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
+        is_same = (rows[["camera_no", "track_no"]].diff() == 0).all(axis=1).to_numpy()
         step_s = rows["ts_ms"].diff().to_numpy() / 1000
         way_m = np.hypot(rows["x"].diff().to_numpy(), rows["y"].diff().to_numpy())
         is_step = is_same & (step_s > step_min_s / 2) & (step_s <= STEP_MAX_S)
@@ -88,20 +100,22 @@ class Sample:
     def n_second(self) -> int:
         """Return how many records a fold would leave out: their camera, time and track, and another place."""
         place = ["distance_m"] if self.is_pairs else ["x", "y", "u", "v"]
-        rows = self.rows[self.rows["track"].notna()]
-        key = ["camera", "ts_ms", "track"]
+        key = ["camera_no", "ts_ms", "track_no"]
+        rows = self.rows[self.rows["track_no"] >= 0]
+        rows = rows[rows.duplicated(key, keep=False)]
         is_second = rows.duplicated(key) & ~rows.duplicated([*key, *place])
         return int(is_second.sum())
 
     def lives_s(self) -> np.ndarray:
         """Return for each track the seconds from its first to its last record."""
-        times = self.rows.dropna(subset=["track"]).groupby(["camera", "track"], sort=False)["ts_ms"]
+        rows = self.rows[self.rows["track_no"] >= 0]
+        times = rows.groupby(["camera_no", "track_no"], sort=False)["ts_ms"]
         return np.asarray((times.max() - times.min()).to_numpy() / 1000)
 
     def interval_s(self) -> float | None:
         """Return the median seconds between successive frames of one camera; None with fewer than two frames."""
-        frames = self.rows[["camera", "ts_ms"]].drop_duplicates().sort_values(["camera", "ts_ms"])
-        steps = frames["ts_ms"].diff()[frames["camera"].eq(frames["camera"].shift())]
+        frames = self.rows[["camera_no", "ts_ms"]].drop_duplicates().sort_values(["camera_no", "ts_ms"])
+        steps = frames["ts_ms"].diff()[frames["camera_no"].diff() == 0]
         return None if steps.empty else float(steps.median()) / 1000
 
 
@@ -122,6 +136,7 @@ def sample_of(batches: Sequence[RawBatch], *, is_whole: bool, n_last: int | None
     else:
         columns |= {"track": column["track"], "distance_m": nothing}
         columns |= {"x": column["x_m"], "y": column["y_m"], "u": column["u_px"], "v": column["v_px"]}
+    columns |= {f"{name}_no": pd.factorize(columns[name])[0] for name in ("camera", "track")}
     rows = pd.DataFrame(columns)
     is_timed = rows["ts_ms"].notna().to_numpy()
     return Sample(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.columns import ColumnPlan
 from vsd_analytics.ingest.table_file import TableFile
@@ -21,6 +22,17 @@ BOX = {"left": "x_min", "top": "y_min", "right": "x_max", "bottom": "y_max"}
 TIMES = ("timestamp", "ts", "time")
 FRAMES = ("frame_index", "frame_number", "frame_id", "frame")
 _OWN = (*BOX.values(), "class_id", "confidence", "tracker_id")
+
+
+def _without_time(source: Source) -> InputError:
+    return InputError(
+        f"{source.file_name} has neither times nor frame numbers",
+        code="E203",
+        where=Where(source.name, 1),
+        why="the sinks write none by themselves, and without a time nothing can be counted by hour",
+        fix='write it again with the number of the frame: sink.append(detections, {"frame_index": number}); another '
+        "column of the file: --map frame=NAME or --map ts=NAME",
+    )
 
 
 class Supervision(Tables):
@@ -48,6 +60,8 @@ class Supervision(Tables):
             preset |= next(({"ts": n} for n in TIMES if n in names), {})
             if "ts" not in preset:
                 preset |= next(({"frame": n} for n in FRAMES if n in names), {})
+            if not {"ts", "frame"} & preset.keys():
+                raise _without_time(source)
         persons = "class_name = 'person'" if "class_name" in names else "class_id = 0" if "class_id" in names else None
         read = replace(options, map={**preset, **options.map}, where=options.where or persons)
         return super()._planned(source, read, part)

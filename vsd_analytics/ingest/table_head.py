@@ -40,7 +40,7 @@ class TableHead:
         n_upside_down: Those whose bottom has the smaller number: y points up.
         parts: Names of the files that are read, of a folder or archive.
         unread: Names of the files of a folder or archive that hold data by their names, and are not read.
-    passed_over: Paths of lists in a JSON message of whose entries one is read.
+        passed_over: Paths of lists in a JSON message of whose entries one is read.
     """
 
     plan: ColumnPlan

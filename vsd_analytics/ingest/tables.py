@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS
@@ -21,6 +22,7 @@ from vsd_analytics.ingest.archive import archive_kind
 from vsd_analytics.ingest.cell_values import trimmed
 from vsd_analytics.ingest.columns import ColumnPlan, beside, plan_columns
 from vsd_analytics.ingest.json_table import JsonTable
+from vsd_analytics.ingest.named_camera import part_with_camera
 from vsd_analytics.ingest.no_table import kind_of_no_table
 from vsd_analytics.ingest.parquet import ParquetTable
 from vsd_analytics.ingest.raw import BadRowError
@@ -77,7 +79,7 @@ class Tables:
         if not is_divided(source):
             yield from self._read(source, options)
             return
-        with parts_of(source) as parts:
+        with _parts(source, options) as parts:
             for part in parts:  # none of them is stored before all are understood
                 self._planned(part.source, options, part)
             done_bytes = 0
@@ -115,7 +117,7 @@ class Tables:
         """
         if not is_divided(source):
             return head_of(*self._planned(source, options))
-        with parts_of(source) as parts:
+        with _parts(source, options) as parts:
             heads = [head_of(*self._planned(part.source, options, part)) for part in parts[:_HEADS]]
             values: dict[str, Counter[str]] = {}
             for head in heads:
@@ -131,6 +133,12 @@ class Tables:
             file = PartWithConstants(file, part.constants)
         plan = plan_columns(source, options, file.header, kind=self._kind)
         return file, replace(plan, time_format=time_format(source, file, plan, stated=options.time_format))
+
+
+@contextmanager
+def _parts(source: Source, options: IngestOptions) -> Iterator[list[TablePart]]:
+    with parts_of(source) as parts:
+        yield [part_with_camera(part, options) for part in parts]
 
 
 def open_table(source: Source, options: IngestOptions) -> TableFile:

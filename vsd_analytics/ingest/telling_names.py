@@ -216,6 +216,12 @@ def cameras_in(texts: Iterable[str]) -> set[str]:
     return {f"{word}{which}" for text in texts for word, which in _CAMERA_IN_TEXT.findall(text.lower())}
 
 
+def differing_cameras(texts: Iterable[str]) -> frozenset[str]:
+    """Return the cameras that some of these texts name, and not all of those that name any."""
+    named = [found for text in texts if (found := cameras_in([text]))]
+    return frozenset().union(*named).difference(named[0].intersection(*named) if named else ())
+
+
 def side_named(name: str) -> str | None:
     """Return "corner" or "size" where a column's name says which of them it holds of a box; None where it does not."""
     last = name.lower().rpartition("_")[2]

@@ -21,6 +21,9 @@ from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.ingest.units import LENGTHS
 from vsd_analytics.site.model import Site
 
+_OWN = frozenset({"line", "camera_no", "track_no"})
+"""Columns of a sample that no record has."""
+
 Extent = tuple[float, float, float, float]
 """Least and largest value of one axis, then of the other."""
 
@@ -122,7 +125,7 @@ def understand(
     head: Sequence[RawBatch],
     *,
     is_whole: bool,
-    files: Sequence[str] = (),
+    differing_cameras: frozenset[str] = frozenset(),
 ) -> SourceCard:
     """Return what was understood of a source.
 
@@ -133,11 +136,11 @@ def understand(
         options: What the user says, completed from vsd.toml.
         head: The first batches.
         is_whole: Whether there are no others.
-        files: Names of the source, then of others of the command and of earlier imports.
+        differing_cameras: As in `Case`.
     """
     sample = sample_of(head, is_whole=is_whole)
     table = table_head(source, reader, options)
-    case = Case(site, options, sample, table, files)
+    case = Case(site, options, sample, table, source.name, differing_cameras)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are quarantined later
         return _card(case, reader.name)
 
@@ -212,7 +215,7 @@ def _use(ours: str, theirs: str, units: Mapping[str, str]) -> ColumnUse:
 
 
 def _zone(case: Case) -> tuple[str | None, str | None]:
-    zones = [zone for zone in np.unique(case.sample.zones) if zone]
+    zones = [zone for zone in case.sample.zone_names if zone]
     if not zones:
         return None, None
     if case.options.zone is not None:
@@ -226,7 +229,7 @@ def _zone(case: Case) -> tuple[str | None, str | None]:
 def _rows(sample: Sample, head: TableHead | None) -> tuple[Mapping[str, Any], ...]:
     found = []
     for row in sample.rows.head(SHOWN_ROWS).to_dict("records"):
-        ours = {name: None if pd.isna(value) else value for name, value in row.items() if name != "line"}
+        ours = {name: None if pd.isna(value) else value for name, value in row.items() if name not in _OWN}
         line = int(row["line"])
         found.append({"line": line, "theirs": {} if head is None else dict(head.rows.get(line, {})), "ours": ours})
     return tuple(found)

@@ -342,6 +342,7 @@ class SourceProfile:
         files: Patterns of file names, such as "till-*.csv"; with a slash they are compared with the end of the path.
         format: Name of an adapter; None = detected.
         camera: Camera of records that name none, by any of its names.
+        camera_from_name: Pattern of file names with `{camera}` where they say the camera of records that name none.
         columns: Names of the columns of a headerless table, in order.
         map: Our column names to theirs.
         unit: Unit of positions and distances whose column names none.
@@ -360,6 +361,7 @@ class SourceProfile:
     files: tuple[str, ...]
     format: str | None = None
     camera: str | None = None
+    camera_from_name: str | None = None
     columns: tuple[str, ...] | None = None
     map: dict[str, str] = field(default_factory=dict)
     unit: str | None = None

@@ -93,7 +93,7 @@ def compare_section(found: SiteComparison | None) -> CompareSection | None:
 
 
 def _sentence(found: SiteComparison) -> str:
-    """Return which floors really differ; at most one page in twenty names one that does not."""
+    """Return which floors really differ; at most one in twenty of those named does not."""
     if found.usual_sd is None:
         return say("index.compare.too_few")
     named = [f for f in found.floors if f.differs]

@@ -16,6 +16,7 @@ from scipy.special import gammaincinv
 
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import DEFAULTS
+from vsd_analytics.stats.least_squares import non_negative
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -233,13 +234,11 @@ def spread(weeks: Weeks, *, is_count: bool, min_weeks: int = 2) -> Spread:
     if is_count:
         top, bottom = float((s2 - mean * per_hour).sum()), float((mean**2 - s2 / k).sum())
         return Spread(1.0, max(top, 0.0) / bottom if bottom > 0 else 0.0)
-    from scipy.optimize import nnls
-
     is_seen = mean > 0
     if not is_seen.any():
         return Spread(0.0, 0.0)
     design = np.column_stack([per_hour[is_seen], mean[is_seen]])
-    found, _ = nnls(design, s2[is_seen] / mean[is_seen])
+    found = non_negative(design, s2[is_seen] / mean[is_seen])
     return Spread(float(found[0]), float(found[1]))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +30,15 @@ class FoldSpan:
     def segments(self) -> list[Path]:
         """Every segment once, in the order of days."""
         return list(dict.fromkeys(path for paths in self.by_day.values() for path in paths))
+
+    def overlapping(self, files: Iterable[Path]) -> list[Path]:
+        """Return the files with instants between those of the segments: no others can hold one of their keys."""
+        ends = [ends_ms(path) for path in self.segments]
+        known = [end for end in ends if end is not None]
+        if not known or len(known) < len(ends):
+            return list(files)
+        first, last = min(known)[0], max(end for _, end in known)
+        return [path for path in files if (of := ends_ms(path)) is None or (of[0] <= last and of[1] >= first)]
 
 
 def spans_of(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[FoldSpan]:
@@ -68,6 +77,20 @@ def _of_days(by_day: Mapping[int, Sequence[Path]]) -> FoldSpan:
 def hours_in(segment: Path) -> frozenset[int]:
     """Return the UTC hour numbers a segment has rows of; not a range, because instants may be years apart."""
     return _hours_and_rows(segment)[0]
+
+
+def ends_ms(path: Path) -> tuple[int, int] | None:
+    """Return first and last instant of a file of records by its footer, UTC milliseconds; None where unknown."""
+    try:
+        about = pq.read_metadata(path)
+    except (pa.ArrowException, OSError):
+        return None  # whoever reads it says what is wrong
+    at = about.schema.names.index("ts")
+    noted = [about.row_group(i).column(at).statistics for i in range(about.num_row_groups)]
+    if not noted or not all(n is not None and n.has_min_max for n in noted):
+        return None
+    ends = [int(pa.scalar(end, pa.timestamp("ms", "UTC")).value) for n in noted for end in (n.min, n.max)]
+    return min(ends), max(ends)
 
 
 def _hours_and_rows(segment: Path) -> tuple[frozenset[int], int]:

@@ -237,7 +237,8 @@ class Store:
             hours_of = {"first_hour": span.first_hour, "last_hour": span.last_hour}
             known, noted = self.parts(table, **hours_of), self.repeats(table, **hours_of)
             self.refuse_damaged([*known, *noted])  # a flipped bit in a key would let a record in twice
-            found = new_rows(table, span, known=[p.path for p in known], noted=[p.path for p in noted])
+            near = span.overlapping(p.path for p in known)
+            found = new_rows(table, span, known=near, noted=[p.path for p in noted])
             for root, rows in ((self.root, found.fresh), (self.root / AGAIN, found.again)):
                 for hour, part in _by_hour(rows):
                     data = part_bytes(table, part, found.engines[hour // 24])

@@ -22,14 +22,13 @@ from vsd_analytics.store.published import publish_links
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
+from vsd_analytics.warehouse.camera_days import KnownDay, day_bytes, day_path, day_units, hour_units, read_days
 from vsd_analytics.warehouse.compute import PAIRS, day_facts, hour_facts
 from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts, is_whole, slices
-from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
-from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
+from vsd_analytics.warehouse.factfiles import is_undamaged_file
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
-from vsd_analytics.warehouse.sqlfiles import relations
-from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit, merged_parts
+from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
 
 BATCH_HOURS, BATCH_ROWS = 48, 2_000_000
 """Hours and stored rows per batch. Hours of a busy site are computed one by one, so that memory stays bounded."""
@@ -42,6 +41,7 @@ def build(
     *,
     first_hour: int | None = None,
     last_hour: int | None = None,
+    facts: Collection[str] | None = None,
     on_hours: Callable[[int], None] | None = None,
     on_plan: Callable[[int], None] | None = None,
     has_lock: bool = False,
@@ -55,6 +55,7 @@ def build(
         site: The project; reads `<root>/store`, writes `<root>/facts`.
         first_hour: First UTC hour number; None = everything stored. Facts are computed by whole UTC days.
         last_hour: Last one, inclusive.
+        facts: Names of the hourly facts that are asked for; None = all. Files of the others stay as they are.
         on_hours: Called with the number of hours done, for a progress bar.
         on_plan: Called once with the number of stale hours.
         has_lock: The caller holds the locks against removal of records (`store.removal`) and of facts, and removes
@@ -67,7 +68,7 @@ def build(
 
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on its
-        inputs only, not on the range.
+        inputs only, not on the range or on which facts are asked for.
 
     Raises:
         StoreError: E302, a file of the store or of the facts is damaged. No fact is computed from a part whose bytes
@@ -79,10 +80,10 @@ def build(
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
-            return _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting, spread)
+            return _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
         with removal.reading(store.root):
             with superseded.reading(root):
-                result = _build(site, store, first_hour, last_hour, on_hours, on_plan, is_trusting, spread)
+                result = _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
                 is_published = is_published and first_hour is last_hour is None and _publish(site, result)
             unneeded = list(result.superseded_files)
             if first_hour is None and last_hour is None:
@@ -105,19 +106,19 @@ def _build(
     store: Store,
     first_hour: int | None,
     last_hour: int | None,
+    facts: Collection[str] | None,
     on_hours: Callable[[int], None] | None,
     on_plan: Callable[[int], None] | None,
     is_trusting: bool,
     spread: Spread | None,
 ) -> BuildResult:
-    root = site.root / "facts"
     first_day, last_day = _days(first_hour, last_hour)
     index, hours, sealed = _range(site, store, first_day, last_day)
     check = _Checker(store)
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
-    days = _fresh_days(site, root, day_units_of, check, spread)
-    units = _hour_units(site, index, hours, days)
-    files = FactDays(site, units, is_trusting=is_trusting)
+    days = _fresh_days(site, day_units_of, check, spread)
+    units = hour_units(site, index, hours, days)
+    files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
     stale = _stale(files)
     computed = _computed(units, stale)
     reasons = Counter(files.reason(u) for u in computed)
@@ -132,11 +133,13 @@ def _build(
     for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
         sweep_temporaries(folder)
     unneeded: tuple[Path, ...] = ()
-    of_days = {u.number: _day_path(site, root, u) for u in day_units_of if u.number not in sealed.whole_days}
+    of_days = {u.number: day_path(site, u) for u in day_units_of if u.number not in sealed.whole_days}
     paths = {**files.paths, DAY_FACT: of_days}
     if files.missing or not is_trusting or files.has_others():
+        # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
+        asked = {DAY_FACT, *files.names}
         unneeded = superseded.find(
-            beside.roots(site),
+            {name: root for name, root in beside.roots(site).items() if name in asked},
             site_id=site.site_id,
             fresh=paths,
             sealed=sealed,
@@ -166,8 +169,8 @@ def day_work(site: Site, day: int) -> dict[str, bytes]:
     parts = merged_parts([unit])
     _Checker(store)(p for of_table in parts.values() for p in of_table)
     (_, rows), *_ = slices(day_facts(site, parts), "utc_day", [day])
-    path = _day_path(site, site.root / "facts", unit)
-    return {str(path.relative_to(site.root)): fact_bytes(rows, inputs=unit.inputs)}
+    path = day_path(site, unit)
+    return {str(path.relative_to(site.root)): day_bytes(unit, rows)}
 
 
 def hour_work(site: Site, day: int) -> dict[str, bytes]:
@@ -178,8 +181,8 @@ def hour_work(site: Site, day: int) -> dict[str, bytes]:
     store, found = Store(site.root / "store", site_id=site.site_id), dict[str, bytes]()
     index, hours, sealed = _range(site, store, day, day)
     units_of_days = day_units(index, [*hours, *sealed.hours], site=site)
-    days = _read_days(units_of_days, {u.number: _day_path(site, site.root / "facts", u) for u in units_of_days})
-    units = _hour_units(site, index, hours, days)
+    days = read_days(site, units_of_days)
+    units = hour_units(site, index, hours, days)
 
     def write(path: Path, data: bytes) -> None:
         found[str(path.relative_to(site.root))] = data
@@ -224,7 +227,7 @@ def _write_hours(
     files: FactDays,
     stale: Mapping[int, Mapping[str, Collection[int]]],
     computed: Sequence[Unit],
-    days: Mapping[int, _Day],
+    days: Mapping[int, KnownDay],
     *,
     recorded: Collection[int],
     check: _Checker,
@@ -248,7 +251,9 @@ def _write_hours(
             camera_days=pa.concat_tables([days[d].rows for d in needed]),
             first_hour=own[0],
             last_hour=own[-1],
-            pairs=() if wanted[PAIRS] else files.whole(PAIRS, [h for h in recorded if own[0] - 1 <= h <= own[-1] + 1]),
+            pairs=()
+            if wanted.get(PAIRS)
+            else files.whole(PAIRS, [h for h in recorded if own[0] - 1 <= h <= own[-1] + 1]),
         )
         for relation, rows in facts:
             name = relation.name
@@ -283,11 +288,6 @@ def _is_within(hour: int, first: int | None, last: int | None) -> bool:
     return (first is None or hour >= first) and (last is None or hour <= last)
 
 
-def _hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, _Day]) -> list[Unit]:
-    times, inputs = SiteInputs(site), hourly_inputs(site)
-    return [hour_unit(index, h, current=_current(h, days, times), depends_on=inputs) for h in hours]
-
-
 @dataclass(frozen=True, slots=True)
 class BuildPlan:
     """Which fact files a range should have.
@@ -296,7 +296,8 @@ class BuildPlan:
         days: UTC days with records.
         inputs: By path of a fresh file, what it notes about its inputs. Files of a day are left out where their names
             are unknown, because the fact `camera_days` of a day around it has to be computed first.
-        fresh, stale, missing: Hours with records by the state of their facts.
+        fresh, stale, missing: Hours with records by the state of their facts: all there; some out of date; some not
+            computed, because nobody asked for them so far.
     """
 
     days: Collection[int]
@@ -308,56 +309,23 @@ class BuildPlan:
 
 def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | None = None) -> BuildPlan:
     """Return which fact files a range has after a build, without computing or writing anything."""
-    root, store = site.root / "facts", Store(site.root / "store", site_id=site.site_id)
+    store = Store(site.root / "store", site_id=site.site_id)
     index, hours, sealed = _range(site, store, *_days(first_hour, last_hour))
     units = day_units(index, [*hours, *sealed.hours], site=site)
-    paths = {u.number: _day_path(site, root, u) for u in units}
-    days = _read_days([u for u in units if is_undamaged_file(paths[u.number])], paths)
+    paths = {u.number: day_path(site, u) for u in units}
+    days = read_days(site, [u for u in units if is_undamaged_file(paths[u.number])])
     unknown = {h // 24 for h in hours if any(d in paths and d not in days for d in days_around(h))}
-    files = FactDays(site, _hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
+    files = FactDays(site, hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
     inputs: dict[Path, Mapping[str, Any]] = {paths[u.number]: u.inputs for u in units}
     inputs |= {of_day[day]: files.noted(name, day) for name, of_day in files.paths.items() for day in of_day}
     asked = {h for h in hours if _is_within(h, first_hour, last_hour)}
-    stale = {u.number for day, names in files.missing.items() for n in names for u in files.stale(n, day)}
-    stale |= {h for h in hours if h // 24 in unknown}
-    missing = {h for h in stale if not files.holds(h)}
+    found = [(n, u) for day, names in files.missing.items() for n in names for u in files.stale(n, day)]
+    outdated = {u.number for n, u in found if files.is_noted(n, u)}
+    outdated |= {h for h in hours if h // 24 in unknown and files.holds(h)}
+    stale = {u.number for _, u in found} | {h for h in hours if h // 24 in unknown}
+    missing = stale - outdated
     numbers = {h // 24 for h in hours} | {u.number for u in units}
     return BuildPlan(numbers, inputs, asked - stale, asked & (stale - missing), asked & missing)
-
-
-def _day_path(site: Site, root: Path, unit: Unit) -> Path:
-    """Return the path of the fact `camera_days` of a UTC day."""
-    return fact_path(root, DAY_FACT, site.site_id, unit, is_day=True)
-
-
-def hourly_inputs(site: Site) -> FactInputs:
-    """Return what the hourly facts together depend on: hashes of SQL and settings, and which other inputs they read."""
-    return fact_inputs(site, [r.name for r in relations("facts").values() if r.unit == "hour"])
-
-
-def day_units(index: PartIndex, hours: Iterable[int], *, site: Site) -> list[Unit]:
-    """Return the units of the UTC days of some hours and of their neighbours; days without parts have none."""
-    days = sorted({d for h in hours for d in days_around(h)})
-    current, depends_on = SiteInputs(site).of_day(), fact_inputs(site, ["camera_days"])
-    units = (day_unit(index, day, current=current, depends_on=depends_on) for day in days)
-    return [u for u in units if any(u.parts.values())]
-
-
-@dataclass(frozen=True, slots=True)
-class _Day:
-    """The fact `camera_days` of one UTC day: its unit, rows, hash of the rows, and cameras."""
-
-    unit: Unit
-    rows: pa.Table
-    digest: str
-    cameras: frozenset[str]
-
-
-def _current(hour: int, days: Mapping[int, _Day], times: SiteInputs) -> InputHashes:
-    """Return the hashes of an hour's inputs besides records, SQL and settings."""
-    around = [days[d] for d in days_around(hour) if d in days]
-    present = frozenset[str]().union(*(day.cameras for day in around))
-    return {**times.of_hour(hour, present=present), "frame interval": text_hash([day.digest for day in around])}
 
 
 class _Checker:
@@ -374,10 +342,10 @@ class _Checker:
 
 
 def _fresh_days(
-    site: Site, root: Path, units: Sequence[Unit], check: Callable[[Iterable[Part]], None], spread: Spread | None
-) -> dict[int, _Day]:
+    site: Site, units: Sequence[Unit], check: Callable[[Iterable[Part]], None], spread: Spread | None
+) -> dict[int, KnownDay]:
     """Return the fact `camera_days` of each UTC day, after computing the stale ones."""
-    paths = {u.number: _day_path(site, root, u) for u in units}
+    paths = {u.number: day_path(site, u) for u in units}
     missing = [u for u in units if not is_whole(paths[u.number])]
     if spread is not None and len(missing) > 1:
         wanted = {u.number: [paths[u.number]] for u in missing}
@@ -386,22 +354,12 @@ def _fresh_days(
     for batch in _batches(missing):
         check(p for parts in merged_parts(batch).values() for p in parts)
         rows = day_facts(site, merged_parts(batch))
-        inputs = {u.number: u.inputs for u in batch}
-        for day, own in slices(rows, "utc_day", inputs):  # without fsync: facts can be computed again
-            publish(paths[day], fact_bytes(own, inputs=inputs[day]), is_synced=False)
+        units_of = {u.number: u for u in batch}
+        for day, own in slices(rows, "utc_day", units_of):  # without fsync: facts can be computed again
+            publish(paths[day], day_bytes(units_of[day], own), is_synced=False)
         for folder in {paths[u.number].parent for u in batch}:
             sweep_temporaries(folder)
-    return _read_days(units, paths)
-
-
-def _read_days(units: Sequence[Unit], paths: Mapping[int, Path]) -> dict[int, _Day]:
-    try:
-        tables = {u.number: pq.ParquetFile(paths[u.number]).read() for u in units}
-    except (pa.ArrowException, OSError) as error:
-        raise damaged_facts(error) from None
-    cameras = {day: frozenset(rows["camera_id"].to_pylist()) for day, rows in tables.items()}
-    digests = {day: text_hash(rows.to_pylist()) for day, rows in tables.items()}
-    return {u.number: _Day(u, tables[u.number], digests[u.number], cameras[u.number]) for u in units}
+    return read_days(site, units)
 
 
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:

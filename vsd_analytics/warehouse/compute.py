@@ -20,6 +20,7 @@ from vsd_analytics.warehouse.dimensions import camera_table, params, register_qu
 from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.input_fingerprint import dependencies
+from vsd_analytics.warehouse.reach import reach_ms
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 if TYPE_CHECKING:
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 Parts = Mapping[TableName, Sequence[Part]]
 
-_INTERVAL_MAX_MS = 1_200_000
-"""Longest frame interval: `camera_days` cuts it at 20 minutes, so that an hour depends on its neighbours alone."""
 PAIRS = "pairs"
 """The fact with a row for almost every record, which most others are computed from."""
 _WITH_CAMERAS = ("cameras", "calibrations", "owner_cells", "camera_days")
@@ -67,13 +66,13 @@ def hour_facts(
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
-    The rows of an hour depend only on the parts of that hour and of its two neighbours, not on the other hours that
-    are computed with it.
+    The rows of an hour depend only on the records of that hour and of its two neighbours at most `reach_ms` away, not
+    on the other hours that are computed with it.
 
     Args:
         site: The project.
         facts: Names of the facts to yield. Relations that these read are computed too, but not yielded.
-        parts: Stored parts of the hours and of their neighbours.
+        parts: Stored parts of the hours, and of their neighbours those that lie near enough.
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
@@ -84,7 +83,7 @@ def hour_facts(
         SqlError: E604, DuckDB fails internally, also with careful settings.
     """
     computed, inputs = dependencies(facts)
-    margin_ms = _margin_ms(site)
+    margin_ms = reach_ms(params(site), camera_days.to_pylist())
     spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
     yielded = set[str]()  # before DuckDB failed: a second try computes them again but must not yield them twice
     for is_careful in (False, True):
@@ -147,15 +146,6 @@ def _read_fact(
         f"create temp table {relation.name} as select {', '.join(columns)} from read_parquet({literal_list(files)}, "
         f"hive_partitioning = false) where ts_ms >= {first_ms:d} and ts_ms < {after_ms:d}"
     )
-
-
-def _margin_ms(site: Site) -> int:
-    """Return how far beyond an hour its facts read records: the next frame, or the longest gap within an episode.
-
-    5 / 2: gaps of up to 2.5 frame intervals are one episode (`staging/close_records`).
-    """
-    s = params(site)
-    return max(int(s["coverage_gap_ms"]), int(s["episode_gap_ms"]), _INTERVAL_MAX_MS * 5 // 2)
 
 
 def _load(

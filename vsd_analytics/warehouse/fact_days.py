@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -47,16 +47,24 @@ class FactDays:
     Args:
         site: The project.
         units: All hours of these days whose facts are computed, in order.
+        facts: Names of the facts that are asked for; None = all. Of the others only the paths are known.
         is_trusting: Do not open files whose names are right.
         write: Takes path and bytes of each file that is made; None = publish it.
     """
 
     def __init__(
-        self, site: Site, units: Iterable[Unit], *, is_trusting: bool = False, write: Write | None = None
+        self,
+        site: Site,
+        units: Iterable[Unit],
+        *,
+        facts: Collection[str] | None = None,
+        is_trusting: bool = False,
+        write: Write | None = None,
     ) -> None:
         self._roots, self._site_id = beside.roots(site), site.site_id
-        self.names = [r.name for r in relations("facts").values() if r.unit == "hour"]
-        self._inputs_of = {name: fact_inputs(site, [name]) for name in self.names}
+        every = [r.name for r in relations("facts").values() if r.unit == "hour"]
+        self.names = every if facts is None else [name for name in every if name in facts]
+        self._inputs_of = {name: fact_inputs(site, [name]) for name in every}
         self.units: dict[int, list[Unit]] = defaultdict(list)
         for unit in units:
             self.units[unit.number // 24].append(unit)
@@ -67,8 +75,8 @@ class FactDays:
 
     @cached_property
     def paths(self) -> Mapping[str, Mapping[int, Path]]:
-        """The path of the fresh file of each fact and UTC day, whether it exists or not."""
-        return {name: {day: self._path(name, day) for day in self.units} for name in self.names}
+        """The path of the fresh file of every fact and UTC day, whether it exists or not."""
+        return {name: {day: self._path(name, day) for day in self.units} for name in self._inputs_of}
 
     @cached_property
     def missing(self) -> Mapping[int, list[str]]:
@@ -118,13 +126,16 @@ class FactDays:
                 changed |= {kind for kind, value in self.inputs(name, unit).items() if inputs.get(kind) != value}
         if not has_any:
             return "incomplete" if has_fresh else "new"
-        # No input of an old file changed: a fresh file is torn or gone, or a newer version added a fact.
-        is_added = any(not (self._roots[name] / name).is_dir() for name in self.missing.get(day, ()))
-        return stale_reason(changed) or ("incomplete" if has_fresh and not is_added else "SQL changed")
+        # No input of an old file changed: a fresh file is torn or gone, or nobody asked for the fact so far.
+        return stale_reason(changed) or ("incomplete" if has_fresh else "SQL changed")
 
     def holds(self, hour: int) -> bool:
         """Return whether any fact has a file that holds an hour, computed from whatever inputs."""
         return any(hour in hours for name in self.names for hours in self._older(name, hour // 24).values())
+
+    def is_noted(self, name: str, unit: Unit) -> bool:
+        """Return whether a file of a fact holds an hour, computed from whatever inputs."""
+        return any(unit.number in hours for hours in self._older(name, unit.number // 24).values())
 
     def has_others(self) -> bool:
         """Return whether a folder of the days holds a file that is not the fresh one of its fact and day.

@@ -34,10 +34,12 @@ class FactWriter:
 
     Args:
         inputs: What the metadata notes about its inputs.
+        noted: Other metadata.
     """
 
-    def __init__(self, inputs: Mapping[str, Any]) -> None:
-        self._noted = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
+    def __init__(self, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> None:
+        own = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
+        self._noted = {**(noted or {}), **own}
         self._sink = pa.BufferOutputStream()
         self._writer: pq.ParquetWriter | None = None
         self._pieces: list[pa.Table] = []
@@ -75,14 +77,15 @@ class FactWriter:
         self._writer.write_table(rows.replace_schema_metadata(self._noted), row_group_size=max(1, rows.num_rows))
 
 
-def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str]) -> bytes:
+def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str], noted: Mapping[bytes, bytes] | None = None) -> bytes:
     """Return the bytes of a fact file.
 
     Args:
         rows: Its rows.
         inputs: Hash of each kind of input they were computed from.
+        noted: Other metadata.
     """
-    writer = FactWriter(inputs)
+    writer = FactWriter(inputs, noted)
     writer.add(rows)
     return writer.finish()
 

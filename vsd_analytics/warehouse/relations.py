@@ -40,6 +40,15 @@ class RelationSource:
     is_files: bool = False
 
 
+def named_relations(query: str) -> list[str]:
+    """Return the facts and marts whose names occur in a query, in its order.
+
+    A name in a text literal counts too: one view too many costs nothing.
+    """
+    known = relations("facts", "marts")
+    return list(dict.fromkeys(w for w in _WORD.findall(query.lower()) if w in known))
+
+
 class Catalog:
     """The facts and marts of one connection.
 
@@ -60,11 +69,8 @@ class Catalog:
         self._create(set(self.named(query)))
 
     def named(self, query: str) -> list[str]:
-        """Return the relations whose names occur in a query, in its order.
-
-        A name in a text literal counts too: one view too many costs nothing.
-        """
-        return list(dict.fromkeys(w for w in _WORD.findall(query.lower()) if w in self._known))
+        """Return the relations whose names occur in a query; see `named_relations`."""
+        return named_relations(query)
 
     def materialise(self, names: Iterable[str]) -> None:
         """Compute relations now and hold their rows in tables."""

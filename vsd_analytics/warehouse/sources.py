@@ -41,7 +41,8 @@ class RelationSources:
         built: The facts of the range.
         hours: First and last UTC hour number of these.
         days: The day files of the range; None = compute every mart from hourly facts.
-        whole_facts: Recomputes torn files of hourly facts; called when one is found.
+        whole_facts: Computes missing and torn files of hourly facts, given the fact that is needed; called when one is
+            not whole.
         rows_of_days: Returns the rows of a mart of a range of days, computed from hourly facts.
         superseded_files: List to which files are added that newer ones replace.
     """
@@ -54,7 +55,7 @@ class RelationSources:
         built: BuildResult,
         hours: tuple[int, int],
         days: DayFiles | None,
-        whole_facts: Callable[[], None],
+        whole_facts: Callable[[str], BuildResult],
         rows_of_days: Callable[[Relation, date, date], pa.Table],
         superseded_files: list[Path],
     ) -> None:
@@ -95,7 +96,8 @@ class RelationSources:
         days = self._built.paths[relation.name]
         fresh = [(d * 24, path) for d, path in days.items() if first <= d * 24 <= last]
         if not is_day and not all(is_whole(path) for _, path in fresh):
-            self._whole_facts()
+            days = self._whole_facts(relation.name).paths[relation.name]
+            fresh = [(d * 24, path) for d, path in days.items() if first <= d * 24 <= last]
         is_cut = not is_day and any(h < first_hour or h + 23 > last_hour for h, _ in fresh)
         sealed = [
             (h, path)

@@ -25,7 +25,7 @@ a changed comment in a query makes all facts stale and warns of every sealed hou
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -142,6 +142,25 @@ def relations(*layers: str) -> Mapping[str, Relation]:
     for name in found:
         add(name, ())
     return ordered
+
+
+def facts_behind(names: Iterable[str]) -> frozenset[str]:
+    """Return the hourly facts whose files are read for some relations: facts among these, and those that marts read.
+
+    Facts that other facts are computed with are not among them; so nothing is written that nobody asked for.
+    """
+    known, found, queue = relations("facts", "marts"), set[str](), list(names)
+    reached = set[str]()
+    while queue:
+        name = queue.pop()
+        if name not in known or name in reached:
+            continue
+        reached.add(name)
+        if known[name].layer == "marts":
+            queue += known[name].reads
+        elif known[name].unit == "hour":
+            found.add(name)
+    return frozenset(found)
 
 
 def read_relation(path: Path) -> Relation:

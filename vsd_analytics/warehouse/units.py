@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +18,7 @@ class Unit:
 
     Attributes:
         number: UTC hour number, or UTC day number.
-        parts: Stored parts it reads, by table: its own and, for an hour, those of the hours beside it.
+        parts: Stored parts it reads, by table: its own and, for an hour, those beside it that lie near enough.
         current: Hash of its parts by table, and of each other kind of input that differs by unit.
         inputs: Hash of each kind of input of its facts together, so that a change can be explained.
         fingerprint: 16 hexadecimal digits over all inputs; part of the names of the unit's fact files.
@@ -72,9 +72,13 @@ def day_unit(index: PartIndex, day: int, *, current: InputHashes, depends_on: Fa
     return _unit(day, index.between(*hours), current, depends_on, hours)
 
 
-def hour_unit(index: PartIndex, hour: int, *, current: InputHashes, depends_on: FactInputs) -> Unit:
-    """Return the unit of a UTC hour: the parts of it and of its two neighbours, and the hashes of its other inputs."""
-    return _unit(hour, index.between(hour - 1, hour + 1), current, depends_on, (hour, hour))
+def hour_unit(
+    index: PartIndex, hour: int, *, near: Collection[Part], current: InputHashes, depends_on: FactInputs
+) -> Unit:
+    """Return the unit of a UTC hour: its parts, those of its neighbours that are `near`, and its other inputs."""
+    around = index.between(hour - 1, hour + 1)
+    parts = {t: [p for p in found if p.hour == hour or p in near] for t, found in around.items()}
+    return _unit(hour, parts, current, depends_on, (hour, hour))
 
 
 def merged_parts(units: Sequence[Unit]) -> dict[TableName, list[Part]]:

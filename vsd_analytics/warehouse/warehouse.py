@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import pickle
+from collections.abc import Callable, Collection, Iterator
 from datetime import date, datetime, timedelta
 from itertools import pairwise
 from types import TracebackType
@@ -26,7 +27,7 @@ from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.relations import Catalog
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
 from vsd_analytics.warehouse.sources import RelationSources
-from vsd_analytics.warehouse.sqlfiles import Relation
+from vsd_analytics.warehouse.sqlfiles import Relation, facts_behind
 from vsd_analytics.warehouse.stored_days import SPARE_DAYS, calendar_days, days_of, stored_extent
 
 if TYPE_CHECKING:
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 T = TypeVar("T")
+MOST_ANSWERS = 500
+"""Answers a warehouse remembers. A weekly page asks 75 questions 139 times."""
+ANSWER_BYTES = 1_000_000
+"""Larger answers are not remembered: a page asks for them once."""
 
 
 class Warehouse:
@@ -54,6 +59,8 @@ class Warehouse:
             facts.
         spare_days: Where more than a year has no records, the calendar has this many days of it after the last record
             before and before the next one; it leaves out the rest (`stored_days.calendar_days`).
+        relations: Facts and marts that will be asked for: only facts behind these are computed first, all others when
+            a query names them. None = all.
     """
 
     def __init__(
@@ -67,6 +74,7 @@ class Warehouse:
         on_hours: Callable[[int], None] | None = None,
         uses_days: bool = True,
         spare_days: int = SPARE_DAYS,
+        relations: Collection[str] | None = None,
     ) -> None:
         self.site, self.first, self.last = site, first, last
         store = Store(site.root / "store", site_id=site.site_id)
@@ -82,10 +90,12 @@ class Warehouse:
         self._reading.enter_context(removal.reading(store.root))
         self._reading_facts = contextlib.ExitStack()
         self._reading_facts.enter_context(superseded.reading(site.root / "facts"))
+        self._facts = None if relations is None else facts_behind(relations)
         self.built: BuildResult = build(
             site,
             first_hour=self._hours[0],
             last_hour=self._hours[1],
+            facts=self._facts,
             on_plan=on_plan,
             on_hours=on_hours,
             has_lock=True,
@@ -96,21 +106,22 @@ class Warehouse:
         self._heat_cell_m, self._uses_days = heat_cell_m, uses_days
         self._superseded = [*self.built.superseded_files]
         self._is_careful = False
+        self._answers: dict[tuple[str, bytes], pa.Table] = {}
         self._open()
 
     def _open(self) -> None:
         """Open a connection on which every relation can be queried."""
         site = self.site
-        self.con: duckdb.DuckDBPyConnection = connect(is_careful=self._is_careful)
-        register_site(self.con, site, heat_cell_m=self._heat_cell_m)
+        self._con: duckdb.DuckDBPyConnection = connect(is_careful=self._is_careful)
+        register_site(self._con, site, heat_cell_m=self._heat_cell_m)
         calendars = [calendar(site, e.first_day, e.last_day) for e in self.extents]
-        self.con.register("_calendar", pa.concat_tables(calendars))
-        self.con.execute("create temp table calendar as select * from _calendar")
+        self._con.register("_calendar", pa.concat_tables(calendars))
+        self._con.execute("create temp table calendar as select * from _calendar")
         of_site = [site_days(site, e.first_day, e.last_day) for e in self.extents]
-        self.con.register("_site_days", pa.concat_tables(of_site))
-        self.con.execute("create temp table site_days as select * from _site_days")
+        self._con.register("_site_days", pa.concat_tables(of_site))
+        self._con.execute("create temp table site_days as select * from _site_days")
         self._sources = RelationSources(
-            self.con,
+            self._con,
             site,
             built=self.built,
             hours=self._hours,
@@ -119,7 +130,7 @@ class Warehouse:
             rows_of_days=self._rows_of_days,
             superseded_files=self._superseded,
         )
-        self._catalog = Catalog(self.con, self._sources.of)
+        self._catalog = Catalog(self._con, self._sources.of)
 
     def __enter__(self) -> Warehouse:
         return self
@@ -131,6 +142,12 @@ class Warehouse:
         self._reading_facts.close()
         superseded.clear(self.site.root / "facts", self._superseded)
         self._reading.close()
+
+    @property
+    def con(self) -> duckdb.DuckDBPyConnection:
+        """Return the connection. Whoever takes it may change relations, so answers given before are forgotten."""
+        self._answers.clear()
+        return self._con
 
     def days(self, first: date, last: date) -> list[date]:
         """Return local days from `first` to `last`, without those that the calendar leaves out between records."""
@@ -159,8 +176,17 @@ class Warehouse:
         self.run(query, lambda _con: None)
 
     def table(self, query: str, values: dict[str, Any] | None = None) -> pa.Table:
-        """Return a query's rows as an Arrow table; values are bound, never pasted."""
-        return self.run(query, lambda con: con.sql(query, params=values or None).to_arrow_table())
+        """Return a query's rows as an Arrow table; values are bound, never pasted.
+
+        Facts of a range do not change, so a question asked again gets the same answer without a query.
+        """
+        question = (query, pickle.dumps(values or {}))
+        if question not in self._answers:
+            rows = self.run(query, lambda con: con.sql(query, params=values or None).to_arrow_table())
+            if rows.nbytes > ANSWER_BYTES or len(self._answers) >= MOST_ANSWERS:
+                return rows
+            self._answers[question] = rows
+        return self._answers[question]
 
     def frame(self, query: str, values: dict[str, Any] | None = None) -> pd.DataFrame:
         """Return a query's rows as a pandas frame."""
@@ -180,7 +206,7 @@ class Warehouse:
 
         def prepare_and_read() -> T:
             self._catalog.prepare(query)
-            return read(self.con)
+            return read(self._con)
 
         return self._retry_carefully(", ".join(self._catalog.named(query)) or "a query", prepare_and_read)
 
@@ -202,7 +228,7 @@ class Warehouse:
                     if self._is_careful:
                         raise self._failed_inside(error, relation) from error
                     self._is_careful = True
-                    self.con.close()
+                    self._con.close()
                     self._open()
 
     def _failed_inside(self, error: Exception, relation: str) -> SqlError:
@@ -225,15 +251,17 @@ class Warehouse:
             self._sources.refuse_damaged(error)
             raise
 
-    def _whole_facts(self) -> None:
-        """Check every file of hourly facts of the range, and recompute the torn ones."""
-        build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], has_lock=True)
+    def _whole_facts(self, name: str) -> BuildResult:
+        """Check the files of hourly facts of the range and compute the missing ones: all facts where not asked for."""
+        if self._facts is not None and name not in self._facts:
+            self._facts = None
+        return build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], facts=self._facts, has_lock=True)
 
     def _rows_of_days(self, relation: Relation, first: date, last: date) -> pa.Table:
         """Return the rows of a mart of the days from `first` to `last`, computed from hourly facts."""
         days = (max(first, self.first), min(last, self.last))
         if days not in self._of_days:
-            self._of_days[days] = Warehouse(self.site, *days, uses_days=False)
+            self._of_days[days] = Warehouse(self.site, *days, uses_days=False, relations=self._facts)
         inner = self._of_days[days]
         inner.materialise(relation.name)
         return inner.table(f"select * from {relation.name}")

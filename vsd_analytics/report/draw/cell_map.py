@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.figures.week.model_map import FloorMap, Ring
 from vsd_analytics.report.draw import floor_frame as draw
+from vsd_analytics.report.draw.area_names import area_names
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import BAR, INK, MUTED, RAMP_LIGHT, WHITE, el, straight_path
 from vsd_analytics.report.words import format as fmt
@@ -88,18 +89,15 @@ def floor_ink(shown: FloorMap) -> Markup:
 
 
 def _things(shown: FloorMap, frame: Frame) -> list[Markup]:
-    """Draw the fixtures, and the areas as dashed outlines with their names."""
+    """Draw the fixtures, and the areas as dashed outlines; each is named where it has room."""
     things = draw.fixtures(shown.fixtures, frame)
+    look: dict[str, str | float | None] = {"fill": "none", "stroke": MUTED, "stroke_width": 1.4}
     for area in shown.areas:
-        ring = frame.ring(area.ring)
-        things.append(
-            el("path", fill="none", stroke=MUTED, stroke_width=1.4, stroke_dasharray="3 4", d=straight_path([ring]))
-        )
-        x, y = min(p[0] for p in ring), min(p[1] for p in ring)
-        halo: dict[str, str | float | None] = {"stroke": WHITE, "stroke_width": 3, "paint_order": "stroke"}
-        things.append(
-            el("text", area.name, fill=INK, font_size=draw.FONT - 2, x=max(2.0, x + 3), y=y + draw.FONT, **halo)
-        )
+        things.append(el("path", **look, stroke_dasharray="3 4", d=straight_path([frame.ring(area.ring)])))
+    size = draw.FONT - 2
+    halo: dict[str, str | float | None] = {"stroke": WHITE, "stroke_width": 3, "paint_order": "stroke"}
+    for name in area_names(shown.areas, shown.fixtures, frame, sizes={float(size): float(draw.FONT_FIXTURE)}):
+        things.append(el("text", name.text, fill=INK, font_size=size, x=round(name.x), y=round(name.y), **halo))
     return things
 
 

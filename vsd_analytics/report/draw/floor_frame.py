@@ -274,6 +274,16 @@ def _name(fixture: MapFixture, frame: Frame, size: int) -> Markup | None:
     )
 
 
+def name_box(fixture: MapFixture, frame: Frame, size: float) -> tuple[float, float, float, float] | None:
+    """Return what a fixture's name fills in letters of this size: left, top, right, bottom; None when none is drawn."""
+    turn = _turn(fixture, frame, size)
+    if turn is None:
+        return None
+    (x, y), long, high = _middle(fixture, frame), text_width(fixture.name, size) / 2, size / 2
+    wide, tall = (high, long) if turn else (long, high)
+    return x - wide, y - tall, x + wide, y + tall
+
+
 def _middle(fixture: MapFixture, frame: Frame) -> Point:
     import shapely
 
@@ -282,7 +292,7 @@ def _middle(fixture: MapFixture, frame: Frame) -> Point:
     return middle.x, middle.y
 
 
-def _turn(fixture: MapFixture, frame: Frame, size: int) -> str | None:
+def _turn(fixture: MapFixture, frame: Frame, size: float) -> str | None:
     """Return how a name must be turned to fit into a fixture: "" along x, a rotation along y, None for neither way."""
     import shapely
 

@@ -8,10 +8,11 @@ from typing import Final
 
 from markupsafe import Markup
 
-from vsd_analytics.figures.week.model_map import FloorMap, MapArea, Point
+from vsd_analytics.figures.week.model_map import FloorMap, Point
 from vsd_analytics.figures.week.results import Rules
 from vsd_analytics.report.draw import floor_frame as draw
-from vsd_analytics.report.draw.floor_frame import FONT, FONT_PHONE, Frame
+from vsd_analytics.report.draw.area_names import Box, area_names
+from vsd_analytics.report.draw.floor_frame import FONT, FONT_FIXTURE, FONT_PHONE, Frame
 from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, el
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
@@ -23,7 +24,9 @@ _FOOT: Final = 52
 MAX_FOOT_RADIUS: Final = 45
 MARK_RADIUS: Final = 17
 MARK_RADIUS_PHONE: Final = 30
-_Box = tuple[float, float, float, float]
+FONT_PRINT: Final = 21
+"""Size of areas' names on paper, larger than on a screen; fixtures' names are hardly larger there."""
+_SIZES: Final = {float(FONT_PRINT): float(FONT_FIXTURE), float(FONT_PHONE): float(FONT_PHONE)}
 
 
 def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Markup:
@@ -54,7 +57,7 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     drawn += [draw.area_outline(a.ring, frame) for a in shown.areas]
     parts.append(el("g", Markup("").join(drawn), clip_path=f"url(#{clip})"))
     parts.append(el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1.5, **frame.whole))
-    labels, boxes = _area_labels(shown.areas, frame)
+    labels, boxes = _area_labels(shown, frame)
     parts += labels
     for camera in shown.cameras:
         x, y = frame.at(camera.at)
@@ -73,38 +76,22 @@ def _text(
     return el("text", text, class_=class_, fill=fill, font_size=size, text_anchor=anchor, x=round(x), y=round(y))
 
 
-def _area_labels(areas: Sequence[MapArea], frame: Frame) -> tuple[list[Markup], list[tuple[_Box, float]]]:
-    """Name each area at its upper left; a name that would run into another or off the map is left to the table.
+def _area_labels(shown: FloorMap, frame: Frame) -> tuple[list[Markup], list[tuple[Box, float]]]:
+    """Name each area that has room for it; the others are left to the table.
 
     Returns:
         The names, and the boxes they fill with the radius of the marks that must keep clear of them.
     """
-    taken: dict[int, list[_Box]] = {FONT: [], FONT_PHONE: []}
+    found = area_names(shown.areas, shown.fixtures, frame, sizes=_SIZES)
     labels = []
-    for area in areas:
-        ring = frame.ring(area.ring)
-        left = max(3.0, min(x for x, _ in ring))
-        top = max(0.0, min(y for _, y in ring))
-        if left >= frame.width or top >= frame.height or max(x for x, _ in ring) <= 0 or max(y for _, y in ring) <= 0:
-            continue
-        y = top - 6 if top > FONT_PHONE else top + FONT + 4
-        fits = {}
-        for size, boxes in taken.items():
-            x1 = left + 0.56 * size * len(area.name)
-            here = (left, y - size, x1, y + 4)
-            fits[size] = x1 <= frame.width and not any(
-                here[0] < b[2] and b[0] < here[2] and here[1] < b[3] and b[1] < here[3] for b in boxes
-            )
-            if fits[size]:
-                boxes.append(here)
-        if fits[FONT]:
-            labels.append(_text(area.name, left, y, class_="pt halo" if fits[FONT_PHONE] else "pt halo x", fill=INK))
-    small = [(box, float(MARK_RADIUS)) for box in taken[FONT]]
-    large = [(box, float(MARK_RADIUS_PHONE)) for box in taken[FONT_PHONE]]
-    return labels, small + large
+    for name in found:
+        style = "pt halo" if FONT_PHONE in name.sizes else "pt halo x"
+        labels.append(_text(name.text, name.x, name.y, class_=style, fill=INK))
+    radius = {float(FONT_PRINT): MARK_RADIUS, float(FONT_PHONE): MARK_RADIUS_PHONE}
+    return labels, [(name.box(size), float(r)) for size, r in radius.items() for name in found if size in name.sizes]
 
 
-def _spots(shown: FloorMap, frame: Frame, boxes: Sequence[tuple[_Box, float]]) -> list[Markup]:
+def _spots(shown: FloorMap, frame: Frame, boxes: Sequence[tuple[Box, float]]) -> list[Markup]:
     """Draw the numbered spots: a dot at the peak, a line, and the number where it covers least."""
     peaks = [frame.at(s.at) for s in shown.spots]
     heat = [[frame.ring(polygon[0]) for polygon in band.polygons] for band in shown.bands]
@@ -117,7 +104,7 @@ def _spots(shown: FloorMap, frame: Frame, boxes: Sequence[tuple[_Box, float]]) -
             at = (x + reach * math.cos(angle), y - reach * math.sin(angle))
             inside = 34 <= at[0] <= frame.width - 34 and 34 <= at[1] <= frame.height - 34
             clear = -sum(_touches(at, box, radius) for box, radius in boxes)
-            clear -= sum(_crosses((x, y), at, box) for box, _ in boxes[: len(boxes) // 2])
+            clear -= sum(_crosses((x, y), at, box) for box, radius in boxes if radius == MARK_RADIUS)
             near = min((math.dist(at, other) for other in [*placed, *(p for p in peaks if p != (x, y))]), default=400.0)
             cool = -sum(any(_inside(at, ring) for ring in rings) for rings in heat)
             choices.append((inside, min(near, 70.0), clear, cool, round(math.sin(angle), 3), -k, at))
@@ -155,13 +142,13 @@ def _inside(at: Point, ring: Sequence[Point]) -> bool:
     return crossings % 2 == 1
 
 
-def _touches(at: Point, box: _Box, radius: float) -> bool:
+def _touches(at: Point, box: Box, radius: float) -> bool:
     dx = max(box[0] - at[0], 0.0, at[0] - box[2])
     dy = max(box[1] - at[1], 0.0, at[1] - box[3])
     return math.hypot(dx, dy) < radius + 3
 
 
-def _crosses(start: Point, end: Point, box: _Box) -> bool:
+def _crosses(start: Point, end: Point, box: Box) -> bool:
     """Tell whether a line runs through a box, at any of sixteen points of it."""
     on_line = ((start[0] + (end[0] - start[0]) * k / 16, start[1] + (end[1] - start[1]) * k / 16) for k in range(17))
     return any(box[0] <= a <= box[2] and box[1] <= b <= box[3] for a, b in on_line)

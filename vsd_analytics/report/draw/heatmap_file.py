@@ -145,7 +145,7 @@ def _figure(
     foot = max(0.12 * max(width, 0.6 * height), 1.25 * site.settings.distance_m)
     side = min(WIDTH_IN, (HEIGHT_MAX_IN - 1.0) * width / (height + foot))
     figure = Figure(figsize=(max(side, 6.0) + 2.2, max(side, 3.0) * (height + foot) / width + 0.8))
-    FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.02, 0.02, 0.78, 0.88))
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -156,11 +156,12 @@ def _figure(
     if plan is not None and floor.plan is not None and floor.plan.suffix.lower() != ".svg":
         axes.imshow(_ink(floor.plan), extent=(x0, x1, y0, y1), origin="upper", interpolation="antialiased", zorder=2)
     axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=HATCH, linewidth=0.8, zorder=3)
+    named: list[Any] = []
     for area in areas:
         ring = [*area.polygon, area.polygon[0]]
         axes.plot([p[0] for p in ring], [p[1] for p in ring], color=MUTED, linewidth=1, linestyle=(0, (3, 3)), zorder=4)
         left, top = min(p[0] for p in ring), max(p[1] for p in ring)
-        axes.annotate(
+        name = axes.annotate(
             _literal(area.name),
             (left, top),
             xytext=(2, 3),
@@ -172,6 +173,11 @@ def _figure(
             annotation_clip=True,
             bbox={"facecolor": WHITE, "alpha": 0.7, "edgecolor": "none", "pad": 0.8},
         )
+        extent = name.get_window_extent(canvas.get_renderer())
+        if any(extent.overlaps(other) for other in named):
+            name.remove()  # two names over each other cannot be read
+        else:
+            named.append(extent)
     _scale(axes, site.settings.distance_m, (x0, y0 - foot, x1, y0))
     _legend(axes, steps, cell_m=cell_m)
     return figure

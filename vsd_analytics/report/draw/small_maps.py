@@ -108,7 +108,9 @@ def mini_change(
         signs, places = _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more", said=said)
         drawn += signs
         taken += places
-    drawn += draw.places_left(moved_away(floor, shown), frame)
+    gone = moved_away(floor, shown)
+    drawn += draw.places_left(gone, frame)
+    taken += [shapely.Polygon(frame.ring(f.ring)) for f in (*gone, *floor.fixtures)]
     above = [draw.area_outline(a.ring, frame) for a in named] + _numbers(named, numbers or {}, taken, frame)
     return mini(floor, frame, drawn, name, label, is_alone, above=above)
 

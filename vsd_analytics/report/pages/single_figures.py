@@ -220,7 +220,7 @@ def _map(page: Page, *, index: int, is_bare: bool = False) -> Drawing | None:
 
 def _large(drawing: str) -> str:
     """Return a map with the letters and marks of the page on a phone; names that do not fit then are left out."""
-    drawing = re.sub(r'<text class="(?:pt halo x|cmt)".*?</text>', "", drawing)
+    drawing = re.sub(r'<text class="(?:pt halo x|pt x fn|cmt)".*?</text>', "", drawing)
     drawing = re.sub(r'(<text class="pt[^"]*"[^>]* font-size=")15"', rf'\g<1>{_LETTERS}"', drawing)
     drawing = re.sub(r'(<text class="mkt"[^>]* font-size=")19"', rf'\g<1>{_LETTERS}"', drawing)
     return re.sub(r'(<circle class="[^"]*\bmb"[^>]* r=")1[78]"', r'\g<1>25"', drawing)

@@ -1,0 +1,102 @@
+"""The fact `camera_days`, one file for each UTC day, and the units of the hours, whose inputs follow from its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.seals import DAY_FACT
+from vsd_analytics.warehouse.dimensions import params
+from vsd_analytics.warehouse.fact_days import damaged_facts
+from vsd_analytics.warehouse.factfiles import fact_bytes
+from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
+from vsd_analytics.warehouse.reach import NearParts, Spans, noted_spans, reach_ms, spans_of
+from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit
+
+
+@dataclass(frozen=True, slots=True)
+class KnownDay:
+    """The fact of one UTC day.
+
+    Attributes:
+        unit: Its unit.
+        rows: Its rows.
+        digest: Hash of the rows.
+        cameras: Cameras with records.
+        reach_ms: How far beyond an hour of the day its facts read records.
+        spans: Of parts of the day that share an hour and a table.
+    """
+
+    unit: Unit
+    rows: pa.Table
+    digest: str
+    cameras: frozenset[str]
+    reach_ms: int
+    spans: Spans
+
+
+def hourly_inputs(site: Site) -> FactInputs:
+    """Return what the hourly facts together depend on: hashes of SQL and settings, and which other inputs they read."""
+    return fact_inputs(site, [r.name for r in relations("facts").values() if r.unit == "hour"])
+
+
+def day_units(index: PartIndex, hours: Iterable[int], *, site: Site) -> list[Unit]:
+    """Return the units of the UTC days of some hours and of their neighbours; days without parts have none."""
+    days = sorted({d for h in hours for d in days_around(h)})
+    current, depends_on = SiteInputs(site).of_day(), fact_inputs(site, [DAY_FACT])
+    units = (day_unit(index, day, current=current, depends_on=depends_on) for day in days)
+    return [u for u in units if any(u.parts.values())]
+
+
+def day_path(site: Site, unit: Unit) -> Path:
+    """Return the path of the fact of a UTC day."""
+    return fact_path(site.root / "facts", DAY_FACT, site.site_id, unit, is_day=True)
+
+
+def day_bytes(unit: Unit, rows: pa.Table) -> bytes:
+    """Return the bytes of its file."""
+    return fact_bytes(rows, inputs=unit.inputs, noted=noted_spans(unit.parts))
+
+
+def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
+    """Return the fact of UTC days whose files are there, by UTC day number.
+
+    Raises:
+        StoreError: E302, a file is damaged.
+    """
+    settings = params(site)
+    found = {}
+    for unit in units:
+        try:
+            with pq.ParquetFile(day_path(site, unit)) as file:
+                rows, spans = file.read(), spans_of(file.metadata.metadata)
+        except (pa.ArrowException, OSError) as error:
+            raise damaged_facts(error) from None
+        known = rows.to_pylist()
+        cameras = frozenset(row["camera_id"] for row in known)
+        found[unit.number] = KnownDay(unit, rows, text_hash(known), cameras, reach_ms(settings, known), spans)
+    return found
+
+
+def hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, KnownDay]) -> list[Unit]:
+    """Return the units of hours, given the days they and their neighbours lie in."""
+    times, inputs = SiteInputs(site), hourly_inputs(site)
+    near = NearParts(index, {digest: span for day in days.values() for digest, span in day.spans.items()})
+    units = []
+    for hour in hours:
+        around = [days[d] for d in days_around(hour) if d in days]
+        parts = near(hour, max((day.reach_ms for day in around), default=0))
+        units.append(hour_unit(index, hour, near=parts, current=_current(hour, around, times), depends_on=inputs))
+    return units
+
+
+def _current(hour: int, around: Sequence[KnownDay], times: SiteInputs) -> InputHashes:
+    """Return the hashes of an hour's inputs besides records, SQL and settings, given the days around it."""
+    present = frozenset[str]().union(*(day.cameras for day in around))
+    return {**times.of_hour(hour, present=present), "frame interval": text_hash([day.digest for day in around])}
