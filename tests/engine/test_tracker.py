@@ -65,6 +65,29 @@ def test_person_not_seen_for_a_second_is_found_again_and_after_a_minute_is_not()
     assert len(np.unique(follow(xy, covariance, frame, late))) == 4
 
 
+def test_what_comes_later_decides_who_somebody_was() -> None:
+    # one person at first; then one a little nearer who stands, and one who goes on walking
+    xy = np.array([(0.0, 0), (0.5, 0), (-1.1, 0), (0.5, 0), (-2.2, 0), (0.5, 0), (-3.3, 0)])
+    frame = np.array([0, 1, 1, 2, 2, 3, 3])
+    covariance = np.tile(np.eye(2) * 0.01, (len(xy), 1, 1))
+    walker = xy[:, 0] <= 0
+    number = follow(xy, covariance, frame, np.arange(4.0))
+    assert len(set(number[walker])) == len(set(number[~walker])) == 1
+    assert number[0] != number[1]
+    short = follow(xy[:3], covariance[:3], frame[:3], np.arange(2.0))
+    assert short[0] == short[1]
+
+
+def test_whoever_leaves_the_picture_is_not_who_enters_it_there() -> None:
+    # somebody walks out to the right; in the next second somebody appears 2 m off the predicted place
+    xy = np.array([(0.0, 0), (1.3, 0), (2.6, 0), (3.9, 0), (4.3, 2)])
+    covariance, frame, t = np.tile(np.eye(2) * 0.05, (5, 1, 1)), np.arange(5), np.arange(5.0)
+    border_s = np.full((5, 4), 20.0)
+    border_s[:, 2] = 4.6 - xy[:, 0]
+    assert follow(xy, covariance, frame, t, border_s=border_s).tolist() == [1, 1, 1, 1, 2]
+    assert follow(xy, covariance, frame, t).tolist() == [1] * 5
+
+
 def test_uncertainty_along_the_view_decides_who_is_who() -> None:
     # one person stands; the next sighting is 1 m behind in a direction that is seen badly, a newcomer 0.6 m to the side
     xy = np.array([(0.0, 10.0), (0.0, 11.0), (0.6, 10.0)])

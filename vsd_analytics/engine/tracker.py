@@ -18,10 +18,8 @@ from scipy.special import ndtr
 from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.calibration_error import floor_per_px
 from vsd_analytics.engine.people import Array, People
-from vsd_analytics.engine.walks import WALK_M_S, Walks, joined, surprise
+from vsd_analytics.engine.walks import WALK_M_S, Rows, Walks, joined, surprise
 from vsd_analytics.geometry.homography import to_floor
-
-Rows = NDArray[np.intp]
 
 FOOT_SHARE: Final = 0.05
 """Error of a foot point in body heights of the picture, as in UCMCTrack."""
@@ -121,7 +119,7 @@ def follow(
     """
     known = np.flatnonzero(np.isfinite(xy).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
     border_s = np.full((len(xy), 4), np.inf) if border_s is None else border_s
-    seen = _Seen.of(xy[known], covariance[known], frame[known], time_s, border_s[known])
+    seen = _FloorSightings.of(xy[known], covariance[known], frame[known], time_s, border_s[known])
     before = _links(seen, None)
     backward = seen.learnt(before).backward()
     before = _reversed(_links(backward, _reversed(before)))
@@ -133,7 +131,7 @@ def follow(
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _FloorSightings:
     """All sightings in order of time, and what begins and ends of tracks cost there (-2 log of their likelihood)."""
 
     xy: Array
@@ -144,7 +142,7 @@ class _Seen:
     end: Array
 
     @classmethod
-    def of(cls, xy: Array, covariance: Array, frame: Rows, time_s: Array, border_s: Array) -> _Seen:
+    def of(cls, xy: Array, covariance: Array, frame: Rows, time_s: Array, border_s: Array) -> _FloorSightings:
         step_s = np.diff(time_s, prepend=np.nan, append=np.nan)
 
         def crossing(step: Array) -> Array:
@@ -157,7 +155,7 @@ class _Seen:
         end = np.nan_to_num(np.minimum(END_S * until + LEAVE * crossing(until), 0.95), nan=1.0)
         return cls(xy, covariance, frame, time_s, -2 * np.log(begin), -2 * np.log(end))
 
-    def learnt(self, before: Rows) -> _Seen:
+    def learnt(self, before: Rows) -> _FloorSightings:
         """Return the same with begins and ends as the tracks found have them; no sighting counts for itself."""
         n_frames = len(self.time_s)
         if n_frames < 2:
@@ -172,7 +170,7 @@ class _Seen:
         begin = weight * np.exp(-self.begin / 2) + (near.of(begins) - begins) / (3 * CELL_M) ** 2
         weight_end = KNOWN_PERSON_S / step_s
         end = weight_end * np.exp(-self.end / 2) + near.of(ends) - ends
-        return _Seen(
+        return _FloorSightings(
             self.xy,
             self.covariance,
             self.frame,
@@ -185,11 +183,11 @@ class _Seen:
             ),
         )
 
-    def backward(self) -> _Seen:
+    def backward(self) -> _FloorSightings:
         """Return the sightings with time reversed."""
         frame = len(self.time_s) - 1 - self.frame[::-1]
         time_s = self.time_s[-1] - self.time_s[::-1] if len(self.time_s) else self.time_s
-        return _Seen(self.xy[::-1], self.covariance[::-1], frame, time_s, self.end[::-1], self.begin[::-1])
+        return _FloorSightings(self.xy[::-1], self.covariance[::-1], frame, time_s, self.end[::-1], self.begin[::-1])
 
     def rows(self) -> list[Rows]:
         """Return the sightings of each frame."""
@@ -213,8 +211,9 @@ class _Counts:
         self._row, self._near = np.array(near, dtype=np.intp).reshape(-1, 2).T
 
     def of(self, counted: Array | NDArray[np.bool_]) -> Array:
+        """Return the sum of a value over the sightings around each."""
         here = np.bincount(self._of, counted)
-        return np.bincount(self._row, here[self._near])[self._of]
+        return np.asarray(np.bincount(self._row, here[self._near]), dtype=np.float64)[self._of]
 
 
 def _after(before: Rows) -> Rows:
@@ -238,20 +237,20 @@ def _numbers(before: Rows) -> NDArray[np.int64]:
     return np.asarray(number, dtype=np.int64)
 
 
-def _futures(seen: _Seen, before: Rows) -> Walks:
+def _futures(seen: _FloorSightings, before: Rows) -> Walks:
     """Return what each sighting and all later ones of its track say of the walk at its instant."""
     late, later = seen.backward(), _reversed(before)
     walks = Walks.unseen(len(before))
     for rows in late.rows():
         new, old = rows[later[rows] == _NO_TRACK], rows[later[rows] != _NO_TRACK]
-        walks.put(new, Walks.begun(late.xy[new], late.covariance[new], is_any=True))
+        walks.put(new, Walks.begun(late.xy[new], late.covariance[new]))
         if len(old):
             step_s = late.time_s[late.frame[old]] - late.time_s[late.frame[later[old]]]
             walks.put(old, walks[later[old]].after(step_s).seen(late.xy[old], late.covariance[old]))
     return walks.backward()[np.arange(len(before))[::-1]]
 
 
-def _links(seen: _Seen, before: Rows | None) -> Rows:
+def _links(seen: _FloorSightings, before: Rows | None) -> Rows:
     """Return the sighting before each in its track, -1 at begins, chosen frame by frame in order of time.
 
     Args:
@@ -285,7 +284,7 @@ def _links(seen: _Seen, before: Rows | None) -> Rows:
 
 
 def _matches(
-    seen: _Seen, open_rows: Rows, rows: Rows, past: Walks, futures: Walks | None, after: Rows
+    seen: _FloorSightings, open_rows: Rows, rows: Rows, past: Walks, futures: Walks | None, after: Rows
 ) -> tuple[Rows, Rows]:
     """Return which of the open tracks have which of a frame's sightings: the most likely assignment, or none."""
     if not len(open_rows) or not len(rows):

@@ -1,4 +1,4 @@
-"""How people walk, as a tracker needs it: velocities that last some seconds, and Kalman filters for many tracks at once.
+"""How people walk, as a tracker needs it: velocities that last some seconds, and Kalman filters side by side.
 
 A velocity is forgotten slowly (an Ornstein-Uhlenbeck process). Seen backward in time the process is the same, so a walk
 can be filtered from its end, too, and what both filters say of one instant can be compared.
@@ -9,15 +9,16 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsd_analytics.engine.people import Array
+
+Rows = NDArray[np.intp]
 
 WALK_M_S: Final = 1.0
 """Sd of each part of the velocity of a person."""
 LASTS_S: Final = 12.5
 """How long a velocity lasts: in one second it changes by sd .4 m/s."""
-_ANY_M_S: Final = 10.0
-"""Sd of a velocity of which nothing is assumed."""
 
 
 class Walks:
@@ -28,20 +29,22 @@ class Walks:
 
     @classmethod
     def unseen(cls, n: int) -> Walks:
+        """Return room for so many walks."""
         return cls(np.zeros((n, 4)), np.zeros((n, 4, 4)))
 
     @classmethod
-    def begun(cls, xy: Array, covariance: Array, *, is_any: bool = False) -> Walks:
-        """Return walks seen once, with a person's usual velocity or (`is_any`) any."""
+    def begun(cls, xy: Array, covariance: Array) -> Walks:
+        """Return walks seen once, with a velocity that is usual for people."""
         walks = cls.unseen(len(xy))
         walks.state[:, :2], walks.covariance[:, :2, :2] = xy, covariance
-        walks.covariance[:, [2, 3], [2, 3]] = (_ANY_M_S if is_any else WALK_M_S) ** 2
+        walks.covariance[:, [2, 3], [2, 3]] = WALK_M_S**2
         return walks
 
-    def __getitem__(self, rows: Array) -> Walks:
+    def __getitem__(self, rows: Rows) -> Walks:
         return Walks(self.state[rows], self.covariance[rows])
 
-    def put(self, rows: Array, walks: Walks) -> None:
+    def put(self, rows: Rows, walks: Walks) -> None:
+        """Replace some walks."""
         self.state[rows], self.covariance[rows] = walks.state, walks.covariance
 
     def after(self, step_s: Array) -> Walks:
@@ -74,21 +77,26 @@ class Walks:
 
 
 def surprise(off: Array, covariance: Array) -> Array:
-    """Return -2 log of the normal density at some offsets, shape (..., k) with covariances (..., k, k)."""
-    size = off.shape[-1] * np.log(2 * np.pi)
-    if off.shape[-1] == 2:
-        a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
-        x, y, determinant = off[..., 0], off[..., 1], a * c - b**2
-        return np.asarray((c * x**2 - 2 * b * x * y + a * y**2) / determinant + np.log(determinant) + size)
-    square = np.sum(off * np.linalg.solve(covariance, off[..., None])[..., 0], axis=-1)
-    return np.asarray(square + np.linalg.slogdet(covariance)[1] + size)
+    """Return -2 log of the normal density at some offsets, shape (..., 2) with covariances (..., 2, 2)."""
+    a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    x, y, determinant = off[..., 0], off[..., 1], a * c - b**2
+    square = (c * x**2 - 2 * b * x * y + a * y**2) / determinant
+    return np.asarray(square + np.log(determinant) + 2 * np.log(2 * np.pi))
 
 
 def joined(past: Walks, future: Walks) -> Array:
     """Return -2 log of how likely futures are after pasts, relative to no knowledge of where they would begin.
 
-    Both are of the same instant. `future` is filtered backward from the end and began with any velocity.
+    Both are of the same instant, `future` filtered backward from the end. Both know what velocities are usual, so
+    that is taken out once: the product of the two densities is integrated over the density of usual velocities.
     """
-    speed = np.eye(2) * WALK_M_S**2
-    together = surprise(past.state - future.state, past.covariance + future.covariance)
-    return together - surprise(future.state[:, 2:], future.covariance[:, 2:, 2:] + speed)
+    off = future.state - past.state
+    total = past.covariance + future.covariance
+    solved = np.linalg.solve(total, np.concatenate([off[..., None], past.covariance], axis=-1))
+    moved = past.covariance[:, 2:] @ solved
+    velocity = past.state[:, 2:] + moved[..., 0]
+    left = WALK_M_S**2 * np.eye(2) - past.covariance[:, 2:, 2:] + moved[:, :, 3:]
+    usual = np.sum(velocity * np.linalg.solve(left, velocity[..., None])[..., 0], axis=-1)
+    apart = np.sum(off * solved[..., 0], axis=-1) + np.linalg.slogdet(total)[1]
+    sizes = 2 * np.log(2 * np.pi) - 8 * np.log(WALK_M_S)
+    return np.asarray(apart - usual + np.linalg.slogdet(left)[1] + sizes)
