@@ -85,6 +85,8 @@ def test_the_core_is_a_part_of_the_whole_with_the_same_versions() -> None:
         "export --out out.parquet",
         "listen --broker-config",
         "schema frame",
+        "hours",
+        "heatmap --format csv",
     ],
 )
 def test_commands_that_take_records_in_need_no_other_library(root: Path, command: str) -> None:
@@ -101,7 +103,7 @@ def test_listening_needs_no_other_library(root: Path) -> None:
     assert "error[E701]" in vsd("-C", str(root), "listen", "--once", "--connect-timeout", "1").stderr
 
 
-@pytest.mark.parametrize("command", ["report --week 2026-W46", "heatmap", "hours", "forecast"])
+@pytest.mark.parametrize("command", ["report --week 2026-W46", "hotspots", "today", "forecast"])
 def test_commands_that_make_figures_say_what_to_install(root: Path, command: str) -> None:
     done = vsd("-C", str(root), "--now", "2026-11-20", *command.split(), "--json")
     told = json.loads(done.stdout)
