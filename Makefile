@@ -87,6 +87,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_crowding.py
 	$(BIN)/python tests/engine/prove_engine.py
 	$(BIN)/python tests/engine/prove_tracks.py
+	$(BIN)/python tests/engine/prove_tracks_of_walks.py
 	$(BIN)/python tests/engine/prove_monoloco.py
 
 docs: $(VENV)/.installed-test
