@@ -214,6 +214,7 @@ def test_a_disk_that_can_only_be_read_refuses_records_and_answers_questions(
 ) -> None:
     vsd(disk, "ingest", engine_output(tmp_path / "a.csv"))
     before = vsd(disk, *HOURS)
+    vsd(disk, "build")
     second = engine_output(tmp_path / "b.csv", first_s=300, n=9)
     mount(disk, "-o", "remount,ro")
     assert vsd(disk, "ingest", second).has("E305", "  --> ", "mount it for writing")

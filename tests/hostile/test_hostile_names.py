@@ -115,7 +115,7 @@ def named_project(root: Path, names: list[str]) -> Lab:
 def test_a_page_of_hostile_names_has_the_elements_of_a_page_of_tame_ones(tmp_path: Path) -> None:
     hostile = SHOWN
     assert len(hostile) >= 12
-    # of the same lengths, as a label too long for its area is left out of the map
+    # of the same lengths, though not of the same widths: a name on a map is left out where it has no room
     tame = ["".join(" " if c == " " else chr(97 + i) for c in name) for i, name in enumerate(hostile)]
     trees, labs = [], []
     for folder, names in (("hostile", hostile), ("tame", tame)):
@@ -127,8 +127,9 @@ def test_a_page_of_hostile_names_has_the_elements_of_a_page_of_tame_ones(tmp_pat
         labs.append(lab)
         lab.check_places()
     ours, theirs = trees
-    assert len(ours.elements) > 300
-    assert ours.elements == theirs.elements
+    others, plain = ([e for e in tree.elements if e[0] not in {"text", "/text"}] for tree in trees)
+    assert len(others) > 300
+    assert others == plain
     assert ours.addresses == theirs.addresses
     shown = " ".join(ours.text.split())
     missing = [name for name in hostile if " ".join(name.split()) not in shown]

@@ -90,12 +90,16 @@ def _rng(world: SiteWorld, seed: int) -> np.random.Generator:
 
 
 PLANTED = SiteWorld()
+TWICE = (2.0, 2.0, 0.5, 0.5)
 WORLDS: dict[str, SiteWorld] = {
     "four differ, others alike": replace(PLANTED, own_sd=0.0),
     "four differ, own sd .05": PLANTED,
     "four differ, own sd .10": replace(PLANTED, own_sd=0.10),
     "four differ, calm sites": replace(PLANTED, day_sd=(0.1, 0.2), week_sd=(0.0, 0.1)),
     "four differ, museums": replace(PLANTED, day_sd=(0.4, 0.4), week_sd=(0.22, 0.22)),
+    "four differ by two": replace(PLANTED, effects=TWICE),
+    "four differ by two, own sd .10": replace(PLANTED, effects=TWICE, own_sd=0.10),
+    "four differ by two, museums": replace(PLANTED, effects=TWICE, day_sd=(0.4, 0.4), week_sd=(0.22, 0.22)),
     "none differs, only crowding": replace(PLANTED, effects=(), own_sd=0.0, has_gaps=False),
     "none differs, own sd .05": replace(PLANTED, effects=(), has_gaps=False),
     "none differs, own sd .10": replace(PLANTED, effects=(), own_sd=0.10, has_gaps=False),
