@@ -21,6 +21,8 @@ from vsd_analytics.report.draw.svg import ACCENT, INK, el, straight_path
 WIDTHS: Final = (1.0, 1.7, 2.6, 3.8)
 """Of an arrow, SVG units: each step means twice as many people."""
 NAME_FONT: Final = 19
+BOLD: Final = 1.15
+"""About how much wider bold letters are."""
 WIDEST: Final = 15.0
 """Of a desire line; a line of half the people is half as wide."""
 NARROWEST: Final = 1.2
@@ -229,7 +231,7 @@ def _name(area: MapArea, frame: Frame) -> Markup:
     """Write the name of an area above it, or below where there is no room, whole within the frame."""
     ring = frame.ring(area.ring)
     top, bottom = min(y for _, y in ring), max(y for _, y in ring)
-    half = text_width(area.name, NAME_FONT) / 2 + 4
+    half = BOLD * text_width(area.name, NAME_FONT) / 2 + 4
     x = (max(0.0, min(x for x, _ in ring)) + min(float(frame.width), max(x for x, _ in ring))) / 2
     y = top - 7 if top > NAME_FONT + 7 else min(bottom + NAME_FONT, frame.height - 4)
     return el(
