@@ -299,7 +299,7 @@ class Days:
             (16, 23)
         """
         from vsd_analytics.figures import maps
-        from vsd_analytics.figures.compare import known_floor
+        from vsd_analytics.site.places import known_floor
 
         made: dict[str, Callable[..., maps.CellMap]] = {
             "exposure": maps.exposure_map,
@@ -309,7 +309,7 @@ class Days:
         }
         if kind not in made:
             raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
-        floor = known_floor(self.site, floor_id, ())
+        floor = known_floor(self.site, floor_id)
         with self._warehouse() as warehouse:
             found = made[kind](warehouse, floor=floor, cell_m=cell_m)
         return as_heatmap(kind, found, floor=floor, site=self.site, until=self.last)

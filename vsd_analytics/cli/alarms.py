@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import emit_json, plain, progress, render_error
+from vsd_analytics.cli.output import count, emit_json, progress, render_error, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import LiveError, UsageError
 from vsd_analytics.site.instants import parse_range
@@ -150,10 +150,8 @@ def _print_table(project: Project, alarms: Sequence[dict[str, Any]]) -> None:
         return
     rows = [("since", "lasted", "rule", "where", "what")]
     rows += [(_clock(a["since"]), _lasted(a), a["rule"], _where(a), _what(a)) for a in alarms]
-    widths = [max(len(r[i]) for r in rows) for i in range(5)]
-    for row in rows:
-        click.echo(plain("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip()))
-    click.echo(f"{len(alarms):,} alarm{'' if len(alarms) == 1 else 's'}, times in {project.site.timezone}")
+    click.echo("\n".join(table(rows)))
+    click.echo(f"{count(len(alarms), 'alarm')}, times in {project.site.timezone}")
 
 
 def _clock(iso: str) -> str:

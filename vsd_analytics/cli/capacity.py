@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.compare_text import table
-from vsd_analytics.cli.options import json_option, range_options
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.queue import missed_hours, people_text, rate_dict
 from vsd_analytics.report.words.reasons import reason_text
@@ -22,7 +21,7 @@ _MINUTES = 60
 
 @click.command()
 @range_options
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @json_option
 @pass_project
 def capacity(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
@@ -41,9 +40,9 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.capacities import capacities
-    from vsd_analytics.figures.compare import known_floor
+    from vsd_analytics.site.places import known_floor
 
-    floor = known_floor(project.site, floor_id, [])
+    floor = known_floor(project.site, floor_id)
     areas = [a for a in project.site.areas if a.floor_id == floor.floor_id]
     if floor.capacity is None and all(a.capacity is None for a in areas):
         raise UsageError(

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.compare_text import ENCOUNTERS, change, figure, level, percent, ratio, table
-from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.compare_text import ENCOUNTERS, change, figure, level, percent, ratio
+from vsd_analytics.cli.options import floor_option, json_option
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of, warn
 from vsd_analytics.errors import UsageError
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.argument("periods", nargs=-1, metavar="[A B]")
 @click.option("--change", "number", type=click.IntRange(min=1), metavar="N", help="Entry of the log: see vsd log list.")
 @click.option("--area", "area_ids", metavar="ID", multiple=True, help="Only this area; may be given several times.")
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @click.option(
     "--weeks", type=click.IntRange(1, 26), default=4, show_default=True, help="With --change: weeks on either side."
 )

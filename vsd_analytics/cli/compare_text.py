@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from vsd_analytics.cli.output import plain
+from vsd_analytics.cli.output import plain, table
 from vsd_analytics.report.words.reasons import reason_text, verdict_text
 
 if TYPE_CHECKING:
@@ -17,13 +16,6 @@ if TYPE_CHECKING:
 
 
 ENCOUNTERS = "encounters per person-hour"
-
-
-def table(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows of texts as lines with aligned columns; control characters and line ends in a text are replaced."""
-    clean = [[plain(cell).replace("\n", " ") for cell in row] for row in rows]
-    widths = [max(len(row[k]) for row in clean) for k in range(len(clean[0]))]
-    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in clean]
 
 
 def figure(value: float | None) -> str:

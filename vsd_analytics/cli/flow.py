@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from vsd_analytics.cli.compare_text import table
 from vsd_analytics.cli.flow_links import link_lines, links_dict
-from vsd_analytics.cli.options import range_options
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.options import floor_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.report.words.reasons import reason_text
 
@@ -36,7 +35,7 @@ _COLUMNS = (
 
 @click.command()
 @range_options
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @click.option(
     "--format",
     "kind",
@@ -73,9 +72,9 @@ def flow(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import flow as figures
-    from vsd_analytics.figures.compare import known_floor
+    from vsd_analytics.site.places import known_floor
 
-    floor = known_floor(project.site, floor_id, [])
+    floor = known_floor(project.site, floor_id)
     if not any(a.has_visits for a in project.site.areas if a.floor_id == floor.floor_id):
         raise UsageError(
             f"no area of floor {floor.floor_id!r} asks for visits",

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from vsd_analytics.cli.compare_text import table
-from vsd_analytics.cli.output import rounded
+from vsd_analytics.cli.output import rounded, table
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Count a record at the pair's midpoint, or where each person is.",
 )
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @click.option(
     "--format",
     "kind",

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option, range_options
-from vsd_analytics.cli.output import emit_json, plain
+from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
-from vsd_analytics.errors import UsageError
 from vsd_analytics.report.words.reasons import encode_reason, reason_text
+from vsd_analytics.site.places import known_floor
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @range_options
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @click.option(
     "--format",
     "kind",
@@ -52,10 +52,9 @@ def hotspots(
 
     Looks at the 28 days that end with the week or range (setting hotspot_days). A busy place is not a hotspot for being
     busy: the map of burden shows those. The test allows for chance and for differences between days and weeks. Places
-        are
-    ranked by the time above what crowding explains: what could be saved. Compared with the 28 days a week earlier, a
-    hotspot is new or persisting; past hotspots are listed below. After a change of the log in or near a hotspot, it is
-    watched until enough days have passed.
+    are ranked by the time above what crowding explains: what could be saved. Compared with the 28 days a week earlier,
+    a hotspot is new or persisting; past hotspots are listed below. After a change of the log in or near a hotspot, it
+    is watched until enough days have passed.
 
     \b
     Example:
@@ -67,16 +66,13 @@ def hotspots(
     from vsd_analytics.figures.week.data import WeekData
     from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 
-    floors = [f.floor_id for f in project.site.floors]
-    if (floor_id is None and len(floors) > 1) or (floor_id is not None and floor_id not in floors):
-        raise UsageError(f"which floor? This site has {', '.join(floors)}", fix=f"--floor {floors[0]}")
+    floor = known_floor(project.site, floor_id)
     _, until = resolve(project, week=week, days=days)
     first, _ = analysis.days_needed(project.site, until)
     with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:
         warehouse.materialise("episodes", "violations")
-        found = analysis.hotspots(warehouse, floor_id=floor_id, until=until)
+        found = analysis.hotspots(warehouse, floor_id=floor.floor_id, until=until)
         monday = until - timedelta(days=until.weekday())
-        floor = next(f for f in project.site.floors if f.floor_id == found.floor_id)
         revealing = revealing_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()
         rules = purged_hours_notes(warehouse)
     if share:
@@ -137,8 +133,7 @@ def _text(found: FloorHotspots) -> str:
             ("No", "place", "times what its crowd explains", "minutes above it a week", "since"),
             *map(_row, found.spots),
         ]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        lines += ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+        lines += table(rows)
     if found.watching:
         lines += ["", "changed, and watched since:", *map(_watched, found.watching)]
     if found.resolved:

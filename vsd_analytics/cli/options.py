@@ -14,6 +14,8 @@ CONTEXT_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
+floor_option = click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+
 
 def _speak(context: click.Context, parameter: click.Parameter, value: str | None) -> None:
     from vsd_analytics.report.words.languages import speaking

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -116,6 +116,13 @@ def facts_progress(*, quiet: bool) -> Iterator[tuple[Callable[[int], None], Call
 def count(n: int, noun: str) -> str:
     """Return a number and its noun in singular or plural: `1 frame`, `2,000 frames`."""
     return f"{n:,} {noun}{'' if n == 1 else 's'}"
+
+
+def table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of texts as lines with aligned columns; control characters and line ends in a text are replaced."""
+    clean = [[plain(cell).replace("\n", " ") for cell in row] for row in rows]
+    widths = [max(len(row[k]) for row in clean) for k in range(len(clean[0]))]
+    return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in clean]
 
 
 def rows_of(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.compare_text import percent, table
+from vsd_analytics.cli.compare_text import percent
 from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
 from vsd_analytics.report.words.reasons import reason_text

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.compare_text import table
-from vsd_analytics.cli.options import json_option, range_options
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.queue_advice import forecast_dict, forecast_lines, whole_week
 from vsd_analytics.cli.visits import mean_stay, time_text
@@ -27,7 +26,7 @@ _WAITS = ("median wait", "90 % served within", "leave before")
 
 @click.command()
 @range_options
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @click.option("--forecast", "has_forecast", is_flag=True, help="Also forecast the week after the last whole one.")
 @json_option
 @pass_project
@@ -54,12 +53,12 @@ def queue(
     """
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
-    from vsd_analytics.figures.compare import known_floor
     from vsd_analytics.figures.forecast import HISTORY_WEEKS
     from vsd_analytics.figures.queue_forecast import queue_forecasts
     from vsd_analytics.figures.queues import queues
+    from vsd_analytics.site.places import known_floor
 
-    floor = known_floor(project.site, floor_id, [])
+    floor = known_floor(project.site, floor_id)
     if not any(a.is_queue for a in project.site.areas if a.floor_id == floor.floor_id):
         raise UsageError(
             f"no area of floor {floor.floor_id!r} is a queue",

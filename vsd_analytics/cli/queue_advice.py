@@ -6,8 +6,7 @@ from dataclasses import asdict
 from datetime import date, timedelta
 from typing import TYPE_CHECKING, Any, Final
 
-from vsd_analytics.cli.compare_text import table
-from vsd_analytics.cli.output import rounded
+from vsd_analytics.cli.output import rounded, table
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.compare_text import table
-from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.options import floor_option, json_option
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.report.words.reasons import reason_text
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @json_option
 @pass_project
 def selfcheck(project: Project, floor_id: str | None, as_json: bool) -> int:
@@ -36,14 +35,14 @@ def selfcheck(project: Project, floor_id: str | None, as_json: bool) -> int:
       vsd selfcheck --floor ground --json
     """
     from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
-    from vsd_analytics.figures.compare import known_floor
     from vsd_analytics.figures.panels import FloorHours
     from vsd_analytics.figures.self_check import days_needed, self_check
+    from vsd_analytics.site.places import known_floor
     from vsd_analytics.warehouse.stored_days import stored_extent
 
     if stored_extent(project.site) is None:
         raise nothing_stored(project)
-    floor = known_floor(project.site, floor_id, [])
+    floor = known_floor(project.site, floor_id)
     first, last = days_needed(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("episodes", "violations", "camera_hours")

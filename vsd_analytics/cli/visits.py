@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.compare_text import table
-from vsd_analytics.cli.options import json_option, range_options
-from vsd_analytics.cli.output import emit_json, plain, rounded
+from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
@@ -26,7 +25,7 @@ _SHOWN_BELOW_S = 90
 
 @click.command()
 @range_options
-@click.option("--floor", "floor_id", metavar="FLOOR", help="Floor id, where there are several.")
+@floor_option
 @json_option
 @pass_project
 def visits(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
@@ -46,9 +45,9 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import visits as figures
-    from vsd_analytics.figures.compare import known_floor
+    from vsd_analytics.site.places import known_floor
 
-    floor = known_floor(project.site, floor_id, [])
+    floor = known_floor(project.site, floor_id)
     if not any(a.has_visits for a in project.site.areas if a.floor_id == floor.floor_id):
         raise UsageError(
             f"no area of floor {floor.floor_id!r} asks for visits",

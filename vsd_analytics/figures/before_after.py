@@ -36,11 +36,12 @@ from vsd_analytics.figures.change_weeks import (
     other_changes,
     windows_of,
 )
-from vsd_analytics.figures.compare import known_area, known_floor, span, why_not
+from vsd_analytics.figures.compare import span, why_not
 from vsd_analytics.figures.panels import FloorHours, Ints, Period, Place, TwoPeriods, positions
 from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
 from vsd_analytics.site.model import Area, LogEntry, Site
+from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.decomposition import additive_parts
 from vsd_analytics.stats.estimates import ChangeEstimate

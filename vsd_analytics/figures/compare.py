@@ -21,6 +21,7 @@ from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.instants import parse_range
 from vsd_analytics.site.model import Area, Floor, Site
+from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats.changes import split_change
 from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, RateEstimate
@@ -289,31 +290,6 @@ def _notes(pair: TwoPeriods, *, has_areas: bool) -> tuple[Reason, ...]:
 def _seen(period: Period) -> PeriodSeen:
     share = period.recorded_h / period.scheduled_h if period.scheduled_h else None
     return PeriodSeen(period.first, period.last, share, period.recorded_h, period.scheduled_h)
-
-
-def known_area(site: Site, area_id: str) -> Area:
-    """Return an area by its id; UsageError E101 when there is none."""
-    found = next((a for a in site.areas if a.area_id == area_id), None)
-    if found is None:
-        known = [a.area_id for a in site.areas]
-        raise UsageError(
-            f"the site has no area {area_id!r}",
-            why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
-            fix=f"--area {known[0]}" if known else "describe the area in vsd.toml",
-        )
-    return found
-
-
-def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area]) -> Floor:
-    """Return the floor that is meant; UsageError E101 when it is unknown or unclear."""
-    floors = {f.floor_id: f for f in site.floors}
-    wanted = {a.floor_id for a in areas} | ({floor_id} if floor_id is not None else set())
-    if not wanted and len(floors) == 1:
-        wanted = set(floors)
-    if len(wanted) != 1 or not wanted <= floors.keys():
-        what = "the areas lie on several floors" if areas else f"which floor? This site has {', '.join(floors)}"
-        raise UsageError(what, fix=f"--floor {next(iter(floors))}")
-    return floors[wanted.pop()]
 
 
 def span(days: Days) -> Reason:

@@ -17,10 +17,10 @@ from vsd_analytics.config.plans import Plan
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_verdicts import history_of, log_rates
 from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS, changed_areas
-from vsd_analytics.figures.compare import known_area, known_floor
 from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Site
+from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats.experiment import Variation, WeeksNeeded, choices, variation_of
 from vsd_analytics.stats.running_verdict import MIN_REFERENCE_WEEKS
 from vsd_analytics.warehouse.stored_days import stored_extent

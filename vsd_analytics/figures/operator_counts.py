@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Literal
 
-from vsd_analytics.errors import UsageError
+from vsd_analytics.site.places import known_floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 if TYPE_CHECKING:
@@ -104,15 +104,11 @@ def heatmap(warehouse: Warehouse, *, floor_id: str | None = None, at: At = "midp
         >>> list(vsd.heatmap(warehouse).columns)
         ['cx', 'cy', 'records', 'exposure_s']
     """
-    floors = [f.floor_id for f in warehouse.site.floors]
-    if floor_id is None and len(floors) == 1:
-        floor_id = floors[0]
-    if floor_id not in floors:
-        raise UsageError(f"which floor? This site has {', '.join(floors)}", fix=f"--floor {floors[0]}")
+    floor = known_floor(warehouse.site, floor_id)
     column = {"midpoint": "violation_records", "person": "violation_persons"}[at]
     return warehouse.frame(
         f"select cx, cy, {column} as records, exposure_s from heatmap where floor_id = $floor order by cy, cx",
-        {"floor": floor_id},
+        {"floor": floor.floor_id},
     )
 
 

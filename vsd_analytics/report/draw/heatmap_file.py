@@ -16,6 +16,7 @@ from vsd_analytics.errors import ReportError, UsageError, Where
 from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, RAMP_LIGHT, WHITE
 from vsd_analytics.report.words.format import metres
+from vsd_analytics.site.places import known_floor
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +73,7 @@ def draw_heatmap(
     kind = KINDS.get(file.suffix.lower())
     if kind is None:
         raise UsageError(f"{file.name} is neither a .png nor a .svg file", fix="--out where.png")
-    floor = _floor(site, floor_id)
+    floor = known_floor(site, floor_id)
     classes = doubling_steps(frame["records"]) if steps is None else tuple(float(s) for s in steps)
     if len(classes) != N_CLASSES or any(a >= b for a, b in pairwise(classes)) or classes[0] <= 0:
         raise UsageError(f"a heatmap has {N_CLASSES} ascending steps above 0, not {list(classes)}")
@@ -104,15 +105,6 @@ def _next_round(value: float) -> float:
     """Return the number after `value` in 2, 5, 10, 20, 50, ..."""
     power = 10.0 ** math.floor(math.log10(value))
     return {1: 2.0, 2: 5.0, 5: 10.0}[round(value / power)] * power
-
-
-def _floor(site: Site, floor_id: str | None) -> Floor:
-    floors = {f.floor_id: f for f in site.floors}
-    if floor_id is None and len(floors) == 1:
-        return site.floors[0]
-    if floor_id not in floors:
-        raise UsageError(f"which floor? This site has {', '.join(floors)}", fix=f"--floor {site.floors[0].floor_id}")
-    return floors[floor_id]
 
 
 @contextmanager

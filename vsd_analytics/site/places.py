@@ -1,0 +1,37 @@
+"""Finds the area or the floor that somebody names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.site.model import Area, Floor, Site
+
+
+def known_area(site: Site, area_id: str) -> Area:
+    """Return an area by its id; UsageError E101 when there is none."""
+    found = next((a for a in site.areas if a.area_id == area_id), None)
+    if found is None:
+        known = [a.area_id for a in site.areas]
+        raise UsageError(
+            f"the site has no area {area_id!r}",
+            why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
+            fix=f"--area {known[0]}" if known else "describe the area in vsd.toml",
+        )
+    return found
+
+
+def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area] = ()) -> Floor:
+    """Return the floor that is meant: by its id, by areas that lie on it, or the only one of the site.
+
+    Raises:
+        UsageError: E101, it is unknown, or several are possible.
+    """
+    floors = {f.floor_id: f for f in site.floors}
+    wanted = {a.floor_id for a in areas} | ({floor_id} if floor_id is not None else set())
+    if not wanted and len(floors) == 1:
+        wanted = set(floors)
+    if len(wanted) != 1 or not wanted <= floors.keys():
+        what = "the areas lie on several floors" if areas else f"which floor? This site has {', '.join(floors)}"
+        raise UsageError(what, fix=f"--floor {next(iter(floors))}")
+    return floors[wanted.pop()]
