@@ -128,7 +128,6 @@ class Spot:
         label: Its number in `Cells.label`.
         n_cells: Cells it has.
         row, column: Its place: the mean of its cells' indices weighted by their smoothed excess.
-        peak_row, peak_column: Its cell with the greatest smoothed excess.
         q: The least q of its cells.
         rate: Its time in violation beside that expected.
     """
@@ -138,8 +137,6 @@ class Spot:
     n_cells: int
     row: float
     column: float
-    peak_row: int
-    peak_column: int
     q: float
     rate: PlaceRate
 
@@ -428,7 +425,6 @@ def _spot(label: int, cells: Cells, days: Explained, confidence: float) -> Spot:
     inside = cells.label == label
     rows, columns = np.nonzero(inside)
     weights = (cells.observed - cells.expected)[inside]
-    peak = int(np.argmax(weights))
     rate = place_rate(days, inside, confidence=confidence)
     assert rate is not None  # tested cells have exposure, and time in violation is expected in them
     return Spot(
@@ -437,8 +433,6 @@ def _spot(label: int, cells: Cells, days: Explained, confidence: float) -> Spot:
         n_cells=len(rows),
         row=float(rows @ weights / weights.sum()),
         column=float(columns @ weights / weights.sum()),
-        peak_row=int(rows[peak]),
-        peak_column=int(columns[peak]),
         q=float(cells.q[inside].min()),
         rate=rate,
     )
