@@ -5,19 +5,17 @@ from __future__ import annotations
 import tomllib
 import zipfile
 from collections import Counter
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_source_profiles import TOML, project, stored, vsd
+from watched_folders import watched
 
 from vsd_analytics.config import load_site
 from vsd_analytics.config.camera_in_name import camera_named, cameras_in_name
 from vsd_analytics.errors import ConfigError
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.live.watch import watch
 
 PROFILE = """
 [[source]]
@@ -147,15 +145,7 @@ def test_a_watched_folder_puts_a_name_without_a_camera_aside_with_its_reason(tmp
     folder = tmp_path / "in"
     for name in ("cam-1_a.csv", "tills_a.csv", "cam-3_a.csv"):
         table(folder / name)
-    rounds = iter([False] * 500)
-    status = watch(
-        load_site(root),
-        folder,
-        IngestOptions(),
-        clock=lambda: datetime(2025, 12, 1, tzinfo=UTC),
-        sleep=lambda _: None,
-        stop=lambda: not list(folder.glob("*.csv")) or next(rounds, True),
-    )
+    status = watched(root, folder)
     assert (status.n_done, status.n_failed) == (2, 1)
     assert set(places(root)) == {"cam-1", "cam-2"}
     (reason,) = [p for p in (folder / "failed").iterdir() if p.suffix == ".txt"]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from watched_folders import watched
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
@@ -121,24 +122,11 @@ def test_options_of_the_command_win(tmp_path: Path) -> None:
 
 
 def test_watched_folder_chooses_the_profile_by_name(tmp_path: Path) -> None:
-    from datetime import UTC, datetime
-
-    from vsd_analytics.ingest.adapter import IngestOptions
-    from vsd_analytics.live.watch import watch
-
     root = project(tmp_path / "p", TOML + TILLS + "[ingest]\nwatch_settle_s = 0.0\n")
     folder = tmp_path / "in"
     folder.mkdir()
     table(folder / "till-08.csv")
-    rounds = iter([False] * 500)
-    status = watch(
-        load_site(root),
-        folder,
-        IngestOptions(),
-        clock=lambda: datetime(2025, 12, 1, tzinfo=UTC),
-        sleep=lambda _: None,
-        stop=lambda: (folder / "done" / "till-08.csv").exists() or next(rounds, True),
-    )
+    status = watched(root, folder)
     assert (status.n_done, status.n_failed) == (1, 0)
     assert {row["camera_id"] for row in stored(root)} == {"cam-2"}
     assert len(stored(root)) == 40

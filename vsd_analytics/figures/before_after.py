@@ -9,7 +9,7 @@ person-time in violation per open hour; its share of person-time says how much o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final, Literal
 
@@ -40,7 +40,7 @@ from vsd_analytics.figures.compare import span, why_not
 from vsd_analytics.figures.panels import FloorHours, Ints, Period, Place, TwoPeriods, positions
 from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
-from vsd_analytics.site.model import Area, LogEntry, Site
+from vsd_analytics.site.model import Area, Site
 from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.decomposition import additive_parts
@@ -182,13 +182,17 @@ def before_after(
         )
     area = known_area(site, area_id or str(entry.area_id))
     windows, why = windows_of(warehouse, entry, area_id=area.area_id, weeks=weeks)
+    made = BeforeAfterFigure(
+        number, entry.at, entry.text, area.area_id, area.name, "not_enough_data", why, "beside", is_credible=False
+    )
     if windows is None:
-        return _refused(number, entry, area, "not_enough_data", why, None)
+        return made
+    made = replace(made, windows=windows)
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
     pair = TwoPeriods(Period(data, *windows.before), Period(data, *windows.after))
     state, why = _guard(pair, area)
     if state != "ok":
-        return _refused(number, entry, area, state, why, windows)
+        return replace(made, state=state, reason=why)
     chosen, left_out = _comparison_areas(pair, area, windows, site)
     doubts = other_changes(site, entry, area, windows)
     place = pair.now.area(area.area_id)
@@ -197,12 +201,10 @@ def before_after(
     notes = (few,) if windows.n_weeks < weeks else ()
     if not chosen:
         if (why := _too_few(alone, site.settings)) is not None:
-            return _refused(number, entry, area, "not_enough_data", why, windows)
-        return BeforeAfterFigure(
-            number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
-            reason=None, design="alone", is_credible=False,
-            doubts=(Reason("redesign.weak"), *doubts),
-            cautions=tuple(changes_elsewhere(site, entry, area, windows)), windows=windows,
+            return replace(made, reason=why)
+        return replace(
+            made, state="ok", reason=None, design="alone", doubts=(Reason("redesign.weak"), *doubts),
+            cautions=tuple(changes_elsewhere(site, entry, area, windows)),
             floor=floor_effect(data, area, windows), alone=alone, people=people,
             neighbours=_neighbours(pair, area, []),
             areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS_ALONE, notes=notes,
@@ -217,7 +219,7 @@ def before_after(
         close = _effect(pair, place, others, windows=windows, times=times)
     whole, so_far = floor_effect(data, area, windows), running(data, area, chosen, windows)
     if effect.theta is None and often.theta is None:
-        return _refused(number, entry, area, "not_enough_data", effect.reason, windows, left_out)
+        return replace(made, reason=effect.reason, areas_left_out=tuple(left_out.items()))
     trend = effect.trend or often.trend
     if trend is not None and not trend.is_flat:
         doubts = [Reason("redesign.trend", per_week=trend.per_week, lo=trend.lo, hi=trend.hi), *doubts]
@@ -225,9 +227,8 @@ def before_after(
         notes = (*notes, Reason("redesign.no_trend"))
     doubt, unsteady = rests_on(so_far, left_alone(data, chosen, windows))
     doubts = [*doubts, doubt] if doubt is not None else doubts
-    return BeforeAfterFigure(
-        number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state="ok",
-        reason=None, design="beside", is_credible=not doubts, doubts=tuple(doubts), windows=windows,
+    return replace(
+        made, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
         cautions=_cautions(
             burden or effect, whole, windows, [*unsteady, *changes_elsewhere(site, entry, area, windows)]
         ),
@@ -419,19 +420,3 @@ def _too_few(alone: ChangeEstimate, settings: Settings) -> Reason | None:
         if n < settings.change_min_violations:
             return Reason(f"redesign.events_{name}", least=settings.change_min_violations, has=n)
     return None if alone.state == "ok" else alone.reason
-
-
-def _refused(
-    number: int,
-    entry: LogEntry,
-    area: Area,
-    state: State,
-    reason: Reason | None,
-    windows: Windows | None,
-    left_out: Mapping[str, Reason] | None = None,
-) -> BeforeAfterFigure:
-    return BeforeAfterFigure(
-        number=number, at=entry.at, text=entry.text, area_id=area.area_id, area_name=area.name, state=state,
-        reason=reason, design="beside", is_credible=False, windows=windows,
-        areas_left_out=tuple((left_out or {}).items()),
-    )  # fmt: skip

@@ -7,13 +7,19 @@ are the clusters. A person counts where they stand, so areas and the rest add up
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Period, Place, TwoPeriods
-from vsd_analytics.figures.rates import NOT_RECORDED, encounter_rate_change, not_measured, violation_rate_change
+from vsd_analytics.figures.rates import (
+    NOT_RECORDED,
+    encounter_rate_change,
+    history,
+    not_measured,
+    violation_rate_change,
+)
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
@@ -125,15 +131,6 @@ def knows_distances(period: Period) -> Flags:
     )
     unknown = {r["camera_id"] for r in rows if not r["knows"]}
     return np.array([c not in unknown for c in data.ids], dtype=np.bool_)
-
-
-def history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:
-    """Return the arguments that give weeks before to a level; none without any."""
-    days = period.history_days if n.shape[-1] else []
-    weekdays = [np.array([d.weekday() for d in of], dtype=np.int64) for of in (period.days, days)]
-    if not days:
-        return {"weekday": weekdays[0]}
-    return {"weekday": weekdays[0], "history_n": n, "history_weekday": weekdays[1], **divided_by}
 
 
 def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstimate:

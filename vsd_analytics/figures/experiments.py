@@ -6,7 +6,7 @@ its comparison areas, as the running verdict of `vsd compare --change` reads it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from typing import Final
 
@@ -71,13 +71,13 @@ class ExperimentPlan:
     effect: float
     power: float
     weeks_max: int
-    known: Days | None
-    variation: Variation | None
-    choices: tuple[WeeksNeeded, ...]
-    comparison: tuple[ComparisonArea, ...]
-    areas_left_out: tuple[tuple[str, Reason], ...]
-    state: State
-    reason: Reason | None
+    known: Days | None = None
+    variation: Variation | None = None
+    choices: tuple[WeeksNeeded, ...] = ()
+    comparison: tuple[ComparisonArea, ...] = ()
+    areas_left_out: tuple[tuple[str, Reason], ...] = ()
+    state: State = "not_enough_data"
+    reason: Reason | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +135,11 @@ def plan_experiment(
     site = warehouse.site
     area = known_area(site, area_id)
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
+    unknown = ExperimentPlan(area.area_id, area.name, effect, power, weeks_max)
     n_weeks = ((warehouse.last - warehouse.first).days + 1) // WEEK.days
     if n_weeks == 0 or not np.isfinite(data.violation_h).all():
         why = Reason("redesign.week_before", days=(warehouse.last - warehouse.first).days + 1)
-        return _refused(area, effect, power, weeks_max, None, why if n_weeks == 0 else Reason("engine.no_positions"))
+        return replace(unknown, reason=why if n_weeks == 0 else Reason("engine.no_positions"))
     known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
     chosen, left_out = _comparison(data, area, known)
     changed = changed_areas(site, *known)
@@ -149,17 +150,17 @@ def plan_experiment(
     if not chosen or n_weeks == 0:
         few = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
         reason = few if chosen else Reason("redesign.no_comparison")
-        return _refused(area, effect, power, weeks_max, known, reason, left_out)
+        return replace(unknown, known=known, reason=reason, areas_left_out=tuple(left_out.items()))
     variation = variation_of(history_of(data, area, chosen, known), None)
     if variation is None:
         reason = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
-        return _refused(area, effect, power, weeks_max, known, reason, left_out)
+        return replace(unknown, known=known, reason=reason, areas_left_out=tuple(left_out.items()))
     ways = choices(variation, 1 + effect, power=power, weeks_max=weeks_max, confidence=site.settings.confidence)
     serve = [_served(data, area, other, known) for other in chosen]
-    return ExperimentPlan(
-        area.area_id, area.name, effect, power, weeks_max, known, variation, ways,
-        comparison=tuple(sorted(serve, key=lambda c: np.inf if c.sd_apart is None else c.sd_apart)),
-        areas_left_out=tuple(left_out.items()), state="ok", reason=None,
+    serve.sort(key=lambda c: np.inf if c.sd_apart is None else c.sd_apart)
+    return replace(
+        unknown, known=known, variation=variation, choices=ways, comparison=tuple(serve),
+        areas_left_out=tuple(left_out.items()), state="ok",
     )  # fmt: skip
 
 
@@ -233,18 +234,3 @@ def _served(data: FloorHours, area: Area, other: Area, known: Days) -> Compariso
         correlation=float(np.corrcoef(own[both], its[both])[0, 1]) if is_known else None,
         sd_apart=float((own - its)[both].std(ddof=1)) if is_enough else None,
     )
-
-
-def _refused(
-    area: Area,
-    effect: float,
-    power: float,
-    weeks_max: int,
-    known: Days | None,
-    reason: Reason,
-    left_out: dict[str, Reason] | None = None,
-) -> ExperimentPlan:
-    return ExperimentPlan(
-        area.area_id, area.name, effect, power, weeks_max, known, None, (), (),
-        areas_left_out=tuple((left_out or {}).items()), state="not_enough_data", reason=reason,
-    )  # fmt: skip

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, history, in_units, knows_distances
+from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, in_units, knows_distances
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Period, Place
-from vsd_analytics.figures.rates import not_measured
+from vsd_analytics.figures.rates import history, not_measured
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate

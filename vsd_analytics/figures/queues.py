@@ -20,7 +20,7 @@ from vsd_analytics.figures.people_present import (
     hours_that_stand_for_all,
     why_not_all,
 )
-from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids
+from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, person_s_by_day
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
@@ -208,17 +208,11 @@ def _stays(period: Period, area: Area, seen: _Waits) -> Dwell:
     place = period.area(area.area_id)
     days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
     used = data.hours.is_counted & period.is_inside
-    person_s = np.zeros(len(days))
-    np.add.at(
-        person_s,
-        np.searchsorted(days, data.hours.day[period.is_inside]),
-        (place.exposure_h * used).sum(axis=0)[period.is_inside] * 3600,
-    )
     return dwell(
         np.maximum(seen.dwell_s, 0.0),
         seen.outcome == CUT,
         np.searchsorted(days, data.hours.day[seen.hour]),
-        person_s=person_s,
+        person_s=person_s_by_day(period, place, used),
         long_s=settings.long_visit_s,
         confidence=settings.confidence,
         min_days=settings.min_days,

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import date
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vsd_analytics.figures.panels import WEEK, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, Array, Panel, Period, Place, TwoPeriods
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
@@ -42,16 +39,12 @@ def violation_rate_level(
         return not_measured(why)
     if not period.knows(place):
         return NOT_RECORDED
-    panel, history = _panels(period, place, since, until)
+    panel, past = _panels(period, place, since, until)
     settings = period.data.site.settings
-    has_history = history.n.shape[1] > 0
     return violation_rate(
         panel.n,
         panel.x_h,
-        weekday=_weekdays(period.days),
-        history_n=history.n if has_history else None,
-        history_x_h=history.x_h if has_history else None,
-        history_weekday=_weekdays(period.history_days) if has_history else None,
+        **history(period, past.n, history_x_h=past.x_h),
         confidence=settings.confidence,
         min_days=settings.min_days,
     )
@@ -65,16 +58,12 @@ def encounter_rate_level(
         return not_measured(why)
     if not period.knows(place):
         return NOT_RECORDED
-    panel, history = _panels(period, place, since, until)
+    panel, past = _panels(period, place, since, until)
     settings = period.data.site.settings
-    has_history = history.n.shape[1] > 0
     return encounter_rate(
         panel.n.sum(axis=0),
         panel.exposure_h.sum(axis=0),
-        weekday=_weekdays(period.days),
-        history_n=history.n.sum(axis=0) if has_history else None,
-        history_exposure_h=history.exposure_h.sum(axis=0) if has_history else None,
-        history_weekday=_weekdays(period.history_days) if has_history else None,
+        **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
         confidence=settings.confidence,
         min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
@@ -177,5 +166,16 @@ def past_weeks(pair: TwoPeriods, place: Place, since: int | None = None) -> list
     return [pair.data.panel(place, week) for week in weeks if max(week) < earliest and not later & set(week)]
 
 
-def _weekdays(days: Sequence[date]) -> NDArray[np.int64]:
-    return np.array([d.weekday() for d in days], dtype=np.int64)
+def history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:
+    """Return the arguments that give weeks before to a level; none without any.
+
+    Args:
+        period: The period of the level.
+        n: What was counted in the weeks before, its last axis their days.
+        divided_by: What it is divided by, named as the argument.
+    """
+    days = period.history_days if n.shape[-1] else []
+    weekdays = [np.array([d.weekday() for d in of], dtype=np.int64) for of in (period.days, days)]
+    if not days:
+        return {"weekday": weekdays[0]}
+    return {"weekday": weekdays[0], "history_n": n, "history_weekday": weekdays[1], **divided_by}

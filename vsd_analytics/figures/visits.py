@@ -140,18 +140,12 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
     panel = data.panel(counted, period.days)
     used = data.hours.is_counted & period.is_inside & counted.cameras[:, None]
     days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
-    person_s = np.zeros(len(days))
-    np.add.at(
-        person_s,
-        np.searchsorted(days, data.hours.day[period.is_inside]),
-        (place.exposure_h * used).sum(axis=0)[period.is_inside] * 3600,
-    )
     long_s = area.long_visit_s or settings.long_visit_s
     found = dwell(
         np.maximum(seen.dwell_s[entered], 0.0),
         ~seen.has_exit[entered].astype(np.bool_),
         np.searchsorted(days, data.hours.day[seen.hour[entered]]),
-        person_s=person_s,
+        person_s=person_s_by_day(period, place, used),
         long_s=long_s,
         confidence=settings.confidence,
         min_days=settings.min_days,
@@ -169,6 +163,15 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
         float(recorded[counted.cameras].sum()) / open_h if open_h else 0.0,
         _silent(data, counted, recorded),
     )
+
+
+def person_s_by_day(period: Period, place: Place, used: Flags) -> Array:
+    """Return the person-seconds of a place in each day of a period, over camera-hours `used`."""
+    days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
+    found = np.zeros(len(days))
+    seconds = (place.exposure_h * used).sum(axis=0)[period.is_inside] * 3600
+    np.add.at(found, np.searchsorted(days, period.data.hours.day[period.is_inside]), seconds)
+    return found
 
 
 def per_open_hour(period: Period, place: Place, n: Array, x_h: Array, *, what: str, why_none: Reason) -> RateEstimate:

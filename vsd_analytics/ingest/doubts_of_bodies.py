@@ -49,7 +49,7 @@ def _bodies(case: Case) -> Iterator[Doubt]:
     near_m = _nearest_m(*(rows.loc[~is_repeated, c].to_numpy() for c in ("camera_no", "ts_ms", "x", "y")))
     rows = rows[~is_repeated]
     n_same, share_in = int((near_m < _HALF_MM).sum()), float((near_m < BODY_M).mean())
-    why = "two people cannot stand in one place: the same person may be written several times, or lost ones kept"
+    why = "two people cannot stand in one place: the same person may be written several times, or lost ones repeated"
     fix = "one row for each person and time, and none for lost people; export the times of frames with their decimals"
     if share_in > CROWDED_SHARE:
         what = f"{share_in:.0%} of the people would be within {BODY_M * 100:.0f} cm of another one of the same time"

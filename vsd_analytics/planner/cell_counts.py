@@ -70,26 +70,6 @@ class Rows:
     values: Ints
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WeekCells:
-    """What lies where in a week.
-
-    Attributes:
-        violations: By cell of half a metre.
-        fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
-            half a metre lie in it: camera, cell, violations, shape (3, n).
-        time: Person-time and person-time in violation by square, in `unit_ms`; each from at least so many tracks.
-        unit_ms: Unit of person-time.
-        excess: Time in violation over that of random mixing (M19), the whole week.
-    """
-
-    violations: Rows
-    fine: Ints
-    time: Rows
-    unit_ms: int
-    excess: ExcessMap
-
-
 def grid_of(extent: Extent) -> CellGrid | None:
     """Return the squares that cover the floor shown; None when there are too many."""
     x0, y0, x1, y1 = extent
@@ -110,6 +90,20 @@ class LyingCounts:
     violations: Rows
     time: Rows
     unit_ms: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeekCells(LyingCounts):
+    """What lies where in a week: what `LyingCounts` has, and how it lies inside the cells.
+
+    Attributes:
+        fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
+            half a metre lie in it: camera, cell, violations, shape (3, n).
+        excess: Time in violation over that of random mixing (M19), the whole week.
+    """
+
+    fine: Ints
+    excess: ExcessMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,21 +133,8 @@ class CellsAsked:
 def week_cells(data: WeekData, period: Period, asked: CellsAsked) -> WeekCells:
     """Return what lies where in a week, how it lies inside the cells, and the week's excess."""
     lying = lying_counts(data, asked)
-    return WeekCells(
-        violations=lying.violations,
-        fine=_fine(
-            data,
-            slots=asked.slots,
-            used=asked.used & (asked.hidden is not None),
-            extent=asked.extent,
-            grid=asked.grid,
-            below=asked.below,
-            places=_places(data, asked.grid, hidden=asked.hidden or ()),
-        ),
-        time=lying.time,
-        unit_ms=lying.unit_ms,
-        excess=excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last),
-    )
+    excess = excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last)
+    return WeekCells(lying.violations, lying.time, lying.unit_ms, fine=_fine(data, asked), excess=excess)
 
 
 def lying_counts(data: WeekData, asked: CellsAsked) -> LyingCounts:
@@ -209,10 +190,9 @@ def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:
     return {"from": int(start_ms[0]), "to": int(start_ms[-1])} if slots.size else {"from": 1, "to": 0}
 
 
-def _fine(
-    data: WeekData, *, slots: Ints, used: Flags, extent: Extent, grid: CellGrid, below: int, places: Ints
-) -> Ints:
-    """Return the week's violations by camera and cell of the report's map; arguments as in `CellsAsked`."""
+def _fine(data: WeekData, asked: CellsAsked) -> Ints:
+    """Return the week's violations by camera and cell of the report's map."""
+    slots, grid = asked.slots, asked.grid
     rows = data.warehouse.table(
         "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, count(*)::bigint as n from violations "
         "where floor_id = $floor and hour_start_ms between $from and $to and is_open and cx is not null "
@@ -223,22 +203,22 @@ def _fine(
     start_ms = data.hours.start_ms[slots]
     slot = np.minimum(np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy()), len(slots) - 1)
     x, y = rows["cx"].to_numpy(), rows["cy"].to_numpy()
-    x0, y0, x1, y1 = (end / FINE_M for end in extent)
-    taken = used[camera, slot] & data.whole.cameras[camera]
+    x0, y0, x1, y1 = (end / FINE_M for end in asked.extent)
+    taken = asked.used[camera, slot] & (asked.hidden is not None) & data.whole.cameras[camera]
     taken &= (x >= math.floor(x0)) & (x < math.ceil(x1)) & (y >= math.floor(y0)) & (y < math.ceil(y1))
     across = round(SQUARE_M / FINE_M)
     x, y = x[taken] - grid.x0 * across, y[taken] - grid.y0 * across
     side = round(CELL_M / FINE_M)
     half = (y // side) * grid.n_x * (across // side) + x // side
     cell = y * grid.n_x * across + x
-    place = places[half]
+    place = _places(data, grid, hidden=asked.hidden or ())[half]
     order = np.lexsort((cell, half, camera[taken], place))
     keys = np.stack((camera[taken], half, cell, place))[:, order]
     is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
     n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
     keys = keys[:, is_first]
     given = merge_small_counts(
-        n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=below
+        n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), below=asked.below
     ).values[0]
     kept = np.flatnonzero(given)
     kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]

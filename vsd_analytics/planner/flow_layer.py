@@ -13,7 +13,7 @@ from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.flow_maps import WIDTHS, direction_paths, line_paths, width_steps
-from vsd_analytics.report.pages.flow_figure import Rows, arrows_of, lines_of
+from vsd_analytics.report.pages.flow_figure import arrows_of, lines_of, rows_of
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 
@@ -86,9 +86,3 @@ def flow_layer(
         arrows=paths,
         arrows_legend=arrows_legend,
     )
-
-
-def rows_of(figures: Mapping[str, Figure], metric: str) -> Rows:
-    """Return the rows of a figure; none where it is absent or not known."""
-    figure = figures.get(metric)
-    return () if figure is None or figure.rows is None else figure.rows

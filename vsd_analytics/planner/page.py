@@ -355,19 +355,13 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
         often=fmt.number(often.value),
         often_likely=fmt.likely_level(often) or reason_text(often.reason),
         close=fmt.percent(close.value),
-        close_likely=_likely_share(close),
+        close_likely=fmt.likely_level(close, written=fmt.percent) or reason_text(close.reason),
         risky=fmt.number(risky.value),
         risky_likely=fmt.likely_level(risky) or reason_text(risky.reason),
         previous=fmt.number(often.previous) if changes else fmt.MISSING,
         change=f"{said}, {fmt.fewer_more(often.change)}" if changes and clear else said,
         change_likely=fmt.likely_change(often) if changes else "",
     )
-
-
-def _likely_share(close: Estimate) -> str:
-    if close.lo is None or close.hi is None:
-        return reason_text(close.reason)
-    return catalogue.say("format.likely_between", low=fmt.percent(close.lo), high=fmt.percent(close.hi))
 
 
 def _drawing(data: PlannerData) -> PlannerDrawing:

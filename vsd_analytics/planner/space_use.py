@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.planner.flow_layer import rows_of
-from vsd_analytics.report.pages.flow_figure import Rows, doubts
+from vsd_analytics.report.pages.flow_figure import Rows, doubts, rows_of
 from vsd_analytics.report.pages.waiting import WaitingView, time_text, waiting
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.results import LogLine
 from vsd_analytics.report.model.week import Span
-from vsd_analytics.report.pages.week import css_string, policy_hash, rendered, shipped_style
+from vsd_analytics.report.pages.week import policy_hash, printed_footers, rendered, shipped_style
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import say
@@ -411,9 +411,4 @@ def _shortened(text: str) -> str:
 
 def _style(footer: str) -> str:
     """Return the report's style, the index's after it, and the printed footers."""
-    of, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
-    pages = (
-        f"@page {{ @bottom-left {{ content: {css_string(footer)}; {font} }} "
-        f"@bottom-right {{ content: counter(page) {of} counter(pages); {font} }} }}"
-    )
-    return shipped_style("report.css") + shipped_style("index.css") + pages
+    return shipped_style("report.css") + shipped_style("index.css") + printed_footers(footer)

@@ -18,7 +18,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.stats.least_squares import non_negative
 from vsd_analytics.stats.period_days import Floats, Ints, PeriodDays
 
 MIN_WEEKS: Final = 10
@@ -37,6 +36,8 @@ def synthetic_weights(changed: npt.ArrayLike, others: npt.ArrayLike, *, weeks_af
     Returns:
         Shape (n_areas,), none negative, sum 1.
     """
+    from scipy.optimize import nnls  # takes a tenth of a second to import, and few changes have so many weeks
+
     y, z = np.asarray(changed, dtype=np.float64), np.asarray(others, dtype=np.float64)
     y, z = y - y.mean(), z - z.mean(axis=1, keepdims=True)
     n_areas, n_weeks = z.shape
@@ -45,7 +46,7 @@ def synthetic_weights(changed: npt.ArrayLike, others: npt.ArrayLike, *, weeks_af
     # with sum w = 1 the residual is sum_j w_j (z_j - y): the point of a convex hull nearest to 0
     apart = np.vstack([(z - y).T, zeta * np.sqrt(n_weeks) * np.eye(n_areas)])
     scale = max(float(np.abs(apart).max()), 1e-300)
-    found = non_negative(np.vstack([apart / scale, np.ones(n_areas)]), np.append(np.zeros(len(apart)), 1.0))
+    found, _ = nnls(np.vstack([apart / scale, np.ones(n_areas)]), np.append(np.zeros(len(apart)), 1.0))
     return np.asarray(found / found.sum(), dtype=np.float64)
 
 

@@ -36,7 +36,7 @@ from scipy import ndimage
 from scipy.special import stdtr
 
 from vsd_analytics.stats.false_discovery import benjamini_hochberg
-from vsd_analytics.stats.least_squares import non_negative
+from vsd_analytics.stats.least_squares import two_parts
 from vsd_analytics.stats.quantiles import t_quantile
 from vsd_analytics.stats.watershed import watershed
 
@@ -128,7 +128,6 @@ class Spot:
         label: Its number in `Cells.label`.
         n_cells: Cells it has.
         row, column: Its place: the mean of its cells' indices weighted by their smoothed excess.
-        peak_row, peak_column: Its cell with the greatest smoothed excess.
         q: The least q of its cells.
         rate: Its time in violation beside that expected.
     """
@@ -138,8 +137,6 @@ class Spot:
     n_cells: int
     row: float
     column: float
-    peak_row: int
-    peak_column: int
     q: float
     rate: PlaceRate
 
@@ -303,7 +300,7 @@ def _explained(days: Explained, mixed: Floats, reference: Bools, sigma_cells: fl
     parts = days.violation_h, days.exposure_h, mixed
     v, x, m = (smoothed(p.sum(axis=0, keepdims=True), sigma_cells)[0][reference] for p in parts)
     weight = np.sqrt(_divide(np.ones_like(m), m))
-    company, mixing = non_negative(np.column_stack([x * weight, m * weight]), v * weight)
+    company, mixing = two_parts(np.column_stack([x * weight, m * weight]), v * weight)
     expected = company * days.exposure_h + mixing * mixed
     day = _divide(days.violation_h[:, reference].sum(axis=1), expected[:, reference].sum(axis=1))
     return replace(days, expected_h=np.asarray(day[:, None, None] * expected, dtype=np.float64))
@@ -428,7 +425,6 @@ def _spot(label: int, cells: Cells, days: Explained, confidence: float) -> Spot:
     inside = cells.label == label
     rows, columns = np.nonzero(inside)
     weights = (cells.observed - cells.expected)[inside]
-    peak = int(np.argmax(weights))
     rate = place_rate(days, inside, confidence=confidence)
     assert rate is not None  # tested cells have exposure, and time in violation is expected in them
     return Spot(
@@ -437,8 +433,6 @@ def _spot(label: int, cells: Cells, days: Explained, confidence: float) -> Spot:
         n_cells=len(rows),
         row=float(rows @ weights / weights.sum()),
         column=float(columns @ weights / weights.sum()),
-        peak_row=int(rows[peak]),
-        peak_column=int(columns[peak]),
         q=float(cells.q[inside].min()),
         rate=rate,
     )

@@ -16,7 +16,7 @@ from scipy.special import gammaincinv
 
 from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import DEFAULTS
-from vsd_analytics.stats.least_squares import non_negative
+from vsd_analytics.stats.least_squares import two_parts
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -238,7 +238,7 @@ def spread(weeks: Weeks, *, is_count: bool, min_weeks: int = 2) -> Spread:
     if not is_seen.any():
         return Spread(0.0, 0.0)
     design = np.column_stack([per_hour[is_seen], mean[is_seen]])
-    found = non_negative(design, s2[is_seen] / mean[is_seen])
+    found = two_parts(design, s2[is_seen] / mean[is_seen])
     return Spread(float(found[0]), float(found[1]))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, held_back, limits, missing, of_estimate
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, held_back, missing, of_estimate, row
 from vsd_analytics.figures.neighbours import room_around, three_or_more
 from vsd_analytics.figures.others_met import OthersMet, others_met
 from vsd_analytics.figures.slots import NOTHING_OPEN
@@ -30,7 +30,7 @@ def met(inputs: FigureInputs) -> Figure:
     if quantiles.quantiles[0].value is None:
         return missing(MET, quantiles.state, quantiles.reason)
     rows: list[Row] = [
-        {"what": what, "value": q.value, "lo": q.lo, "hi": q.hi}
+        {"what": what, **row(q, "value", "lo", "hi")}
         for what, q in zip(("median", "90 % meet at most"), quantiles.quantiles, strict=True)
     ]
     note = Reason("note.met")
@@ -82,19 +82,9 @@ def room(inputs: FigureInputs) -> Figure:
         return missing(ROOM, first.state, first.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for level in found:
-        share = limits("share", inputs.rate(level.share))
-        edges = {"density_from": round(level.density_from, 2)}
         to = None if level.density_to is None else round(level.density_to, 2)
-        rows.append(
-            {
-                "level": level.level,
-                **edges,
-                "density_to": to,
-                "value": share["share"],
-                "lo": share["share_lo"],
-                "hi": share["share_hi"],
-            }
-        )
+        edges = {"density_from": round(level.density_from, 2), "density_to": to}
+        rows.append({"level": level.level, **edges, **row(inputs.rate(level.share), "value", "lo", "hi")})
     return Figure(unit=ROOM, rows=tuple(rows), denominator=found[0].share.exposure_h, note=Reason("note.room"))
 
 

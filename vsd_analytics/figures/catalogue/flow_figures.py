@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, first_reason, missing, row
 from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, flow
 from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
@@ -24,9 +24,9 @@ def flow_between_areas(inputs: FigureInputs) -> Figure:
     found = flow(inputs.data.this)
     if found is None:
         return missing(FLOW, "not_enough_data", None)
-    rows = [row for of in found.areas for row in _of_area(inputs, of)]
-    if all(row["value"] is None for row in rows):
-        return missing(FLOW, "not_enough_data", next((w for r in rows if isinstance(w := r["reason"], Reason)), None))
+    rows = [one for of in found.areas for one in _of_area(inputs, of)]
+    if all(one["value"] is None for one in rows):
+        return missing(FLOW, "not_enough_data", first_reason(rows))
     n_left = sum(of.following.n for of in found.areas if not inputs.small(of.following.n))
     return Figure(unit=FLOW, rows=tuple(rows), denominator=n_left, note=_note(found.areas))
 
@@ -58,19 +58,11 @@ def directions(inputs: FigureInputs) -> Figure:
     field = walking_directions(inputs.data.this)
     if not field.cells:
         return missing(DEGREES, "not_enough_data", Reason("flow.no_walkers"))
-    rows: list[Row] = [
-        {
-            "x_m": c.x_m,
-            "y_m": c.y_m,
-            "cell_m": field.cell_m,
-            "ways": c.ways,
-            "value": c.direction_deg,
-            "agreement": c.agreement,
-            "n_people": c.n_people,
-        }
+    rows = tuple(
+        row(c, "x_m", "y_m", "ways", "agreement", "n_people", cell_m=field.cell_m, value=c.direction_deg)
         for c in field.cells
-    ]
-    return Figure(unit=DEGREES, rows=tuple(rows), denominator=sum(c.n_people for c in field.cells))
+    )
+    return Figure(unit=DEGREES, rows=rows, denominator=sum(c.n_people for c in field.cells))
 
 
 def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:
@@ -108,7 +100,7 @@ def _per_open_h(inputs: FigureInputs, of: AreaFlow, to: Destination, *, is_in_vi
 
 
 def _limits(share: ShareEstimate) -> Row:
-    return {"value": share.value, "lo": share.lo, "hi": share.hi, "reason": share.reason}
+    return row(share, "value", "lo", "hi", "reason")
 
 
 def _hidden(inputs: FigureInputs, n: int) -> Reason | None:

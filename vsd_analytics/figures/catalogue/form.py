@@ -129,6 +129,11 @@ def missing(unit: str, state: State, reason: Reason | None) -> Figure:
     return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING_OPEN)
 
 
+def first_reason(rows: Sequence[Row]) -> Reason | None:
+    """Return why no row has a value: the reason of the first that gives one."""
+    return next((why for row in rows if isinstance(why := row["reason"], Reason)), None)
+
+
 def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:
     """Return reasons of several things as one, each after the name of its thing; None for none."""
     found = tuple(Reason("of", name=name, reason=reason) for name, reason in reasons if reason is not None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, of_estimate
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, of_estimate, row
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 
@@ -19,8 +19,7 @@ def exposure(inputs: FigureInputs) -> Figure:
         return missing(EXPOSURE, people.state, people.reason)
     level = inputs.rate(found.people)
     scale = exposure_h / level.value if level.value else None
-    limits = (None if v is None or scale is None else v * scale for v in (level.lo, level.hi))
-    lo, hi = limits
+    lo, hi = (None if v is None or scale is None else v * scale for v in (level.lo, level.hi))
     return Figure(
         unit=EXPOSURE,
         value=exposure_h,
@@ -43,15 +42,7 @@ def people_in_view(inputs: FigureInputs) -> Figure:
         {"what": "mean", "people": people.value, "start": None, "recorded_share": None},
     ]
     if found.peak is not None:
-        peak = found.peak
-        rows.append(
-            {
-                "what": "fullest quarter-hour",
-                "people": peak.people,
-                "start": peak.start.isoformat(),
-                "recorded_share": peak.recorded_share,
-            }
-        )
+        rows.append({"what": "fullest quarter-hour", **row(found.peak, "people", "start", "recorded_share")})
     return Figure(
         unit=MEAN,
         value=people.value,
@@ -81,14 +72,5 @@ def close(inputs: FigureInputs) -> Figure:
     for name, reading in (("all", found.close), ("between groups", found.close_between)):
         values = inputs.rate(reading)
         state = "ok" if values.value is not None else values.state
-        rows.append(
-            {
-                "reading": name,
-                "value": values.value,
-                "lo": values.lo,
-                "hi": values.hi,
-                "state": state,
-                "reason": values.reason,
-            }
-        )
+        rows.append({"reading": name, **row(values, "value", "lo", "hi", "reason", state=state)})
     return of_estimate(unit, level, found.close.exposure_h, rows=rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, row
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 
@@ -24,13 +24,7 @@ def coverage(inputs: FigureInputs) -> Figure:
 def outages(inputs: FigureInputs) -> Figure:
     """Return the outages of the week."""
     rows = tuple(
-        {
-            "cameras": ", ".join(o.camera_ids),
-            "start": o.start.isoformat(),
-            "end": o.end.isoformat(),
-            "open_h": o.open_h,
-            "is_inferred": o.is_inferred,
-        }
+        {"cameras": ", ".join(o.camera_ids), **row(o, "start", "end", "open_h", "is_inferred")}
         for o in inputs.coverage.outages
     )
     least_s = inputs.data.site.settings.outage_min_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, first_reason, missing, row
 from vsd_analytics.figures.visits import AreaVisits, visits
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -19,21 +19,13 @@ def visits_per_open_hour(inputs: FigureInputs) -> Figure:
     found = visits(inputs.data.this)
     rows: list[Row] = []
     for of in found:
-        why = _why_hidden(inputs, of) or of.often.reason
-        shown = of.often if _why_hidden(inputs, of) is None else None
-        rows.append(
-            {
-                **_place(of),
-                "value": None if shown is None else shown.rate,
-                "lo": None if shown is None else shown.lo,
-                "hi": None if shown is None else shown.hi,
-                "recorded_share": of.recorded_share,
-                "silent_cameras": ", ".join(of.silent_cameras),
-                "reason": why,
-            }
-        )
-    if all(row["value"] is None for row in rows):
-        return missing(PER_HOUR, "not_enough_data", _first_reason(rows))
+        hidden = _why_hidden(inputs, of)
+        value, lo, hi = (None, None, None) if hidden else (of.often.rate, of.often.lo, of.often.hi)
+        seen: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
+        why = hidden or of.often.reason
+        rows.append({**_place(of), "value": value, "lo": lo, "hi": hi, **seen, "reason": why})
+    if all(one["value"] is None for one in rows):
+        return missing(PER_HOUR, "not_enough_data", first_reason(rows))
     return Figure(unit=PER_HOUR, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.visits"))
 
 
@@ -54,8 +46,8 @@ def dwell_times(inputs: FigureInputs) -> Figure:
         for what, q in (("median", of.dwell.median), ("90 % leave within", of.dwell.p90)):
             rows.append({**_place(of), "what": what, "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
         rows += [_long_share(inputs, of), *_means(of)]
-    if all(row["value"] is None for row in rows):
-        return missing(SECONDS, "not_enough_data", _first_reason(rows))
+    if all(one["value"] is None for one in rows):
+        return missing(SECONDS, "not_enough_data", first_reason(rows))
     n_visits = sum(of.dwell.n_visits for of in found if not inputs.small(of.dwell.n_visits))
     return Figure(unit=SECONDS, rows=tuple(rows), denominator=n_visits, note=Reason("note.visits"))
 
@@ -68,9 +60,7 @@ def _long_share(inputs: FigureInputs, of: AreaVisits) -> Row:
     long, n = of.dwell.long_share, of.dwell.n_visits
     part = None if long.value is None else round(long.value * n)
     is_hidden = part is not None and inputs.small(part, n - part)
-    value = (
-        {"value": None, "lo": None, "hi": None} if is_hidden else {"value": long.value, "lo": long.lo, "hi": long.hi}
-    )
+    value = dict.fromkeys(("value", "lo", "hi")) if is_hidden else row(long, "value", "lo", "hi")
     why = _hidden(inputs) if is_hidden else long.reason
     limit: Row = {"longer_than_s": of.long_visit_s, "unit": "share"}
     return {**_place(of), "what": "share of long visits", **limit, **value, "reason": why}
@@ -92,8 +82,3 @@ def _why_hidden(inputs: FigureInputs, of: AreaVisits) -> Reason | None:
 
 def _hidden(inputs: FigureInputs) -> Reason:
     return Reason("hidden.visits", least=inputs.below)
-
-
-def _first_reason(rows: list[Row]) -> Reason | None:
-    """Return why no area has a value: the reason of the first."""
-    return next((why for row in rows if isinstance(why := row["reason"], Reason)), None)

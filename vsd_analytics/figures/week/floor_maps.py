@@ -13,6 +13,7 @@ from vsd_analytics.figures.panels import Array
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import FloorGrid, floor_fixtures
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_map import (
     Extent,
     FloorMap,
@@ -123,10 +124,7 @@ def plan_of(data: WeekData) -> MapImage | None:
 
 def map_fixtures(found: Sequence[Fixture]) -> tuple[MapFixture, ...]:
     """Return fixtures for drawing."""
-    return tuple(
-        MapFixture(fixture_id=f.fixture_id, name=f.name, kind=f.kind, is_movable=f.is_movable, ring=f.polygon)
-        for f in found
-    )
+    return tuple(same_fields(MapFixture, f, ring=f.polygon) for f in found)
 
 
 def _spots(data: WeekData, grid: FloorGrid, density: Array, areas: Sequence[AreaRow]) -> tuple[MapSpot, ...]:

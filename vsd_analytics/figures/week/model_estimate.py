@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, field
-from typing import Any
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any, TypeVar
 
 from vsd_analytics.result import Reason, State, Verdict
 
@@ -16,6 +16,13 @@ def described(meaning: str, unit: str | None = None, metric: str | None = None, 
 
 
 _f = described
+_Section = TypeVar("_Section")
+
+
+def same_fields(section: type[_Section], found: object, **others: Any) -> _Section:
+    """Return a section of the report whose fields are attributes of the same names; `others` are given or differ."""
+    names = [f.name for f in fields(section) if f.name not in others and hasattr(found, f.name)]  # type: ignore[arg-type]
+    return section(**{name: getattr(found, name) for name in names}, **others)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

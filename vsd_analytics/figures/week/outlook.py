@@ -8,6 +8,7 @@ from typing import Final
 
 from vsd_analytics.figures import forecast
 from vsd_analytics.figures.unusual import UnusualWeek
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_sections import Outlook, OutlookHour, OutlookScore, UnusualHour, UnusualHours
 from vsd_analytics.figures.week.results import HourCell, When
 from vsd_analytics.stats.forecast import ForecastScore
@@ -19,44 +20,28 @@ HIGHEST: Final = 3
 def outlook(found: forecast.FloorForecast) -> Outlook:
     """Return what next week will be like, and how good the last forecast was."""
     series = found.violations
-    hours = [
-        OutlookHour(day=r.day, hour=r.hour, value=r.value, lo=r.lo, hi=r.hi) for r in series.rows if r.value is not None
-    ]
+    hours = [same_fields(OutlookHour, r) for r in series.rows if r.value is not None]
     _, number, _ = found.monday.isocalendar()
-    return Outlook(
+    return same_fields(
+        Outlook,
+        series,
         iso=found.week,
         number=number,
         monday=found.monday,
         mean=sum(h.value for h in hours) / len(hours) if hours else None,
         highest=tuple(sorted(hours, key=lambda h: (-h.value, h.day, h.hour))[:HIGHEST]),
-        range_share=series.range_share,
-        n_weeks=series.n_weeks,
         score=_score(series.score),
-        state=series.state,
-        reason=series.reason,
     )
 
 
 def unusual(found: UnusualWeek, *, when: When) -> UnusualHours:
     """Return the hours far from usual; a count the timetable holds back is held back here, too."""
     cells = {(c.day, c.hour): c for c in when.cells if c.fold == 0}
-    return UnusualHours(
-        rows=tuple(
-            UnusualHour(
-                day=r.day,
-                hour=r.hour,
-                violations=r.violations if _is_printed(cells, r.day, r.hour) else None,
-                usual=r.usual,
-                lo=r.lo,
-                hi=r.hi,
-            )
-            for r in found.rows
-        ),
-        n_unusual=found.n_unusual,
-        n_tested=found.n_tested,
-        state=found.state,
-        reason=found.reason,
+    rows = (
+        same_fields(UnusualHour, r, violations=r.violations if _is_printed(cells, r.day, r.hour) else None)
+        for r in found.rows
     )
+    return same_fields(UnusualHours, found, rows=tuple(rows))
 
 
 def _is_printed(cells: Mapping[tuple[date, int], HourCell], day: date, hour: int) -> bool:

@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from vsd_analytics.figures.self_check import FloorSelfCheck
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_sections import FalseAlarmShare, SelfCheck
-from vsd_analytics.stats.false_alarms import FalseAlarms
 
 
 def section(found: FloorSelfCheck) -> SelfCheck:
     """Return the self-check as the report prints it."""
+    measured = {"both": found.both, "often": found.often, "risky": found.risky}
+    shares = {name: None if of is None else same_fields(FalseAlarmShare, of) for name, of in measured.items()}
     expected, lo, hi = found.false_a_year or (None, None, None)
-    return SelfCheck(
-        n_weeks=found.n_weeks,
-        both=_share(found.both),
-        often=_share(found.often),
-        risky=_share(found.risky),
-        verdicts_a_year=found.verdicts_a_year,
-        false_a_year=expected,
-        false_a_year_lo=lo,
-        false_a_year_hi=hi,
-        state=found.state,
-        reason=found.reason,
-    )
-
-
-def _share(found: FalseAlarms | None) -> FalseAlarmShare | None:
-    return None if found is None else FalseAlarmShare(share=found.share, lo=found.lo, hi=found.hi)
+    return same_fields(SelfCheck, found, **shares, false_a_year=expected, false_a_year_lo=lo, false_a_year_hi=hi)

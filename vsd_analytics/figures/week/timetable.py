@@ -11,6 +11,7 @@ import numpy as np
 from vsd_analytics.figures.close_time import close_share_by_hour
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import timetable_hours
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, HourState, When
 
 
@@ -125,9 +126,4 @@ def _busiest(known: Sequence[tuple[HourCell, float]]) -> BusiestHour | None:
         return None
     cell, n = best
     mean, _ = _mean([value for _, value in known])
-    return BusiestHour(
-        start=cell.start,
-        violations=cell.violations,
-        is_masked=cell.is_masked,
-        ratio_to_mean=None if cell.is_masked or not mean else n / mean,
-    )
+    return same_fields(BusiestHour, cell, ratio_to_mean=None if cell.is_masked or not mean else n / mean)

@@ -15,6 +15,7 @@ from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import floor_fixtures
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.spots import place_shape
@@ -72,13 +73,10 @@ def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
     for one in asked:
         answer = answers.get(one.question_id)
         found.append(
-            PastQuestion(
-                question_id=one.question_id,
-                monday=one.monday,
+            same_fields(
+                PastQuestion,
+                one,
                 number=one.monday.isocalendar().week,
-                text=one.text,
-                place=one.place,
-                remedy=one.remedy,
                 answer=None if answer is None else answer.kind,
                 answered_at=None if answer is None else answer.at.astimezone(site.zone),
                 answer_text="" if answer is None else answer.text,

@@ -18,6 +18,7 @@ from vsd_analytics.figures.week import estimates, findings, recording, timetable
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.floor_maps import floor_maps
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import (
     Figure,
@@ -79,15 +80,7 @@ def week_report(
         >>> report.state, vsd.render_html(report)[:15]
         ('first_week', '<!doctype html>')
     """
-    floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
-    if floor is None:
-        raise KeyError(floor_id)
-    first, last = _first_day(site, monday), monday + timedelta(days=6)
-    opened = open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours)
-    with speaking(chosen() or site.language), opened as warehouse:
-        data = WeekData(_made(warehouse), floor=floor, monday=monday)
-        found = Findings(data)
-        return headline.finish(with_more_maps(with_more(_report(data, floor, found, now), data, found), data))
+    return _of_days(site, monday, None, floor_id=floor_id, now=now, on_plan=on_plan, on_hours=on_hours)
 
 
 def days_report(
@@ -119,15 +112,31 @@ def days_report(
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
     """
+    return _of_days(site, first, last, floor_id=floor_id, now=now, on_plan=on_plan, on_hours=on_hours)
+
+
+def _of_days(
+    site: Site,
+    first: date,
+    last: date | None,
+    *,
+    floor_id: str | None,
+    now: datetime | None,
+    on_plan: Callable[[int], None] | None,
+    on_hours: Callable[[int], None] | None,
+) -> WeekReport:
+    """Return the report of the week from `first`, or of other days up to `last`."""
     floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
     if floor is None:
         raise KeyError(floor_id)
-    before = first - (last + timedelta(days=1) - first)
-    opened = open_warehouse(site, min(before, _first_day(site, first)), last, on_plan=on_plan, on_hours=on_hours)
+    end = first + WEEK if last is None else last + timedelta(days=1)
+    loaded = min(first - (end - first), _first_day(site, first)), end - timedelta(days=1)
+    opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours)
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last)
         found = Findings(data)
-        return headline.finish(with_more_maps(with_more_of_days(_report(data, floor, found, now), data, found), data))
+        add = with_more if data.is_week else with_more_of_days
+        return headline.finish(with_more_maps(add(_report(data, floor, found, now), data, found), data))
 
 
 def _made(warehouse: Warehouse) -> Warehouse:
@@ -186,21 +195,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
             notes=tuple(run.warning(site) for run in data.warehouse.other_rules()),
         ),
-        rules=Rules(
-            distance_m=settings.distance_m,
-            distance_unit=settings.distance_unit,
-            episode_min_s=settings.episode_min_s,
-            confidence=settings.confidence,
-            mask_below=settings.mask_below,
-            min_coverage=settings.min_coverage,
-            full_hour_share=settings.full_hour_share,
-            partial_hour_share=settings.partial_hour_share,
-            heat_steps=settings.heat_steps,
-            hour_steps=settings.hour_steps,
-            smoothing_m=settings.smoothing_m,
-            retention_days=settings.retention_days,
-            material_share=settings.material_share,
-        ),
+        rules=same_fields(Rules, settings),
         state=state,
         coverage=coverage,
         level=level,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.draw import flow_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.map_panels import MapFigure, MapPanel
@@ -24,7 +25,7 @@ def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFi
         floor: The floor's map.
         is_alone: Every drawing carries the plan itself and can be taken from the page.
     """
-    between, cells = (_rows(report, key) for key in ("M37", "M42"))
+    between, cells = (rows_of(report.figures, key) for key in ("M37", "M42"))
     number, panels = report.week.number, []
     if cells:
         label = say("maps.flow_label_directions", floor=floor.title, number=number)
@@ -84,8 +85,9 @@ def _partial(between: Rows) -> list[str]:
     return [say("maps.flow_in_view", places=terms.joined(unseen))] if unseen else []
 
 
-def _rows(report: WeekReport, key: str) -> Rows:
-    figure = report.figures.get(key)
+def rows_of(figures: Mapping[str, Figure], metric: str) -> Rows:
+    """Return the rows of a figure; none where it is absent or not known."""
+    figure = figures.get(metric)
     return () if figure is None or figure.rows is None else figure.rows
 
 

@@ -10,35 +10,28 @@ from __future__ import annotations
 import hashlib
 import io
 import re
-import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import datetime
 from email.message import EmailMessage
 from email.policy import SMTP
 from email.utils import format_datetime
-from functools import cache
 from typing import Any, Final
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vsd_analytics.errors import CONTROL
 from vsd_analytics.report.draw.svg import RAMP_LIGHT
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.key_figures import Tile
 from vsd_analytics.report.pages.single_figures import map_svg, to_png
-from vsd_analytics.report.pages.week import Page, make_page
+from vsd_analytics.report.pages.week import Page, make_page, rendered
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.languages import html_tag
 from vsd_analytics.report.words.spoken import in_its_words
-from vsd_analytics.resources import shipped
 
 PICTURE_MAX_BYTES: Final = 60_000
 PICTURE_CID: Final = "map@vsd-analytics"
 NOBODY: Final = "vsd-analytics@localhost.invalid"
 SUBJECT_MAX_CHARS: Final = 180
-TEXT_WIDTH: Final = 72
 _SIZES: Final = ((1120, 64), (1120, 32), (840, 32), (560, 64), (560, 32), (420, 32), (280, 16))
 
 
@@ -283,31 +276,7 @@ def _words(page: Page, *, link: str | None, attachments: Sequence[Attachment], h
 
 def filled(template: str, words: Any) -> str:
     """Return a template of a mail filled with the fields of a dataclass; text has no control characters."""
-    context = {f.name: getattr(words, f.name) for f in fields(words)}
-    text = _environment().get_template(template).render(context)
+    text = rendered(template, words)
     if template.endswith(".txt.j2"):
         return CONTROL.sub(" ", text.replace("\n", "\t")).replace("\t", "\n")
     return re.sub(r"\n\s*\n+", "\n", text)
-
-
-def _wrap(text: str, first: str = "", rest: str = "") -> str:
-    """Return text as lines of a plain mail; line ends of the text itself become spaces."""
-    plain = " ".join(CONTROL.sub(" ", str(text)).replace("\u00a0", " ").split())
-    return textwrap.fill(
-        plain, TEXT_WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False
-    )
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(shipped("reports") / "templates"),
-        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters.update(fmt.FILTERS, wrap=_wrap)
-    environment.globals.update(html_tag=html_tag, say=say)
-    return environment

@@ -217,7 +217,9 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     shown = _shown(report, figures, log_section=log_section)
     timetable, strips = tables.timetable(report), tables.strips(report)
     limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
-    steps = report.rules.heat_steps
+    rules, steps = report.rules, report.rules.heat_steps
+    half_the_distance = fmt.distance(LIMIT_SHARE * rules.distance_m, rules.distance_unit)
+    titles_of_things = {3: "things.title_three", 2: "things.title_two"}
     names = {c.camera_id: c.name for c in report.coverage.cameras}
     return Page(
         report=report,
@@ -228,7 +230,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         shown=shown,
         contents=tuple((k, say(f"nav.{k}")) for k in _SECTIONS if k in shown),
         anchors={k: say(f"nav.{k}") for k in _SECTIONS},
-        things_title=_things_title(len(report.story.things)),
+        things_title=say(titles_of_things.get(len(report.story.things), "things.title_one")),
         tiles=tiles(report),
         titles={name: getattr(figure_titles, name)(report) for name in ("where", "when", "changed", "data")},
         maps=tuple(_drawn(m, i, report, is_ranked=is_ranked) for i, m in enumerate(report.maps)),
@@ -236,18 +238,18 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         has_spots=is_ranked and any(m.spots for m in report.maps),
         heat_legend=tables.legend(steps, is_count=False),
         doubles=all(abs(b - 2 * a) < 1e-9 for a, b in pairwise(steps)),
-        hour_legend=tables.legend(report.rules.hour_steps, is_count=True),
+        hour_legend=tables.legend(rules.hour_steps, is_count=True),
         is_ranked=is_ranked,
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
         blocks=tables.blocks(timetable),
         not_recorded=not_recorded(report),
-        too_uncertain=say("where.too_uncertain", half=_half_the_distance(report)),
+        too_uncertain=say("where.too_uncertain", half=half_the_distance),
         down=terms.joined(terms.camera_name(names.get(c, c)) for c in _down(report)),
         masked_hours=any(c.is_masked for c in report.when.cells),
         held_hours=any(c.is_held_back for c in report.when.cells),
         held_areas=any(a.is_held_back for a in report.areas),
-        mask_middle=report.rules.mask_below / 2,
+        mask_middle=rules.mask_below / 2,
         second=any(row.is_second for row in timetable.rows),
         is_compared=is_compared,
         why_not_compared=_why_not_compared(report),
@@ -256,7 +258,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         strips=strips,
         strip_blocks=tables.strip_blocks(strips),
         outages=tuple(tables.outage_row(o, names) for o in report.coverage.outages),
-        distance=fmt.distance_unbroken(report.rules.distance_m, report.rules.distance_unit),
+        distance=fmt.distance_unbroken(rules.distance_m, rules.distance_unit),
         readings_note=sections.readings_note(report),
         between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
         cards=cards(report, question=report.story.question),
@@ -291,14 +293,6 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
     asked = {"waiting"} if report.figures.keys() & {"M39", "M41"} else set()
     return frozenset({"changed"} | always | hours | maps | asked)
-
-
-def _half_the_distance(report: WeekReport) -> str:
-    return fmt.distance(LIMIT_SHARE * report.rules.distance_m, report.rules.distance_unit)
-
-
-def _things_title(n: int) -> str:
-    return say({3: "things.title_three", 2: "things.title_two"}.get(n, "things.title_one"))
 
 
 def _messages(report: WeekReport) -> str:
@@ -396,13 +390,17 @@ def _change_row(
 
 def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
-    footer = css_string(say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year))
+    footer = say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year)
+    return shipped_style() + printed_footers(footer) + (LETTER if paper == "letter" else "")
+
+
+def printed_footers(text: str) -> str:
+    """Return the style of printed pages: a text at the left of each foot, its number at the right."""
     of, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
-    pages = (
-        f"@page {{ @bottom-left {{ content: {footer}; {font} }} "
+    return (
+        f"@page {{ @bottom-left {{ content: {css_string(text)}; {font} }} "
         f"@bottom-right {{ content: counter(page) {of} counter(pages); {font} }} }}"
     )
-    return shipped_style() + pages + (LETTER if paper == "letter" else "")
 
 
 @cache
@@ -439,12 +437,12 @@ def environment() -> Environment:
     """Return the templates with everything `format` writes as filters; undefined names are errors, text is escaped."""
     made = Environment(
         loader=FileSystemLoader(shipped("reports") / "templates"),
-        autoescape=True,
+        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters.update(fmt.FILTERS, reason=reason_text)
+    made.filters.update(fmt.FILTERS, reason=reason_text, wrap=fmt.plain_lines)
     made.globals.update(say=say, say_html=say_html, html_tag=html_tag)
     return made

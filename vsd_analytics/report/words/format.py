@@ -7,10 +7,12 @@ Templates call these as filters and do no arithmetic of their own.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable
 from datetime import date, datetime
 from typing import Final
 
+from vsd_analytics.errors import CONTROL
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.scale_bar import M_PER_FT
 from vsd_analytics.report.words.catalogue import say
@@ -18,6 +20,8 @@ from vsd_analytics.report.words.languages import days, months, separated
 
 MINUS: Final = "\u2212"
 MISSING: Final = "\u2013"
+MAIL_WIDTH: Final = 72
+"""Characters in a line of a plain mail."""
 
 
 def number(value: float | None) -> str:
@@ -305,6 +309,14 @@ def instant_long(at: datetime) -> str:
 def masked(mask_below: int) -> str:
     """Write a count that is held back: <5."""
     return f"<{mask_below}"
+
+
+def plain_lines(text: str, first: str = "", rest: str = "") -> str:
+    """Return text as lines of a plain mail; line ends of the text itself become spaces."""
+    plain = " ".join(CONTROL.sub(" ", str(text)).replace("\u00a0", " ").split())
+    return textwrap.fill(
+        plain, MAIL_WIDTH, initial_indent=first, subsequent_indent=rest, break_long_words=False, break_on_hyphens=False
+    )
 
 
 _FILTERS: Final = (
