@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -104,9 +105,10 @@ class DayFiles:
         shared, no_facts = self._shared(relation), text_hash([[], []])
         of_areas = bool({name for r in _marts_of(relation) for name in r.reads} & _OF_AREAS)
         own = {d: self._own(d, of_areas=of_areas, is_site_day=relation.stored_by == SITE_DAY) for d in days}
-        known = [d for d, inputs in own.items() if inputs["facts"] != no_facts]
-        near = {d + timedelta(days=k) for d in known for k in range(-NEAR_DAYS, NEAR_DAYS + 1)}
-        return {d: self._file(relation, d, {**shared, **inputs}, is_stored=d in near) for d, inputs in own.items()}
+        known = sorted(d.toordinal() for d, inputs in own.items() if inputs["facts"] != no_facts)
+        near = (_is_near(d.toordinal(), known) for d in own)
+        every = zip(own.items(), near, strict=True)
+        return {d: self._file(relation, d, {**shared, **inputs}, is_stored=is_near) for (d, inputs), is_near in every}
 
     def _file(self, relation: Relation, day: date, inputs: InputHashes, *, is_stored: bool = True) -> DayFile:
         folder = unit_folder(self._folder, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
@@ -159,6 +161,12 @@ class DayFiles:
             known = [(d, self._days[d]) for d in days if d in self._days]
             self._hashes[first_hour, last_hour] = text_hash([hours, known])
         return self._hashes[first_hour, last_hour]
+
+
+def _is_near(day: int, known: Sequence[int]) -> bool:
+    """Return whether one of some days, in order, is at most NEAR_DAYS from a day."""
+    after = bisect_left(known, day - NEAR_DAYS)
+    return after < len(known) and known[after] <= day + NEAR_DAYS
 
 
 def day_fingerprint(name: str, day: date, inputs: InputHashes) -> str:
