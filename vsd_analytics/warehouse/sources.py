@@ -24,7 +24,7 @@ from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.relations import RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation
-from vsd_analytics.warehouse.week_files import WeekFile, by_week, make_week, week_files
+from vsd_analytics.warehouse.week_files import WeekFile, by_week, make_week, others_of, week_files
 
 if TYPE_CHECKING:
     import duckdb
@@ -174,10 +174,10 @@ class RelationSources:
         return week_files(root, relation.name, self._site.site_id, paths)
 
     def _make(self, weeks: Iterable[WeekFile]) -> None:
-        """Write the week files that are missing, and note what they replace."""
+        """Write the week files that are missing, and note what each replaces, also if its writer was killed."""
         for week in weeks:
-            if not is_whole(week.path):
-                self._superseded += make_week(week)
+            if make_week(week):
+                self._superseded += others_of(week.path)
 
     def _write(self, files: Mapping[Day, DayFile], rows_by_day: Iterable[tuple[Day, pa.Table]]) -> dict[Day, pa.Table]:
         """Write day files, note what they supersede, and return the rows that were not written.

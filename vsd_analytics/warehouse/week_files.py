@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,27 +85,30 @@ def week_files(root: Path, name: str, site_id: str, paths: Mapping[int, Path]) -
     return found
 
 
-def make_week(week: WeekFile) -> list[Path]:
-    """Write a week file from its seven files; return the files it replaces.
+def make_week(week: WeekFile) -> bool:
+    """Write a week file from its seven files unless it is there; return whether it is.
 
-    Nothing is written where a day's file is damaged (whoever reads the day says so), where the seven are large, and
-    where the disk refuses.
+    It is not written where a day's file is damaged (whoever reads the day says so), where the seven are large, and
+    where the disk refuses. Nor where a day has an older file that is yet to be removed: once there is a week file,
+    nobody looks into the folders of its days.
     """
+    if is_whole(week.path):
+        return True
     try:
-        if sum(p.stat().st_size for p in week.members) > _BYTES_MAX:
-            return []
+        if sum(p.stat().st_size for p in week.members) > _BYTES_MAX or any(map(others_of, week.members)):
+            return False
         data = [p.read_bytes() for p in week.members]
         if not all(map(is_undamaged, data)):
-            return []
+            return False
         days = [pq.ParquetFile(pa.BufferReader(d)).read().replace_schema_metadata(None) for d in data]
         if any(day.schema != days[0].schema for day in days):
-            return []
+            return False
         inputs = {MEMBERS: [p.name for p in week.members]}
         publish(week.path, fact_bytes(pa.concat_tables(days), inputs=inputs), is_synced=False)
         sweep_temporaries(week.path.parent)
     except OSError:
-        return []
-    return list(_others(week.path))
+        return False
+    return True
 
 
 def by_week(weeks: Iterable[WeekFile], days: Mapping[int, Path]) -> dict[int, Path]:
@@ -119,9 +122,9 @@ def by_week(weeks: Iterable[WeekFile], days: Mapping[int, Path]) -> dict[int, Pa
     return dict(sorted(found.items()))
 
 
-def _others(path: Path) -> Iterator[Path]:
+def others_of(path: Path) -> list[Path]:
+    """Return the other files in the folder of a day's or week's file: older fingerprints, and temporary files."""
     with contextlib.suppress(FileNotFoundError):
-        for name in sorted(os.listdir(path.parent)):
-            other = path.parent / name
-            if other != path and (other.suffix == ".parquet" or is_temporary(other)):
-                yield other
+        others = [path.parent / name for name in os.listdir(path.parent) if name != path.name]
+        return sorted(p for p in others if p.suffix == ".parquet" or is_temporary(p))
+    return []
