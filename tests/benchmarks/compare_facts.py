@@ -18,11 +18,11 @@ TYPES = "describe select * from read_parquet({}, hive_partitioning = false)"
 
 
 def files(project: Path) -> dict[str, list[Path]]:
-    """Return the files of each fact and day, without the days of marts and the facts of other settings."""
+    """Return the files of each fact and day, without those of days and weeks and the facts of other settings."""
     found: dict[str, list[Path]] = {}
     for path in sorted((project / "facts").rglob("*.parquet")):
         fact, *_, day, _ = path.relative_to(project / "facts").parts
-        if fact not in ("days", "beside"):
+        if fact not in ("days", "weeks", "beside"):
             found.setdefault(f"{fact} {day}", []).append(path)
     return found
 

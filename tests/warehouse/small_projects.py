@@ -135,7 +135,7 @@ def open_days(site: Site, first: str = "2026-11-09", last: str | None = None, **
 def fact_files(site: Site) -> dict[str, bytes]:
     """Return name and bytes of every fact file of an hour or UTC day, without what days keep of them."""
     root = site.root / "facts"
-    paths = [p for p in sorted(root.rglob("*.parquet")) if p.relative_to(root).parts[0] != "days"]
+    paths = [p for p in sorted(root.rglob("*.parquet")) if p.relative_to(root).parts[0] not in ("days", "weeks")]
     return {str(p.relative_to(root)): p.read_bytes() for p in paths}
 
 

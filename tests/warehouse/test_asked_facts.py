@@ -35,7 +35,8 @@ def records(seed: int, hours: range = range(HOURS)) -> list[Person | Frame]:
 
 def folders(site: Site) -> set[str]:
     """Return the facts with a file."""
-    return {p.relative_to(site.root / "facts").parts[0] for p in (site.root / "facts").rglob("*.parquet")} - {"days"}
+    root = site.root / "facts"
+    return {p.relative_to(root).parts[0] for p in root.rglob("*.parquet")} - {"days", "weeks"}
 
 
 def whole(site: Site, elsewhere: Path) -> dict[str, bytes]:

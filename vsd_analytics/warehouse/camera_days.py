@@ -75,7 +75,7 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     for unit in units:
         try:
             with pq.ParquetFile(day_path(site, unit)) as file:
-                rows, spans = file.read(), spans_of(file.metadata.metadata)
+                rows, spans = file.read(use_threads=False), spans_of(file.metadata.metadata)
         except (pa.ArrowException, OSError) as error:
             raise damaged_facts(error) from None
         known = rows.to_pylist()

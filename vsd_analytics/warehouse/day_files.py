@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ from vsd_analytics.warehouse.dimensions import params
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, text_hash
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.stored_days import Extent
+from vsd_analytics.warehouse.week_files import DAYS
+from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 AROUND_H = 25
 """Hours of facts loaded on either side of a range: a day for episodes and site days that reach into it, and one hour
@@ -84,6 +87,7 @@ class DayFiles:
         days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
         self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
         self._hashes: dict[tuple[int, int], str] = {}
+        self._owned: dict[tuple[bool, bool, date], InputHashes] = {}
 
     def sealed_files(self, relation: Relation, *, first_hour: int, last_hour: int) -> dict[int, DayFile]:
         """Return the day files of a fact by UTC day number: of days with sealed hours that lie whole in a range."""
@@ -99,10 +103,12 @@ class DayFiles:
         spans = [(e.first_day - before, e.last_day) for e in self._extents]
         days = [first + timedelta(days=i) for first, last in spans for i in range((last - first).days + 1)]
         shared, no_facts = self._shared(relation), text_hash([[], []])
-        own = {d: self._own(relation, d) for d in days}
-        known = [d for d, inputs in own.items() if inputs["facts"] != no_facts]
-        near = {d + timedelta(days=k) for d in known for k in range(-NEAR_DAYS, NEAR_DAYS + 1)}
-        return {d: self._file(relation, d, {**shared, **inputs}, is_stored=d in near) for d, inputs in own.items()}
+        of_areas = bool({name for r in _marts_of(relation) for name in r.reads} & _OF_AREAS)
+        own = {d: self._own(d, of_areas=of_areas, is_site_day=relation.stored_by == SITE_DAY) for d in days}
+        known = sorted(d.toordinal() for d, inputs in own.items() if inputs["facts"] != no_facts)
+        near = (_is_near(d.toordinal(), known) for d in own)
+        every = zip(own.items(), near, strict=True)
+        return {d: self._file(relation, d, {**shared, **inputs}, is_stored=is_near) for (d, inputs), is_near in every}
 
     def _file(self, relation: Relation, day: date, inputs: InputHashes, *, is_stored: bool = True) -> DayFile:
         folder = unit_folder(self._folder, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
@@ -124,24 +130,28 @@ class DayFiles:
             found["views"] = self._times.owners
         return found
 
-    def _own(self, relation: Relation, day: date) -> dict[str, str]:
-        """Return the input hashes of one day: of the facts around it, and of its calendar."""
+    def _own(self, day: date, *, of_areas: bool, is_site_day: bool) -> InputHashes:
+        """Return the input hashes of one day: of the facts around it, of its calendar and, where read, of its areas."""
+        key = (of_areas, is_site_day, day)
+        if key in self._owned:  # many marts read the same inputs
+            return self._owned[key]
         site = self._site
         midnights = [day + timedelta(days=k) for k in (0, 1, 2)]
         edges = [round(datetime(d.year, d.month, d.day, tzinfo=site.zone).timestamp()) for d in midnights]
         opened = None if site.opening is None else site.opening[day.weekday()]
         hours = (edges[0] // 3600 - AROUND_H, (edges[1] - 1) // 3600 + AROUND_H)
-        if relation.stored_by == SITE_DAY:  # track ids end with it, so no row reads beyond it
+        if is_site_day:  # track ids end with it, so no row reads beyond it
             starts_s = site.day_starts_min * 60
             hours = ((edges[0] + starts_s) // 3600 - 1, (edges[1] + starts_s) // 3600 + 1)
         found = {
             "facts": self._facts(*hours),
             "calendar": text_hash([site.timezone, edges, site.day_starts_min, opened, day in site.closed]),
         }
-        if {name for r in _marts_of(relation) for name in r.reads} & _OF_AREAS:
+        if of_areas:
             around = (day - timedelta(days=1), day, day + timedelta(days=1))
             areas = [[(a.area_id, a.floor_id, a.polygon) for a in site.areas if a.is_there(d, d)] for d in around]
             found["areas"] = text_hash([areas, FLOOR_CELL_M])
+        self._owned[key] = found
         return found
 
     def _facts(self, first_hour: int, last_hour: int) -> str:
@@ -151,6 +161,12 @@ class DayFiles:
             known = [(d, self._days[d]) for d in days if d in self._days]
             self._hashes[first_hour, last_hour] = text_hash([hours, known])
         return self._hashes[first_hour, last_hour]
+
+
+def _is_near(day: int, known: Sequence[int]) -> bool:
+    """Return whether one of some days, in order, is at most NEAR_DAYS from a day."""
+    after = bisect_left(known, day - NEAR_DAYS)
+    return after < len(known) and known[after] <= day + NEAR_DAYS
 
 
 def day_fingerprint(name: str, day: date, inputs: InputHashes) -> str:
@@ -202,7 +218,7 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
 
 
 def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
-    """Return all files of facts and days, of all settings, whose rows may come from records of some UTC hours.
+    """Return all files of facts, days and weeks, of all settings, whose rows may come from records of some UTC hours.
 
     Hourly facts are those of the days of these hours: their files hold whole days.
     """
@@ -219,6 +235,10 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
         for relation in relations_stored_by_day():
             parts = list_parts(root / FOLDER.name, relation.name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in near]
+        within["first_hour"] -= (DAYS - 1) * 24
+        for relation in [*relations("facts").values(), *relations_stored_by_day()]:
+            weeks = list_parts(root / WEEKS, relation.name, site.site_id, **within)
+            found += [p.path for p in weeks if near & set(range(p.hour // 24, p.hour // 24 + DAYS))]
     return found
 
 

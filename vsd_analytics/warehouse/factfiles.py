@@ -77,12 +77,12 @@ class FactWriter:
         self._writer.write_table(rows.replace_schema_metadata(self._noted), row_group_size=max(1, rows.num_rows))
 
 
-def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, str], noted: Mapping[bytes, bytes] | None = None) -> bytes:
+def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:
     """Return the bytes of a fact file.
 
     Args:
         rows: Its rows.
-        inputs: Hash of each kind of input they were computed from.
+        inputs: Hash of each kind of input they were computed from, or of a week the names of its files.
         noted: Other metadata.
     """
     writer = FactWriter(inputs, noted)

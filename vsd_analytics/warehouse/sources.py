@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import date, timedelta
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -16,20 +17,26 @@ from vsd_analytics.store.duck import literal_list
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.seals import FOLDER as SEALED
 from vsd_analytics.store.seals import Seals
+from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
 from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.relations import RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation
+from vsd_analytics.warehouse.week_files import WeekFile, by_week, make_week, others_of, week_files
 
 if TYPE_CHECKING:
     import duckdb
 
 Day = TypeVar("Day", int, date)
 
+_EPOCH = date(1970, 1, 1)
 _NEVER_IN_MEMORY = ("pairs", "distance_times", "company_times")
 """Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
+
+_MATERIALISE_AT = {"floor_cells": 2}
+"""A page asks this large fact once, for the ends of the floor, and needs no row of it in memory for that."""
 
 
 class RelationSources:
@@ -63,6 +70,7 @@ class RelationSources:
         self._whole_facts, self._rows_of_days = whole_facts, rows_of_days
         self._read: list[Path] = []
         self._superseded = superseded_files
+        self._roots = beside.roots(site)
 
     def of(self, relation: Relation) -> RelationSource:
         """Return where the rows of a relation come from, after writing its missing day files."""
@@ -73,7 +81,7 @@ class RelationSources:
             return RelationSource(relation.sql, relation.reads)
         return RelationSource(
             self._of_hours(relation, *self._hours),
-            materialise_at=None if relation.name in _NEVER_IN_MEMORY else 1,
+            materialise_at=None if relation.name in _NEVER_IN_MEMORY else _MATERIALISE_AT.get(relation.name, 1),
             is_files=True,
         )
 
@@ -93,18 +101,24 @@ class RelationSources:
         is_day = relation.unit == "day"
         # The file of a day begins with its first hour. `camera_days` is read of the days beside those of the range too.
         first, last = (first_hour - 48, last_hour + 48) if is_day else (first_hour - 23, last_hour)
-        days = self._built.paths[relation.name]
-        fresh = [(d * 24, path) for d, path in days.items() if first <= d * 24 <= last]
-        if not is_day and not all(is_whole(path) for _, path in fresh):
-            days = self._whole_facts(relation.name).paths[relation.name]
-            fresh = [(d * 24, path) for d, path in days.items() if first <= d * 24 <= last]
-        is_cut = not is_day and any(h < first_hour or h + 23 > last_hour for h, _ in fresh)
         sealed = [
             (h, path)
             for h, path in self._built.sealed.fact_paths(self._site, relation.name)
             if (first if is_day else first_hour) <= h <= last
         ]
-        paths = [path for _, path in sorted([*fresh, *sealed])]
+
+        def fresh_files(built: BuildResult) -> dict[int, Path]:
+            return {d: path for d, path in built.paths[relation.name].items() if first <= d * 24 <= last}
+
+        fresh = fresh_files(self._built)
+        sealed_days = {h // 24 for h, _ in sealed}
+        weeks = self._weeks(relation, {d: path for d, path in fresh.items() if d not in sealed_days})
+        if not is_day and not all(map(is_whole, by_week(weeks, fresh).values())):
+            fresh = fresh_files(self._whole_facts(relation.name))
+        self._make(weeks)
+        is_cut = not is_day and any(d * 24 < first_hour or d * 24 + 23 > last_hour for d in fresh)
+        files = [(d * 24, path) for d, path in by_week(weeks, fresh).items()]
+        paths = [path for _, path in sorted([*files, *sealed])]
         self._read += paths
         if not paths:
             return _empty(relation)
@@ -136,15 +150,34 @@ class RelationSources:
     def _mart_by_days(self, relation: Relation, days: DayFiles) -> str:
         """Return a query of the rows of a mart: each day from its file, computing runs of missing days at once."""
         files = days.files(relation)
-        missing = _runs([d for d, file in files.items() if not is_whole(file.path)])
+        paths = {_number(d): file.path for d, file in files.items()}
+        weeks = self._weeks(relation, {_number(d): file.path for d, file in files.items() if file.is_stored})
+        read = by_week(weeks, paths)
+        single = {d: file for d, file in files.items() if read.get(_number(d)) == file.path}
+        missing = _runs([d for d, file in single.items() if not is_whole(file.path)])
 
         def rows_by_day() -> Iterator[tuple[date, pa.Table]]:
             for run in missing:
                 rows = self._rows_of_days(relation, run[0], run[-1])
                 yield from ((d, rows.filter(pc.equal(rows[relation.stored_by], d))) for d in run)
 
-        unwritten = self._write(files, rows_by_day())
-        return self._in_order(relation, [unwritten.get(d, file.path) for d, file in files.items()])
+        unwritten = self._write(single, rows_by_day())
+        self._make(weeks)
+        pieces: dict[int, Path | pa.Table] = {**by_week(weeks, paths), **{_number(d): t for d, t in unwritten.items()}}
+        return self._in_order(relation, [piece for _, piece in sorted(pieces.items(), key=itemgetter(0))])
+
+    def _weeks(self, relation: Relation, paths: Mapping[int, Path]) -> list[WeekFile]:
+        """Return the week files of a relation; none for a warehouse that computes the rows of days."""
+        if self._days is None:
+            return []
+        root = beside.days_folder(self._site).parent if relation.layer == "marts" else self._roots[relation.name]
+        return week_files(root, relation.name, self._site.site_id, paths)
+
+    def _make(self, weeks: Iterable[WeekFile]) -> None:
+        """Write the week files that are missing, and note what each replaces, also if its writer was killed."""
+        for week in weeks:
+            if make_week(week):
+                self._superseded += others_of(week.path)
 
     def _write(self, files: Mapping[Day, DayFile], rows_by_day: Iterable[tuple[Day, pa.Table]]) -> dict[Day, pa.Table]:
         """Write day files, note what they supersede, and return the rows that were not written.
@@ -192,6 +225,10 @@ def _runs(days: Sequence[date]) -> list[list[date]]:
         else:
             found.append([day])
     return found
+
+
+def _number(day: date) -> int:
+    return (day - _EPOCH).days
 
 
 def _empty(relation: Relation) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
@@ -31,6 +32,8 @@ from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import day_fingerprint, relations_stored_by_day
 from vsd_analytics.warehouse.factfiles import is_undamaged, is_undamaged_file, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.week_files import DAYS, MEMBERS, week_fingerprint
+from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 _RECOMPUTE = "delete it and run vsd build: facts are computed from the store again"
 
@@ -207,6 +210,9 @@ def check_facts(
         if relation == DAYS_FOLDER.name:
             relation, _, rest = rest.partition("/")
             return relation in by_day and is_part(rest, site.site_id)
+        if relation == WEEKS:
+            relation, _, rest = rest.partition("/")
+            return relation in {*known, *by_day} and is_part(rest, site.site_id)
         return relation in known and is_part(rest, site.site_id)
 
     n_names, foreign = foreign_files(site.root / "facts", is_known)
@@ -225,11 +231,14 @@ def check_facts(
 def _check_days(
     site: Site, names: Collection[str], *, first_hour: int | None, last_hour: int | None
 ) -> tuple[int, list[StoreFault]]:
-    """Return the number of day files checked, and findings of those that are damaged or under a wrong name."""
+    """Return the number of files of days and weeks checked, and findings of damaged ones and of wrong names."""
     n, found = 0, []
     first = None if first_hour is None else first_hour - 24  # a local day may begin in the UTC day before
-    for name in sorted(names):
-        for part in list_parts(site.root / DAYS_FOLDER, name, site.site_id, first_hour=first, last_hour=last_hour):
+    of_week = None if first is None else first - (DAYS - 1) * 24
+    folders = [(DAYS_FOLDER, name, first) for name in sorted(names)]
+    folders += [(DAYS_FOLDER.with_name(WEEKS), name, of_week) for name in sorted({*relations("facts"), *names})]
+    for folder, name, since in folders:
+        for part in list_parts(site.root / folder, name, site.site_id, first_hour=since, last_hour=last_hour):
             n += 1
             try:
                 data = part.path.read_bytes()
@@ -239,9 +248,16 @@ def _check_days(
                 data = b""
             if not is_undamaged(data):
                 found.append(_damaged_fact(part.path))
-            elif day_fingerprint(name, date_of_hour(part.hour), noted_inputs(data)) != part.digest:
+            elif _fingerprint(folder, name, part, noted_inputs(data)) != part.digest:
                 found.append(_other_fact(part.path))
     return n, found
+
+
+def _fingerprint(folder: Path, name: str, part: Part, inputs: Mapping[str, Any]) -> str:
+    """Return the fingerprint that belongs into the name of a file of a day or week."""
+    if folder == DAYS_FOLDER:
+        return day_fingerprint(name, date_of_hour(part.hour), inputs)
+    return week_fingerprint(name, part.hour // 24, inputs.get(MEMBERS, ()))
 
 
 def _check_beside(site: Site) -> tuple[int, list[StoreFault]]:

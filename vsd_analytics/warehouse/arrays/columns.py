@@ -17,7 +17,6 @@ Bools = NDArray[np.bool_]
 Columns = dict[str, NDArray[Any]]
 
 _DIGIT_BITS = 16
-_DIGIT = 2**_DIGIT_BITS - 1
 _BLOCK = 250_000
 NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
@@ -63,10 +62,9 @@ def packed_keys(*keys: NDArray[Any]) -> tuple[Ints | None, int]:
 
 def _order(packed: Ints, n_bits: int) -> Ints:
     """Sort by 16 bits at a time, the lowest first: numpy sorts so short integers by counting, in linear time."""
-    order = np.argsort((packed & _DIGIT).astype(np.uint16), kind="stable")
+    order = np.argsort(packed.astype(np.uint16), kind="stable")  # a cast takes the lowest 16 bits
     for shift in range(_DIGIT_BITS, n_bits, _DIGIT_BITS):
-        digit = (packed[order] >> shift) & _DIGIT
-        order = order[np.argsort(digit.astype(np.uint16), kind="stable")]
+        order = order[np.argsort((packed >> shift).astype(np.uint16)[order], kind="stable")]
     return order
 
 
