@@ -42,6 +42,8 @@ KNOWN_PERSON_S: Final = 20.0
 """And after so many seconds of persons in a place the ends."""
 SWEEPS: Final = 5
 """After the first, forward: backward and forward by turns, each with what the last one found."""
+RARE_S: Final = 0.2
+"""With more frequent frames one sweep and no usual velocities: they only cost time, and ids got no better."""
 KNOWN_PERSONS: Final = 10.0
 """After so many persons the velocities found in a place count as much as what is assumed."""
 CELL_M: Final = 1.0
@@ -126,8 +128,11 @@ def follow(
     border_s = np.full((len(xy), 4), np.inf) if border_s is None else border_s
     seen = _FloorSightings.of(xy[known], covariance[known], frame[known], time_s, border_s[known])
     before = _links(seen, None)
-    for sweep in range(SWEEPS):
-        learnt = seen.with_ends(before).with_velocities(before)
+    is_rare = len(time_s) > 1 and (time_s[-1] - time_s[0]) / (len(time_s) - 1) > RARE_S
+    for sweep in range(SWEEPS if is_rare else 1):
+        learnt = seen.with_ends(before)
+        if is_rare:
+            learnt = learnt.with_velocities(before)
         is_forward = sweep % 2 == 1
         before = _links(learnt, before) if is_forward else _reversed(_links(learnt.backward(), _reversed(before)))
     number = np.zeros(len(xy), dtype=np.int64)
