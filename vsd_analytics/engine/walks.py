@@ -31,7 +31,7 @@ class Velocities:
 
     @classmethod
     def anywhere(cls, n: int) -> Velocities:
-        """Return those of people of whom nothing is known."""
+        """Return what is assumed of people in any place."""
         return cls(np.zeros((n, 2)), np.tile(WALK_M_S**2 * np.eye(2), (n, 1, 1)))
 
     def __getitem__(self, rows: Rows) -> Velocities:
