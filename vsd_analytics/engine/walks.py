@@ -128,8 +128,9 @@ def joined_velocity(past: Walks, future: Walks) -> Velocities:
     _, _, velocity, left = _together(past, future)
     both = WALK_M_S**2 * np.eye(2) - left
     # the future's usual velocity, of mean 0, is taken out
+    mean = WALK_M_S**2 * np.linalg.solve(left, velocity[..., None])[..., 0]
     error = WALK_M_S**2 * np.linalg.solve(left, both)
-    return Velocities(WALK_M_S**2 * np.linalg.solve(left, velocity[..., None])[..., 0], error)
+    return Velocities(np.asarray(mean, dtype=np.float64), np.asarray(error, dtype=np.float64))
 
 
 def _together(past: Walks, future: Walks) -> tuple[Array, Array, Array, Array]:
