@@ -88,6 +88,29 @@ def test_whoever_leaves_the_picture_is_not_who_enters_it_there() -> None:
     assert follow(xy, covariance, frame, t).tolist() == [1] * 5
 
 
+def stream(seed: int) -> tuple[Array, np.ndarray, Array, Array]:  # type: ignore[type-arg]
+    """Return places, frames, times and true ids of people who all walk one way and are in view for three seconds."""
+    rng = np.random.default_rng(seed)
+    begins = np.cumsum(rng.exponential(2.0, 120))
+    times = np.arange(int(begins[-1]) + 8.0)
+    rows = []
+    for who, begin in enumerate(begins):
+        side, speed = rng.normal(0, 0.6), rng.normal(1.3, 0.15)
+        for frame, t in enumerate(times):
+            if 0 <= speed * (t - begin) < 4:
+                rows.append((frame, who, speed * (t - begin) + rng.normal(0, 0.2), side + rng.normal(0, 0.2)))
+    found = np.array(sorted(rows))
+    return found[:, 2:], found[:, 0].astype(int), times, found[:, 1]
+
+
+def test_how_people_usually_walk_decides_who_is_who_where_they_are_seen_for_a_few_seconds() -> None:
+    found = []
+    for seed in (1, 2, 3):
+        xy, frame, t, who = stream(seed)
+        found.append(purity(who, follow(xy, np.tile(np.eye(2) * 0.04, (len(xy), 1, 1)), frame, t)))
+    assert np.mean(found) > 0.9  # 0.80 if velocities are those of people anywhere
+
+
 def test_uncertainty_along_the_view_decides_who_is_who() -> None:
     # one person stands; the next sighting is 1 m behind in a direction that is seen badly, a newcomer 0.6 m to the side
     xy = np.array([(0.0, 10.0), (0.0, 11.0), (0.6, 10.0)])

@@ -1,13 +1,14 @@
-"""Track ids for a detector that has none: people followed on the floor, forward in time and then backward.
+"""Track ids for a detector that has none: people followed on the floor, forward and backward in time by turns.
 
 A foot point far away is uncertain along the view and certain across it, so its covariance is mapped through the
 homography (Yi and others, UCMCTrack, AAAI 2024). A link between two frames competes with the end of one track and the
 begin of another, which are likely at the border of the picture and where tracks of the same recording begin and end.
+How people usually walk in a place is learnt from the same tracks.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.special import ndtr
 from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.calibration_error import floor_per_px
 from vsd_analytics.engine.people import Array, People
-from vsd_analytics.engine.walks import WALK_M_S, Rows, Walks, joined, surprise
+from vsd_analytics.engine.walks import WALK_M_S, Rows, Velocities, Walks, joined, joined_velocity, surprise
 from vsd_analytics.geometry.homography import to_floor
 
 FOOT_SHARE: Final = 0.05
@@ -39,6 +40,12 @@ KNOWN_S: Final = 100.0
 """After so many seconds the begins that were found in a place count as much as what is assumed."""
 KNOWN_PERSON_S: Final = 20.0
 """And after so many seconds of persons in a place the ends."""
+SWEEPS: Final = 5
+"""After the first, forward: backward and forward by turns, each with what the last one found."""
+RARE_S: Final = 0.2
+"""With more frequent frames one sweep and no usual velocities: they only cost time, and ids got no better."""
+KNOWN_PERSONS: Final = 10.0
+"""After so many persons the velocities found in a place count as much as what is assumed."""
 CELL_M: Final = 1.0
 """Begins and ends are counted in squares of three such cells."""
 LOST_S: Final = 1.0
@@ -121,8 +128,13 @@ def follow(
     border_s = np.full((len(xy), 4), np.inf) if border_s is None else border_s
     seen = _FloorSightings.of(xy[known], covariance[known], frame[known], time_s, border_s[known])
     before = _links(seen, None)
-    backward = seen.learnt(before).backward()
-    before = _reversed(_links(backward, _reversed(before)))
+    is_rare = len(time_s) > 1 and (time_s[-1] - time_s[0]) / (len(time_s) - 1) > RARE_S
+    for sweep in range(SWEEPS if is_rare else 1):
+        learnt = seen.with_ends(before)
+        if is_rare:
+            learnt = learnt.with_velocities(before)
+        is_forward = sweep % 2 == 1
+        before = _links(learnt, before) if is_forward else _reversed(_links(learnt.backward(), _reversed(before)))
     number = np.zeros(len(xy), dtype=np.int64)
     number[known] = _numbers(before)
     n_tracks = int(number.max(initial=0))
@@ -132,7 +144,10 @@ def follow(
 
 @dataclass(frozen=True, slots=True)
 class _FloorSightings:
-    """All sightings in order of time, and what begins and ends of tracks cost there (-2 log of their likelihood)."""
+    """All sightings in order of time.
+
+    What begins and ends of tracks cost at each (-2 log of their likelihood), and which velocities are usual there.
+    """
 
     xy: Array
     covariance: Array
@@ -140,6 +155,7 @@ class _FloorSightings:
     time_s: Array
     begin: Array
     end: Array
+    usual: Velocities
 
     @classmethod
     def of(cls, xy: Array, covariance: Array, frame: Rows, time_s: Array, border_s: Array) -> _FloorSightings:
@@ -153,9 +169,10 @@ class _FloorSightings:
         since, until = step_s[frame], step_s[frame + 1]
         begin = np.nan_to_num(BEGIN_M2_S * since + OUTSIDE_M2 * crossing(since), nan=1.0)
         end = np.nan_to_num(np.minimum(END_S * until + LEAVE * crossing(until), 0.95), nan=1.0)
-        return cls(xy, covariance, frame, time_s, -2 * np.log(begin), -2 * np.log(end))
+        usual = Velocities.anywhere(len(xy))
+        return cls(xy, covariance, frame, time_s, -2 * np.log(begin), -2 * np.log(end), usual)
 
-    def learnt(self, before: Rows) -> _FloorSightings:
+    def with_ends(self, before: Rows) -> _FloorSightings:
         """Return the same with begins and ends as the tracks found have them; no sighting counts for itself."""
         n_frames = len(self.time_s)
         if n_frames < 2:
@@ -170,24 +187,55 @@ class _FloorSightings:
         begin = weight * np.exp(-self.begin / 2) + (near.of(begins) - begins) / (3 * CELL_M) ** 2
         weight_end = KNOWN_PERSON_S / step_s
         end = weight_end * np.exp(-self.end / 2) + near.of(ends) - ends
-        return _FloorSightings(
-            self.xy,
-            self.covariance,
-            self.frame,
-            self.time_s,
-            np.where(self.frame > 0, -2 * np.log(begin / (weight + n_frames)), self.begin),
-            np.where(
-                self.frame < n_frames - 1,
-                -2 * np.log(np.minimum(end / (weight_end + near.of(np.ones(len(ends)))), 0.95)),
-                self.end,
-            ),
+        share = np.minimum(end / (weight_end + near.of(np.ones(len(ends)))), 0.95)
+        return replace(
+            self,
+            begin=np.where(self.frame > 0, -2 * np.log(begin / (weight + n_frames)), self.begin),
+            end=np.where(self.frame < n_frames - 1, -2 * np.log(share), self.end),
         )
+
+    def with_velocities(self, before: Rows) -> _FloorSightings:
+        """Return the same with velocities as usual in each place as those of the tracks found there.
+
+        A person counts once in a cell, however long there, and never for itself.
+        """
+        b = np.flatnonzero(before != _NO_TRACK)
+        if not len(b):
+            return self
+        a = before[b]
+        step_s = self.time_s[self.frame[b]] - self.time_s[self.frame[a]]
+        pasts = _filtered(self, before)
+        found = joined_velocity(pasts[a].after(step_s), _futures(self, before)[b])
+        velocity, error = np.zeros((len(before), 2)), np.zeros((len(before), 2, 2))
+        for rows in (a, b):  # the first of a track has the velocity of its second
+            velocity[rows], error[rows] = found.mean, found.covariance
+        is_known = np.zeros(len(before), dtype=bool)
+        is_known[a] = is_known[b] = True
+        cells = np.floor(self.xy / CELL_M).astype(np.int64)
+        cells_of_track = np.column_stack([_numbers(before), cells])
+        _, of, times = np.unique(cells_of_track, axis=0, return_inverse=True, return_counts=True)
+        weight = is_known / times[of.reshape(-1)]
+        everybody, own = _Counts(cells), _Counts(cells_of_track)
+
+        def others(value: Array) -> Array:
+            return everybody.of(weight * value) - own.of(weight * value)
+
+        n = KNOWN_PERSONS + others(np.ones(len(before)))
+        mean = np.column_stack([others(velocity[:, i]) for i in (0, 1)]) / n[:, None]
+        square = velocity[:, :, None] * velocity[:, None, :] + error
+        xx, xy, yy = (others(square[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+        usual = KNOWN_PERSONS * WALK_M_S**2
+        second = np.stack([xx + usual, xy, xy, yy + usual], axis=1).reshape(-1, 2, 2) / n[:, None, None]
+        return replace(self, usual=Velocities(mean, second - mean[:, :, None] * mean[:, None, :]))
 
     def backward(self) -> _FloorSightings:
         """Return the sightings with time reversed."""
         frame = len(self.time_s) - 1 - self.frame[::-1]
         time_s = self.time_s[-1] - self.time_s[::-1] if len(self.time_s) else self.time_s
-        return _FloorSightings(self.xy[::-1], self.covariance[::-1], frame, time_s, self.end[::-1], self.begin[::-1])
+        usual = self.usual[np.arange(len(frame))[::-1]].backward()
+        return _FloorSightings(
+            self.xy[::-1], self.covariance[::-1], frame, time_s, self.end[::-1], self.begin[::-1], usual
+        )
 
     def rows(self) -> list[Rows]:
         """Return the sightings of each frame."""
@@ -204,8 +252,8 @@ class _Counts:
         index = {tuple(cell): row for row, cell in enumerate(unique.tolist())}
         near = [
             (row, index[other])
-            for (x, y), row in index.items()
-            for other in ((x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1))
+            for (*who, x, y), row in index.items()
+            for other in ((*who, x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1))
             if other in index
         ]
         self._row, self._near = np.array(near, dtype=np.intp).reshape(-1, 2).T
@@ -237,17 +285,21 @@ def _numbers(before: Rows) -> NDArray[np.int64]:
     return np.asarray(number, dtype=np.int64)
 
 
+def _filtered(seen: _FloorSightings, before: Rows) -> Walks:
+    """Return what each sighting and all earlier ones of its track say of the walk at its instant."""
+    walks, anywhere = Walks.unseen(len(before)), Velocities.anywhere(len(before))
+    for rows in seen.rows():
+        new, old = rows[before[rows] == _NO_TRACK], rows[before[rows] != _NO_TRACK]
+        walks.put(new, Walks.begun(seen.xy[new], seen.covariance[new], anywhere[new]))
+        if len(old):
+            step_s = seen.time_s[seen.frame[old]] - seen.time_s[seen.frame[before[old]]]
+            walks.put(old, walks[before[old]].after(step_s).seen(seen.xy[old], seen.covariance[old], anywhere[old]))
+    return walks
+
+
 def _futures(seen: _FloorSightings, before: Rows) -> Walks:
     """Return what each sighting and all later ones of its track say of the walk at its instant."""
-    late, later = seen.backward(), _reversed(before)
-    walks = Walks.unseen(len(before))
-    for rows in late.rows():
-        new, old = rows[later[rows] == _NO_TRACK], rows[later[rows] != _NO_TRACK]
-        walks.put(new, Walks.begun(late.xy[new], late.covariance[new]))
-        if len(old):
-            step_s = late.time_s[late.frame[old]] - late.time_s[late.frame[later[old]]]
-            walks.put(old, walks[later[old]].after(step_s).seen(late.xy[old], late.covariance[old]))
-    return walks.backward()[np.arange(len(before))[::-1]]
+    return _filtered(seen.backward(), _reversed(before)).backward()[np.arange(len(before))[::-1]]
 
 
 def _links(seen: _FloorSightings, before: Rows | None) -> Rows:
@@ -275,8 +327,8 @@ def _links(seen: _FloorSightings, before: Rows | None) -> Rows:
         before[rows] = _NO_TRACK
         before[after[a[after[a] != _NO_TRACK]]] = _NO_TRACK
         before[b], after[a] = a, b
-        pasts.put(rows, Walks.begun(seen.xy[rows], seen.covariance[rows]))
-        pasts.put(b, past[of_open].seen(seen.xy[b], seen.covariance[b]))
+        pasts.put(rows, Walks.begun(seen.xy[rows], seen.covariance[rows], seen.usual[rows]))
+        pasts.put(b, past[of_open].seen(seen.xy[b], seen.covariance[b], seen.usual[b]))
         still = np.ones(len(open_rows), dtype=bool)
         still[of_open] = False
         open_rows = np.concatenate([open_rows[still], rows])

@@ -6,6 +6,7 @@ can be filtered from its end, too, and what both filters say of one instant can 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -21,31 +22,53 @@ LASTS_S: Final = 12.5
 """How long a velocity lasts: in one second it changes by sd .4 m/s."""
 
 
-class Walks:
-    """Filters side by side: state x, y, vx, vy, shape (n, 4), and its covariance, shape (n, 4, 4)."""
+@dataclass(frozen=True, slots=True)
+class Velocities:
+    """What velocities are usual where people are: means, shape (n, 2), and covariances, shape (n, 2, 2)."""
 
-    def __init__(self, state: Array, covariance: Array) -> None:
-        self.state, self.covariance = state, covariance
+    mean: Array
+    covariance: Array
+
+    @classmethod
+    def anywhere(cls, n: int) -> Velocities:
+        """Return what is assumed of people in any place."""
+        return cls(np.zeros((n, 2)), np.tile(WALK_M_S**2 * np.eye(2), (n, 1, 1)))
+
+    def __getitem__(self, rows: Rows) -> Velocities:
+        return Velocities(self.mean[rows], self.covariance[rows])
+
+    def backward(self) -> Velocities:
+        """Return the velocities with time reversed."""
+        return Velocities(-self.mean, self.covariance)
+
+
+class Walks:
+    """Filters side by side: state x, y, vx, vy, shape (n, 4), its covariance, shape (n, 4, 4), and usual velocities."""
+
+    def __init__(self, state: Array, covariance: Array, usual: Velocities) -> None:
+        self.state, self.covariance, self.usual = state, covariance, usual
 
     @classmethod
     def unseen(cls, n: int) -> Walks:
         """Return room for so many walks."""
-        return cls(np.zeros((n, 4)), np.zeros((n, 4, 4)))
+        return cls(np.zeros((n, 4)), np.zeros((n, 4, 4)), Velocities.anywhere(n))
 
     @classmethod
-    def begun(cls, xy: Array, covariance: Array) -> Walks:
-        """Return walks seen once, with a velocity that is usual for people."""
+    def begun(cls, xy: Array, covariance: Array, usual: Velocities) -> Walks:
+        """Return walks seen once, with a velocity that is usual there."""
         walks = cls.unseen(len(xy))
         walks.state[:, :2], walks.covariance[:, :2, :2] = xy, covariance
-        walks.covariance[:, [2, 3], [2, 3]] = WALK_M_S**2
+        walks.state[:, 2:], walks.covariance[:, 2:, 2:] = usual.mean, usual.covariance
+        walks.usual = usual
         return walks
 
     def __getitem__(self, rows: Rows) -> Walks:
-        return Walks(self.state[rows], self.covariance[rows])
+        return Walks(self.state[rows], self.covariance[rows], self.usual[rows])
 
     def put(self, rows: Rows, walks: Walks) -> None:
         """Replace some walks."""
         self.state[rows], self.covariance[rows] = walks.state, walks.covariance
+        self.usual.mean[rows], self.usual.covariance[rows] = walks.usual.mean, walks.usual.covariance
 
     def after(self, step_s: Array) -> Walks:
         """Return the walks after one time step each, shape (n,)."""
@@ -56,24 +79,27 @@ class Walks:
         pushed[:, 0, 0] = LASTS_S**2 * np.maximum(0.0, 2 * step_s / LASTS_S - gone * (2 + gone))
         pushed[:, 0, 1] = pushed[:, 1, 0] = LASTS_S * gone**2
         pushed[:, 1, 1] = gone * (1 + left)
-        both = np.zeros((2, len(left), 4, 4))
+        both = np.zeros((len(left), 4, 4))
         for axis in (0, 1):
-            both[:, :, axis::2, axis::2] = move, WALK_M_S**2 * pushed
-        return Walks(
-            (both[0] @ self.state[..., None])[..., 0],
-            both[0] @ self.covariance @ np.swapaxes(both[0], 1, 2) + both[1],
-        )
+            both[:, axis::2, axis::2] = move
+        noise = pushed[:, :, None, :, None] * self.usual.covariance[:, None, :, None, :]
+        drift = self.usual.mean * gone[:, None]
+        state = (both @ self.state[..., None])[..., 0]
+        state[:, :2] += self.usual.mean * step_s[:, None] - LASTS_S * drift
+        state[:, 2:] += drift
+        covariance = both @ self.covariance @ np.swapaxes(both, 1, 2) + noise.reshape(-1, 4, 4)
+        return Walks(state, covariance, self.usual)
 
-    def seen(self, xy: Array, covariance: Array) -> Walks:
-        """Return the walks after a sighting of each."""
+    def seen(self, xy: Array, covariance: Array, usual: Velocities) -> Walks:
+        """Return the walks after a sighting of each, where other velocities may be usual."""
         gain = self.covariance[:, :, :2] @ np.linalg.inv(self.covariance[:, :2, :2] + covariance)
         state = self.state + (gain @ (xy - self.state[:, :2])[..., None])[..., 0]
-        return Walks(state, self.covariance - gain @ self.covariance[:, :2])
+        return Walks(state, self.covariance - gain @ self.covariance[:, :2], usual)
 
     def backward(self) -> Walks:
         """Return the walks with time reversed."""
         sign = np.array([1.0, 1.0, -1.0, -1.0])
-        return Walks(self.state * sign, self.covariance * sign[:, None] * sign)
+        return Walks(self.state * sign, self.covariance * sign[:, None] * sign, self.usual.backward())
 
 
 def surprise(off: Array, covariance: Array) -> Array:
@@ -87,16 +113,31 @@ def surprise(off: Array, covariance: Array) -> Array:
 def joined(past: Walks, future: Walks) -> Array:
     """Return -2 log of how likely futures are after pasts, relative to no knowledge of where they would begin.
 
-    Both are of the same instant, `future` filtered backward from the end. Both know what velocities are usual, so
-    that is taken out once: the product of the two densities is integrated over the density of usual velocities.
+    Both are of the same instant, `future` filtered backward from the end with the velocities that are usual anywhere.
+    What it assumes of them is taken out: the product of both densities is integrated over the density of those.
     """
+    off, solved, velocity, left = _together(past, future)
+    usual = np.sum(velocity * np.linalg.solve(left, velocity[..., None])[..., 0], axis=-1)
+    apart = np.sum(off * solved[..., 0], axis=-1) + np.linalg.slogdet(past.covariance + future.covariance)[1]
+    sizes = 2 * np.log(2 * np.pi) - 8 * np.log(WALK_M_S)
+    return np.asarray(apart - usual + np.linalg.slogdet(left)[1] + sizes)
+
+
+def joined_velocity(past: Walks, future: Walks) -> Velocities:
+    """Return the velocities by past and future together: means, and covariances of their errors."""
+    _, _, velocity, left = _together(past, future)
+    both = WALK_M_S**2 * np.eye(2) - left
+    # the future's usual velocity, of mean 0, is taken out
+    mean = WALK_M_S**2 * np.linalg.solve(left, velocity[..., None])[..., 0]
+    error = WALK_M_S**2 * np.linalg.solve(left, both)
+    return Velocities(np.asarray(mean, dtype=np.float64), np.asarray(error, dtype=np.float64))
+
+
+def _together(past: Walks, future: Walks) -> tuple[Array, Array, Array, Array]:
+    """Return what past and future differ by, that in units of both, the joint velocity, and what it leaves of usual."""
     off = future.state - past.state
     total = past.covariance + future.covariance
     solved = np.linalg.solve(total, np.concatenate([off[..., None], past.covariance], axis=-1))
     moved = past.covariance[:, 2:] @ solved
-    velocity = past.state[:, 2:] + moved[..., 0]
     left = WALK_M_S**2 * np.eye(2) - past.covariance[:, 2:, 2:] + moved[:, :, 3:]
-    usual = np.sum(velocity * np.linalg.solve(left, velocity[..., None])[..., 0], axis=-1)
-    apart = np.sum(off * solved[..., 0], axis=-1) + np.linalg.slogdet(total)[1]
-    sizes = 2 * np.log(2 * np.pi) - 8 * np.log(WALK_M_S)
-    return np.asarray(apart - usual + np.linalg.slogdet(left)[1] + sizes)
+    return off, solved, past.state[:, 2:] + moved[..., 0], left
