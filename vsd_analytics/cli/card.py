@@ -59,6 +59,7 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
     if card.floor_m is not None:
         floor = _extent(card.floor_m, "x", "y", digits=1, unit=" m") + _trimmed(card)
         lines.append(("floor", floor + _beside(card.floor_bounds_m)))
+        lines += _unseen(card)
     if card.pixels is not None:
         size = "" if card.picture_px is None else f"; picture {card.picture_px[0]} x {card.picture_px[1]} px"
         digits = 0 if max(map(abs, card.pixels)) > 10 else 2
@@ -88,6 +89,17 @@ def _unit(unit: str | None) -> str:
 def _extent(extent: Extent, across: str, up: str, *, digits: int, unit: str) -> str:
     least, most, low, high = (f"{value:,.{digits}f}" for value in extent)
     return f"{across} {least} to {most}{unit}, {up} {low} to {high}{unit}"
+
+
+def _unseen(card: SourceCard) -> list[tuple[str, str]]:
+    """Return what is assumed of positions and no number tells, with what shows it."""
+    lines = [
+        ("", "taken for granted: x grows to the right, y upwards; vsd check --picture where.svg shows whether it is so")
+    ]
+    if card.speed_m_s is not None:
+        walk = f"half of the steps of a second or longer are slower than {card.speed_m_s:.2f} m/s"
+        lines.append(("speed", f"{walk}; yards and metres (9 %) cannot be distinguished by it"))
+    return lines
 
 
 def _trimmed(card: SourceCard) -> str:

@@ -41,6 +41,9 @@ DOORS_SHARE: Final = 0.3
 WORSE: Final = 0.02
 """Turned round, places may be inside fixtures this much more often, where doors alone raise the doubt."""
 
+NEARLY: Final = 0.02
+"""Turns that fit equally well within this: the first of `_TURNS` is named, the commonest mistake."""
+
 _TURNS: Final[Mapping[str, tuple[Turn, str]]] = {
     "with y turned round": (
         lambda x, y, b: (x, b[2] + b[3] - y),
@@ -117,8 +120,9 @@ def _turned(case: Case) -> Iterator[Doubt]:
         by_doors = doors_then is not None and doors_then >= DOORS_MIN and (at_doors or 0) <= DOORS_SHARE * doors_then
         is_denied = doors_then is not None and at_doors is not None and doors_then < at_doors - 0.1
         if (by_fixtures and not is_denied) or (by_doors and inside_then <= inside + WORSE):
-            rank = (inside_then - inside, -(doors_then or 0.0), name, fix)
-            best = rank if best is None else min(best, rank)
+            found = (inside_then - inside, doors_then or 0.0, name, fix)
+            is_better = best is None or inside_then - inside < best[0] - NEARLY or found[1] > best[1] + NEARLY
+            best = found if is_better else best
     if best is None:
         return
     less, doors, name, fix = best
@@ -127,7 +131,7 @@ def _turned(case: Case) -> Iterator[Doubt]:
         why = "nobody walks through shelves and walls: x must point right and y up, from the plan's lower left corner"
         yield Doubt("W220", what, why, f"{fix}; {_PICTURE}", is_sure=inside >= SURE_MIN)
         return
-    what = f"{at_doors or 0:.0%} of the ways would begin and end at a door; {name}, {-doors:.0%}"
+    what = f"{at_doors or 0:.0%} of the ways would begin and end at a door; {name}, {doors:.0%}"
     why = "people come and go by doors: x must point right and y up, from the plan's lower left corner"
     yield Doubt("W220", what, why, f"{fix}; {_PICTURE}")
 
@@ -146,7 +150,9 @@ def _on_floor(case: Case, camera: Camera) -> _OnFloor | None:
     first, last = (datetime.fromtimestamp(ms / 1000, UTC) for ms in (rows["ts_ms"].min(), rows["ts_ms"].max()))
     at = [f for f in case.site.fixtures if f.floor_id == camera.floor_id and f.is_there(first, until=last)]
     doors = [
-        a for a in case.site.areas if a.is_door and a.floor_id == camera.floor_id and a.is_there(first.date(), last.date())
+        a
+        for a in case.site.areas
+        if a.is_door and a.floor_id == camera.floor_id and a.is_there(first.date(), last.date())
     ]
     cells = np.unique(np.floor(rows[["x", "y"]].to_numpy(dtype=float) / CELL_M), axis=0)
     x, y = ((cells + 0.5) * CELL_M).T
