@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _WIDTH = 10
+_PICTURE = "vsd check --picture where.svg shows whether it is so"
 
 
 def print_card(project: Project, card: SourceCard) -> None:
@@ -64,6 +65,7 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
         size = "" if card.picture_px is None else f"; picture {card.picture_px[0]} x {card.picture_px[1]} px"
         digits = 0 if max(map(abs, card.pixels)) > 10 else 2
         lines.append(("picture", _extent(card.pixels, "u", "v", digits=digits, unit=" px") + _trimmed(card) + size))
+        lines.append(("", f"taken for granted: u grows to the right, v downwards, to people's feet; {_PICTURE}"))
     if card.cameras:
         of = "" if card.is_whole else f", in the first {count(card.n_records, 'record')}"
         lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items()) + of))
