@@ -66,7 +66,7 @@ def draw_positions(site: Site, sample: Sample, *, file_name: str) -> str:
         file_name: Words of the title, taken literally.
 
     Returns:
-        An SVG drawing that stands alone.
+        An SVG drawing that needs no other file.
 
     Raises:
         ReportError: E501, no record has a position.
