@@ -106,7 +106,7 @@ def _turned(case: Case) -> Iterator[Doubt]:
     fixed = {f.floor_id for f in case.site.fixtures} | {a.floor_id for a in case.site.areas if a.is_door}
     if case.sample.is_pairs or not case.sample.has_floor or fixed.isdisjoint(c.floor_id for c in case.cameras):
         return
-    floors = [found for camera in case.cameras if (found := _on_floor(case, camera)) is not None]
+    floors = [one for camera in case.cameras if (one := _on_floor(case, camera)) is not None]
     n_cells, n_ends = sum(len(f.x) for f in floors), sum(len(f.ends) for f in floors)
     if n_cells < CELLS_MIN:
         return
