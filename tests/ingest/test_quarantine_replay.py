@@ -12,6 +12,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+import walks
 from click.testing import CliRunner
 from raw_reading import NOW, small_site
 from site_text import site_text
@@ -370,3 +371,29 @@ def test_what_waited_in_the_spool_is_not_counted_among_the_replayed(tmp_path: Pa
     assert "8 of 9 are good now, 8 records, 8 of them new to the store; 1 remain\n" in told
     told = CliRunner().invoke(cli, ["-C", str(root), "quarantine", "replay"]).stdout
     assert told.endswith("0 of 1 are good now, 0 records; 1 remain\n")
+
+
+@pytest.mark.parametrize(
+    ("says", "n_left"),
+    [
+        ('files = ["cam-2_*"]\ncamera = "cam-2"', 3),
+        ('files = ["cam-*"]\ncamera_from_name = "{camera}_*.csv"', 0),
+        ('files = ["cam-*"]\ncamera_from_name = "{camera}_c.csv"', 6),
+    ],
+)
+def test_a_source_added_later_says_the_camera_of_records_without_one(says: str, n_left: int, tmp_path: Path) -> None:
+    root = walks.project(tmp_path, "cam-1", "cam-2")
+    names = ("cam-1_a.csv", "cam-2_b.csv")
+    for name in names:
+        rows = "".join(f"2025-11-25T09:00:0{second}Z,,{second},4\n" for second in range(3))
+        (root / name).write_text(f"ts,camera_id,x_m,y_m\n{rows}")
+    ingest(load_site(root), [root / name for name in names], IngestOptions(), now=walks.START)
+    assert len(left(load_site(root))) == 6
+    with (root / "vsd.toml").open("a") as toml:
+        toml.write(f'[[source]]\nid = "named"\n{says}\n')
+    site = load_site(root)
+    replay(site)
+    assert len(left(site)) == n_left
+    seen = [(row["camera_id"], row["x_mm"]) for row in stored(site)["observations"]]
+    wanted = [(camera, 1000 * second) for camera in ("cam-1", "cam-2") for second in range(3)]
+    assert sorted(seen) == {0: wanted, 3: wanted[3:], 6: []}[n_left]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _WIDTH = 10
+_PICTURE = "vsd check --picture where.svg shows whether it is so"
 
 
 def print_card(project: Project, card: SourceCard) -> None:
@@ -59,10 +60,12 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
     if card.floor_m is not None:
         floor = _extent(card.floor_m, "x", "y", digits=1, unit=" m") + _trimmed(card)
         lines.append(("floor", floor + _beside(card.floor_bounds_m)))
+        lines += _unseen(card)
     if card.pixels is not None:
         size = "" if card.picture_px is None else f"; picture {card.picture_px[0]} x {card.picture_px[1]} px"
         digits = 0 if max(map(abs, card.pixels)) > 10 else 2
         lines.append(("picture", _extent(card.pixels, "u", "v", digits=digits, unit=" px") + _trimmed(card) + size))
+        lines.append(("", f"taken for granted: u grows to the right, v downwards, to people's feet; {_PICTURE}"))
     if card.cameras:
         of = "" if card.is_whole else f", in the first {count(card.n_records, 'record')}"
         lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items()) + of))
@@ -88,6 +91,17 @@ def _unit(unit: str | None) -> str:
 def _extent(extent: Extent, across: str, up: str, *, digits: int, unit: str) -> str:
     least, most, low, high = (f"{value:,.{digits}f}" for value in extent)
     return f"{across} {least} to {most}{unit}, {up} {low} to {high}{unit}"
+
+
+def _unseen(card: SourceCard) -> list[tuple[str, str]]:
+    """Return what is assumed of positions and no number tells, with what shows it."""
+    lines = [
+        ("", "taken for granted: x grows to the right, y upwards; vsd check --picture where.svg shows whether it is so")
+    ]
+    if card.speed_m_s is not None:
+        walk = f"half of the steps of a second or longer are slower than {card.speed_m_s:.2f} m/s"
+        lines.append(("speed", f"{walk}; yards and metres (9 %) cannot be distinguished by it"))
+    return lines
 
 
 def _trimmed(card: SourceCard) -> str:

@@ -23,10 +23,18 @@ if TYPE_CHECKING:
 @click.option(
     "--save", metavar="NAME", help="Write the options and the format of one file into vsd.toml, as a profile."
 )
+@click.option(
+    "--picture", metavar="FILE.svg", help="Draw the positions of one file on the plan, or on the camera's picture."
+)
 @json_option
 @pass_project
-def check(project: Project, /, files: tuple[str, ...], save: str | None, as_json: bool, **given: Any) -> int:
+def check(
+    project: Project, /, files: tuple[str, ...], save: str | None, picture: str | None, as_json: bool, **given: Any
+) -> int:
     """Validate files and change nothing: format, columns, times, cameras, numbers.
+
+    With --picture, the first positions of a file are drawn as they are understood: look at it once per kind of file. No
+    number tells that an axis points the other way, or that positions are of heads.
 
     With --save, a file that can be read gets a profile: a [[source]] of vsd.toml, appended at its end. From then on
     check and ingest read files of such a name in the same way. Options of the command win over a profile.
@@ -35,7 +43,10 @@ def check(project: Project, /, files: tuple[str, ...], save: str | None, as_json
     Example:
       vsd check export/*.csv
       vsd check till-2026-11-09.csv --map ts=time --unit mm --save tills
+      vsd check till-2026-11-09.csv --picture where.svg
     """
+    if picture is not None:
+        _draw(project, files, picture, given)
     if save is None:
         return read_files(project, files, given, is_dry_run=True, as_json=as_json)
     from vsd_analytics.config.new_source import refuse_name
@@ -54,6 +65,26 @@ def check(project: Project, /, files: tuple[str, ...], save: str | None, as_json
         return code
     _save(project, save, Path(files[0]).name, formats[0], given, named)
     return code
+
+
+def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[str, Any]) -> None:
+    """Draw the first positions of one file."""
+    from vsd_analytics.ingest.adapter import Source
+    from vsd_analytics.ingest.first_positions import first_positions
+    from vsd_analytics.report.draw.positions_file import draw_positions
+    from vsd_analytics.store.durable import publish
+
+    if len(files) != 1 or files[0] == "-":
+        raise UsageError("--picture takes one file", fix=f"--picture {picture} with one FILE")
+    if Path(picture).suffix.lower() != ".svg":
+        raise UsageError(f"--picture {picture!r} does not end in .svg", fix="--picture where.svg: any browser shows it")
+    source = Source(Path(files[0]), settings=project.site.settings)
+    try:
+        sample = first_positions(project.site, source, ingest_options(project, given))
+    except (InputError, OSError):  # reading the file reports it
+        return
+    publish(Path(picture), draw_positions(project.site, sample, file_name=source.file_name).encode())
+    project.say(f"wrote {picture}")
 
 
 def _camera_in_name(project: Project, file: str, given: dict[str, Any]) -> CameraName | None:

@@ -10,7 +10,10 @@ from vsd_analytics.geometry.picture_size import picture_size
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.sample import Sample
 from vsd_analytics.ingest.table_head import TableHead
-from vsd_analytics.site.model import Camera, Site
+from vsd_analytics.site.model import Camera, Floor, Site
+
+Bounds = tuple[float, float, float, float]
+"""Least x, largest x, least y, largest y, in metres."""
 
 ROWS_MIN: Final = 10
 """Fewer records show no pattern."""
@@ -70,21 +73,27 @@ class Case:
         return self.head is not None and column in self.head.plan.compared
 
 
-def floor_bounds_m(case: Case) -> tuple[float, float, float, float] | None:
+def plan_bounds_m(floor: Floor) -> Bounds | None:
+    """Return the rectangle of a floor's plan; None where there is none, or its size is not known."""
+    size = None if floor.plan is None or floor.plan_m_per_px is None else picture_size(floor.plan)
+    if size is None or floor.plan_m_per_px is None:
+        return None
+    (x, y), scale = floor.plan_origin_m, floor.plan_m_per_px
+    return x, x + size[0] * scale, y, y + size[1] * scale
+
+
+def floor_bounds_m(case: Case) -> Bounds | None:
     """Return the rectangle of the plans, or of the stated views, of the cameras.
 
-    Least x, largest x, least y, largest y, in metres; None where neither is known for all of them.
+    None where neither is known for all of them.
     """
     boxes = []
     floors = {f.floor_id: f for f in case.site.floors}
     for camera in case.cameras:
         floor = floors.get(camera.floor_id)
-        size = None
-        if floor is not None and floor.plan is not None and floor.plan_m_per_px is not None:
-            size = picture_size(floor.plan)
-        if floor is not None and size is not None and floor.plan_m_per_px is not None:
-            (x, y), scale = floor.plan_origin_m, floor.plan_m_per_px
-            boxes.append((x, x + size[0] * scale, y, y + size[1] * scale))
+        found = None if floor is None else plan_bounds_m(floor)
+        if found is not None:
+            boxes.append(found)
         elif camera.view:
             xs, ys = zip(*camera.view, strict=True)
             boxes.append((min(xs), max(xs), min(ys), max(ys)))

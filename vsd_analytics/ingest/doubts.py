@@ -7,6 +7,7 @@ from itertools import chain
 from typing import Final
 
 from vsd_analytics.ingest.doubt_case import Case, Doubt
+from vsd_analytics.ingest.doubts_of_axes import AXIS_LOOKS
 from vsd_analytics.ingest.doubts_of_bodies import BODY_LOOKS
 from vsd_analytics.ingest.doubts_of_columns import COLUMN_LOOKS
 from vsd_analytics.ingest.doubts_of_pictures import PICTURE_LOOKS
@@ -16,6 +17,7 @@ from vsd_analytics.ingest.doubts_of_times import TIME_LOOKS
 _LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     *TIME_LOOKS,
     *PLACE_LOOKS,
+    *AXIS_LOOKS,
     *BODY_LOOKS,
     *COLUMN_LOOKS,
     *PICTURE_LOOKS,

@@ -121,7 +121,7 @@ def _classes(case: Case) -> Iterator[Doubt]:
         first = "1" if numbers and not values.keys() & {"0", "0.0"} else "0"
         if not others or case.is_settled_by_where(column):
             continue
-        words = {letters(value) for value in values}
+        words = {word for value in values for word in (letters(value), value.strip().lower())}
         if letters(column.rpartition(".")[2]) in VAGUE and not words & (PERSON | OBJECTS):
             continue
         people = [value for value in values if _is_person(value)]
@@ -275,7 +275,7 @@ def _others_in_a_row(case: Case) -> Iterator[Doubt]:
 
 def _is_person(value: str) -> bool:
     """Return whether a class is people: a word for them, also with a number behind it, or class 0 of COCO."""
-    return letters(value) in PERSON or value in ("0", "0.0")
+    return letters(value) in PERSON or value.strip().lower() in PERSON or value in ("0", "0.0")
 
 
 def _ids(case: Case) -> Iterator[Doubt]:

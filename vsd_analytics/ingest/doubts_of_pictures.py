@@ -13,6 +13,9 @@ from vsd_analytics.ingest.telling_names import side_named
 _BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
 """Sides of a box, and what the name of their column must not say."""
 
+HALF_SHARE: Final = 0.55
+"""Feet that all lie this near to the upper left corner, in both directions: the engine saw a picture half as large."""
+
 
 def _pixels(case: Case) -> Iterator[Doubt]:
     """W226: positions in the picture that are no pixels of it."""
@@ -75,6 +78,13 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             "the engine's pictures may have another resolution, or the positions another unit",
             "calibrate with the resolution that the engine works at; --map x_m=...,y_m=... if they are metres",
             is_sure=beyond > 0.5 or is_corner,
+        )
+    elif len(places) >= 5 * ROWS_MIN and (share := max(u.max() / width, v.max() / height)) <= HALF_SHARE:
+        yield Doubt(
+            "W226",
+            f"everybody would be in the upper left {share:.0%} of the picture of {width} x {height} pixels",
+            "positions of a smaller picture look like this, such as one that was scaled down for the detector",
+            "picture_px = [...] of the camera with the size that the engine works at, and a calibration for it",
         )
 
 

@@ -1,4 +1,4 @@
-"""JSON values of a file one after the other, or of one array, however many lines each spans."""
+"""JSON values of a file one after the other, or of arrays one after the other, however many lines each spans."""
 
 from __future__ import annotations
 
@@ -26,13 +26,12 @@ def json_values(
     """
     decode = json.JSONDecoder().raw_decode
     as_text = codecs.getincrementaldecoder("utf-8-sig")("backslashreplace")
-    text, at, number, is_end = "", 0, 0, False
+    text, at, number, is_end, is_array = "", 0, 0, False, False
     with source.open() as stream:
         while True:
-            while at < len(text) and (text[at] in _BETWEEN or (number == 0 and text[at] == "[")):
+            while at < len(text) and (text[at] in _BETWEEN or text[at] == ("]" if is_array else "[")):
+                is_array = text[at] == "[" or (is_array and text[at] != "]")
                 at += 1
-            if at < len(text) and text[at] == "]":
-                return
             try:
                 if at == len(text):
                     raise json.JSONDecodeError("nothing", text, at)

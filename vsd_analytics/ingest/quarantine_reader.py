@@ -11,11 +11,14 @@ from typing import IO, Any
 import msgspec
 import numpy as np
 
+from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.adapters import adapter
 from vsd_analytics.ingest.instants import local_to_utc, utc_to_local
+from vsd_analytics.ingest.named_camera import camera_of
 from vsd_analytics.ingest.pipeline import OF_PROFILE, with_site
+from vsd_analytics.ingest.profile_camera import ids_by_name
 from vsd_analytics.ingest.quarantine_writer import SourceReading
 from vsd_analytics.ingest.raw import rows_table, without_zones
 from vsd_analytics.schema import TABLES, TableName
@@ -55,6 +58,8 @@ class Rereader:
             options = replace(self._as_today(msgspec.convert(entry.options, IngestOptions)), **changes)
         except msgspec.ValidationError as error:
             raise InputError("an entry of the quarantine was changed by hand", why=str(error)) from None
+        if options.camera is None:
+            options = replace(options, camera=self._camera_of(entry))
         return SourceReading(options.format or entry.format, options, entry.first_line, entry.engines, entry.import_id)
 
     def _as_today(self, options: IngestOptions) -> IngestOptions:
@@ -64,6 +69,17 @@ class Rereader:
         names = (*OF_PROFILE, *(["map"] if profile.map else []))
         stated: dict[str, Any] = {n: value for n in names if (value := getattr(profile, n)) is not None}
         return replace(options, **stated)
+
+    def _camera_of(self, entry: QuarantineEntry) -> str | None:
+        """Return the camera that the `[[source]]` of an entry's file says today, itself or by the file's name."""
+        profile = None if entry.is_live else profile_of(entry.source, self.site.sources)
+        if profile is None or profile.camera_from_name is None:
+            return None if profile is None else profile.camera
+        source, known = Source(Path(entry.source.replace("\0", " "))), ids_by_name(self.site)
+        try:
+            return camera_of(source, profile.camera_from_name, known, profile_id=profile.profile_id)
+        except InputError:  # the entry stays with its reason
+            return None
 
     def batches(
         self, group: Sequence[QuarantineEntry], reading: SourceReading | None, *, reader: Adapter | None = None
@@ -89,8 +105,9 @@ class Rereader:
             yield read if reading.options.zone is None else without_zones(read)
 
     def _rows(self, name: TableName, group: Sequence[QuarantineEntry], numbers: Sequence[int]) -> RawBatch:
-        default = {} if self._completed.camera is None else {"camera": self._completed.camera}
-        rows = {i: {**default, **(group[i].row or {})} for i in numbers}
+        cameras = {i: self._completed.camera or self._camera_of(group[i]) for i in numbers}
+        default = {i: {} if camera is None else {"camera": camera} for i, camera in cameras.items()}
+        rows = {i: {**default[i], **(group[i].row or {})} for i in numbers}
         try:
             return RawBatch({name: rows_table(name, list(rows.values()), lines=numbers)})
         except _NO_ROW:

@@ -182,7 +182,15 @@ class _Attempt:
 
 def _alike(entry: QuarantineEntry) -> str:
     """Return the same text for entries that may be tried together."""
-    return msgspec.json.encode([entry.at, entry.is_live, entry.engines, entry.import_id, how_read(entry)]).decode()
+    how = [
+        entry.at,
+        entry.is_live,
+        entry.engines,
+        entry.import_id,
+        entry.source,
+        how_read(entry),
+    ]  # its name may say a camera
+    return msgspec.json.encode(how).decode()
 
 
 def _renewed(entry: QuarantineEntry, bad: Rejected, reading: SourceReading | None) -> QuarantineEntry:

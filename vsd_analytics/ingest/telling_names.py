@@ -21,7 +21,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "camera cameraid cameraname camerano cameranumber cam camid camname camno sensor sensorid sensorname stream "
         "streamid streamname view viewid viewname source sourceid sourcename device deviceid devicename channel "
         "channelid videoid video feed feedid telecamera telecameraid idtelecamera kamera kameraid kameraname camara "
-        "idcamara sensore capteur kanal"
+        "idcamara sensore capteur kanal 摄像头 摄像机 相机 カメラ камера 카메라"
     ),
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
@@ -32,7 +32,8 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "class": _words(
         "class classname classid classlabel cls clsname clsid label labelname category categoryid categoryname "
         "objecttype objtype objectclass objclass detectionclass predictedclass kind type classe clase klasse "
-        "objektklasse categoria kategorie categorie tipo typ species"
+        "objektklasse categoria kategorie categorie tipo typ species objekttyp objektart "
+        "tipooggetto tipoobjeto typeobjet 类别 类型 类 目标类型 分类 種類 クラス класс тип 종류 클래스"
     ),
     "confidence": _words(
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
@@ -115,7 +116,7 @@ _FAINT_IDS: Final = ("name", "object", "obj")
 PERSON: Final = _words(
     "person persons people pedestrian pedestrians human humans man woman adult child persona persone personas personne "
     "personnes personen persoon pessoa pessoas mensch menschen pedone pedoni pieton pietons peaton peatones fussganger "
-    "fuganger uomo donna"
+    "fuganger uomo donna 人 行人 人员 人物 歩行者 человек пешеход 사람 보행자"
 )
 """Words for what is counted, as classes of detectors name it."""
 
@@ -143,7 +144,8 @@ OBJECTS: Final = _words(
 
 def is_named_like(name: str, role: Role) -> bool:
     """Return whether a column's name says that it holds this, whatever its case, blanks, signs, or front (`p.id`)."""
-    return letters(name) in _NAMES[role] or letters(name.rpartition(".")[2]) in _NAMES[role]
+    last = name.rpartition(".")[2]
+    return not _NAMES[role].isdisjoint((letters(name), letters(last), last.strip().lower()))
 
 
 def named_like(names: Iterable[str], role: Role) -> list[str]:

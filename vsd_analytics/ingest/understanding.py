@@ -14,7 +14,7 @@ import pandas as pd
 from vsd_analytics.errors import InputError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
 from vsd_analytics.ingest.columns import TIME_OF_DAY
-from vsd_analytics.ingest.doubt_case import Case, Doubt, floor_bounds_m, picture_px
+from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, picture_px
 from vsd_analytics.ingest.doubts import doubts_of
 from vsd_analytics.ingest.sample import Sample, sample_of
 from vsd_analytics.ingest.table_head import SHOWN_ROWS, TableHead
@@ -58,6 +58,7 @@ class SourceCard:
         confidence: Column that seems to hold the engine's confidence; None = there is none.
         floor_m: 1st and 99th percentiles of x and y, in metres; None without floor positions.
         floor_bounds_m: Rectangle of the plan or view.
+        speed_m_s: Median speed of steps of a second or longer; None = too few.
         pixels: 1st and 99th percentiles of u and v, in pixels; None without.
         picture_px: Width and height of the picture.
         cameras: Records by the name of the camera.
@@ -86,6 +87,7 @@ class SourceCard:
     confidence: str | None = None
     floor_m: Extent | None = None
     floor_bounds_m: Extent | None = None
+    speed_m_s: float | None = None
     pixels: Extent | None = None
     picture_px: tuple[int, int] | None = None
     cameras: Mapping[str, int] = field(default_factory=dict)
@@ -191,6 +193,7 @@ def _card(case: Case, name: str) -> SourceCard:
         confidence=like[0] if like else None,
         floor_m=sample.extent("x", "y"),
         floor_bounds_m=floor_bounds_m(case),
+        speed_m_s=_speed_m_s(sample),
         pixels=sample.extent("u", "v"),
         picture_px=picture_px(case),
         cameras={str(k): int(n) for k, n in sample.rows["camera"].value_counts().head(20).items()},
@@ -210,6 +213,11 @@ def _card(case: Case, name: str) -> SourceCard:
         doubts=doubts_of(case),
         filtered={} if head is None else {n: [v for v, _ in c.most_common(5)] for n, c in head.filtered.items()},
     )
+
+
+def _speed_m_s(sample: Sample) -> float | None:
+    speeds = sample.speeds_m_s(step_min_s=1.0) if sample.has_floor and not sample.is_pairs else np.array([])
+    return float(np.median(speeds)) if len(speeds) >= ROWS_MIN else None
 
 
 def _use(ours: str, theirs: str, units: Mapping[str, str]) -> ColumnUse:
