@@ -107,13 +107,14 @@ def facts_progress(*, quiet: bool) -> Iterator[tuple[Callable[[int], None], Call
 
         def plan(n_hours: int) -> None:
             nonlocal bar
-            if n_hours and bar is None:  # not before: to import the bar takes longer than to find all facts fresh
+            if n_hours and bar is None:  # a bar for nothing would be imported in vain
                 bar = at_end.enter_context(progress(None, total=0, label="facts", unit="h", quiet=quiet))
             if n_hours:
                 bar.total += n_hours
 
         def done(n_hours: int) -> None:
-            bar.update(n_hours)
+            if bar is not None:
+                bar.update(n_hours)
 
         yield plan, done
 
