@@ -8,7 +8,7 @@ import project_state  # noqa: F401
 import tqdm
 
 import vsd_analytics
-from vsd_analytics.report.pages.week import environment
+from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.warehouse.sqlfiles import relations
 
 LIBRARIES = ("contourpy", "cv2", "duckdb", "pandas", "pyarrow.dataset", "scipy.sparse.csgraph", "shapely")

@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -102,13 +102,19 @@ def progress(items: Iterable[Any] | None, *, total: int | None, label: str, unit
 @contextmanager
 def facts_progress(*, quiet: bool) -> Iterator[tuple[Callable[[int], None], Callable[[int], None]]]:
     """Show progress over hours of facts; yield `on_plan` (more hours to compute) and `on_hours` (hours computed)."""
-    with progress(None, total=None, label="facts", unit="h", quiet=quiet) as bar:
+    with ExitStack() as at_end:
+        bar: Any = None
 
         def plan(n_hours: int) -> None:
-            bar.total = (bar.total or 0) + n_hours
+            nonlocal bar
+            if n_hours and bar is None:  # a bar for nothing would be imported in vain
+                bar = at_end.enter_context(progress(None, total=0, label="facts", unit="h", quiet=quiet))
+            if n_hours:
+                bar.total += n_hours
 
         def done(n_hours: int) -> None:
-            bar.update(n_hours)
+            if bar is not None:
+                bar.update(n_hours)
 
         yield plan, done
 

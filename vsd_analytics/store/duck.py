@@ -56,11 +56,11 @@ def connect(
 
 @contextlib.contextmanager
 def one_thread(connection: duckdb.DuckDBPyConnection) -> Iterator[None]:
-    """Let a connection use one thread meanwhile; a connection whose settings are locked is left as it is."""
+    """Let a connection use one thread meanwhile; one with locked settings is left as it is."""
     before, is_locked = connection.execute(
         "select current_setting('threads'), current_setting('lock_configuration')"
     ).fetchall()[0]
-    if is_locked:
+    if is_locked or int(before) == 1:
         yield
         return
     connection.execute("set threads = 1")

@@ -62,7 +62,7 @@ def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dic
         for part in parts:
             if part.hour not in sealed:
                 by_hour.setdefault(part.hour, []).append(str(part.path))
-    with store.reporting_damage(), connect() as con:
+    with store.reporting_damage(), connect(threads=1) as con:
         for hour in sorted(by_hour, reverse=True):
             if len(found) == len(set(camera_ids)):
                 break

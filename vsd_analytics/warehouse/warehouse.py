@@ -61,6 +61,7 @@ class Warehouse:
             before and before the next one; it leaves out the rest (`stored_days.calendar_days`).
         relations: Facts and marts that will be asked for: only facts behind these are computed first, all others when
             a query names them. None = all.
+        threads: Threads of the connection; days that are computed have connections of their own. None = one per core.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Warehouse:
         uses_days: bool = True,
         spare_days: int = SPARE_DAYS,
         relations: Collection[str] | None = None,
+        threads: int | None = None,
     ) -> None:
         self.site, self.first, self.last = site, first, last
         store = Store(site.root / "store", site_id=site.site_id)
@@ -103,7 +105,7 @@ class Warehouse:
         )
         self._of_days: dict[tuple[date, date], Warehouse] = {}
         self.extents = calendar_days(site, first, last, spare_days=spare_days)
-        self._heat_cell_m, self._uses_days = heat_cell_m, uses_days
+        self._heat_cell_m, self._uses_days, self._threads = heat_cell_m, uses_days, threads
         self._superseded = [*self.built.superseded_files]
         self._is_careful = False
         self._answers: dict[tuple[str, bytes], pa.Table] = {}
@@ -112,7 +114,7 @@ class Warehouse:
     def _open(self) -> None:
         """Open a connection on which every relation can be queried."""
         site = self.site
-        self._con: duckdb.DuckDBPyConnection = connect(is_careful=self._is_careful)
+        self._con: duckdb.DuckDBPyConnection = connect(threads=self._threads, is_careful=self._is_careful)
         register_site(self._con, site, heat_cell_m=self._heat_cell_m)
         calendars = [calendar(site, e.first_day, e.last_day) for e in self.extents]
         self._con.register("_calendar", pa.concat_tables(calendars))

@@ -1,6 +1,7 @@
 """The catalogue of a report: its figures by id, M0 onwards, as the JSON report gives them.
 
-Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. docs/figures.md
+Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. Those of how a
+space is used are imported where a place of the floor asks for them. docs/figures.md
 defines them all; it is made from the headers of the SQL files. A figure with a sentence `more.M30_all` has its line
 in the report's table of further figures.
 
@@ -29,12 +30,18 @@ OF_QUEUES: Final = frozenset({"M39", "M40"})
 OF_CAPACITIES: Final = frozenset({"M41"})
 """Figures of places with a capacity."""
 
-for _file in pkgutil.iter_modules(__path__):
-    importlib.import_module(f"{__name__}.{_file.name}")
-
-
 OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
+FILES_OF_SPACE: Final = frozenset({"visit_figures", "flow_figures", "queue_figures"})
+"""The files of this folder that make these."""
+
+
+def _import(names: AbstractSet[str]) -> None:
+    for name in sorted(names):
+        importlib.import_module(f"{__name__}.{name}")
+
+
+_import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE)
 
 
 def figures(inputs: FigureInputs) -> Mapping[str, Figure]:
@@ -43,7 +50,7 @@ def figures(inputs: FigureInputs) -> Mapping[str, Figure]:
     Figures of visits, queues and capacities are absent where no place of the floor asks for them.
     """
     left_out = set[str]() if inputs.data.is_week else set(OF_WEEKS)
-    return _made(inputs, MAKERS.keys() - left_out)
+    return _made(inputs, (MAKERS.keys() | OF_SPACE) - left_out)
 
 
 def space_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
@@ -65,5 +72,8 @@ def asks_for(data: WeekData) -> frozenset[str]:
 
 
 def _made(inputs: FigureInputs, metrics: AbstractSet[str]) -> Mapping[str, Figure]:
-    wanted = metrics - (OF_SPACE - asks_for(inputs.data))
+    asked = asks_for(inputs.data)
+    if asked:
+        _import(FILES_OF_SPACE)
+    wanted = metrics - (OF_SPACE - asked)
     return {metric: MAKERS[metric](inputs) for metric in sorted(wanted, key=lambda metric: int(metric[1:]))}

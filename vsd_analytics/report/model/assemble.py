@@ -45,6 +45,8 @@ from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
+THREADS = 1
+"""Threads of a page's queries: to read small files, two take half as much processor time again."""
 MADE_UP_ENGINE = "vsd-demo "
 """What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
@@ -131,7 +133,7 @@ def _of_days(
         raise KeyError(floor_id)
     end = first + WEEK if last is None else last + timedelta(days=1)
     loaded = min(first - (end - first), _first_day(site, first)), end - timedelta(days=1)
-    opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours)
+    opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last)
         found = Findings(data)

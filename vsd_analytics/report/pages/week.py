@@ -10,7 +10,6 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from vsd_analytics.figures.suppression import GIVES_AWAY
@@ -29,12 +28,12 @@ from vsd_analytics.report.pages.key_figures import Tile, tiles
 from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
 from vsd_analytics.report.pages.site_log import LogRow, log_rows
 from vsd_analytics.report.pages.spot_cards import Cards, cards
+from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.report.pages.waiting import WaitingView, waiting
 from vsd_analytics.report.words import figure_titles, terms
 from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say, say_html
+from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.languages import html_tag
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.spoken import in_its_words
@@ -430,19 +429,3 @@ def rendered(template: str, page: Any) -> str:
 def policy_hash(text: str) -> str:
     """Return the base64 SHA-256 by which a content security policy allows a style or script."""
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
-
-
-@cache
-def environment() -> Environment:
-    """Return the templates with everything `format` writes as filters; undefined names are errors, text is escaped."""
-    made = Environment(
-        loader=FileSystemLoader(shipped("reports") / "templates"),
-        autoescape=lambda name: name is not None and name.endswith(".html.j2"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    made.filters.update(fmt.FILTERS, reason=reason_text, wrap=fmt.plain_lines)
-    made.globals.update(say=say, say_html=say_html, html_tag=html_tag)
-    return made
