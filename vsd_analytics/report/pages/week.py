@@ -368,6 +368,13 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
 def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
     pairs = [(a, replace(a.often, reason=UNSEEN) if a.recorded_share == 0 else a.often) for a in report.areas]
     rows = [_change_row(a.name, often, limit=limit, is_masked=a.is_masked) for a, often in pairs]
+    if not any(often.verdict in ("clear_fall", "clear_rise") for _, often in pairs):
+        # the title says that no area clearly changed, and the floor's row says it again: ranges are enough
+        is_vague = [often.verdict == "cannot_tell" and fmt.range_signed(often) for _, often in pairs]
+        rows = [
+            replace(r, words=r.detail, detail="") if vague and r.detail == vague else r
+            for r, vague in zip(rows, is_vague, strict=True)
+        ]
     return (*rows, _change_row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
 
 
