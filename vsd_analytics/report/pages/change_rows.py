@@ -38,7 +38,7 @@ class ChangeRow:
 def change_rows(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
     """Return a row for each area and one for the floor.
 
-    Where no area clearly changed, the title of the table and the row of the floor say so: areas have their ranges alone.
+    Where no area clearly changed, the title and the row of the floor say so: areas have their ranges alone.
 
     Args:
         report: The report.
