@@ -13,6 +13,7 @@ from vsd_analytics.figures.week.model_map import ChangeMaps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import MAX_PARTS, contributions
 from vsd_analytics.report.pages.map_figures import map_figures
+from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import format as fmt
 
 
@@ -29,6 +30,34 @@ def test_the_rows_lead_from_the_week_before_to_this_one() -> None:
     assert (first.value, last.value) == ("141", "121")
     assert [p.value for p in parts] == ["−20", "+2", "−2", "0", "0"]
     assert found.title == "Where the change lies"
+    assert found.is_clear
+
+
+def unclear(report: WeekReport) -> WeekReport:
+    """Return the week with no clear change anywhere: every range lies across zero."""
+    vague = {"verdict": "cannot_tell", "change": -0.1, "change_lo": -0.3, "change_hi": 0.2, "reason": None}
+    areas = tuple(replace(a, is_masked=False, often=replace(a.often, **vague)) for a in report.areas)
+    level = replace(report.level, often=replace(report.level.often, **vague))
+    return replace(report, areas=areas, level=level, story=None)
+
+
+def test_a_difference_that_may_be_chance_is_folded_below_the_areas_and_a_clear_one_is_not() -> None:
+    week = with_differences(2.0, -20.0, 0.5, -0.2, -2.0)
+    clear, vague = render_html(week), render_html(unclear(week))
+    assert "<summary>Where the difference lies</summary>" not in clear
+    assert clear.index("Where the change lies</h3>") < clear.index('<caption class="vh">Change in violations')
+    title = vague.index("Where the difference lies; it may be normal variation</h3>")
+    fold = vague.index("<summary>Where the difference lies</summary>")
+    assert vague.index("No area clearly changed") < fold < title < vague.index("</details>", fold)
+    assert "A bar across zero may be normal variation." in vague
+
+
+def test_where_no_area_clearly_changed_the_floor_alone_says_it_in_words() -> None:
+    clear, vague = render_html(weeks.normal()), render_html(unclear(weeks.normal()))
+    word = '<span class="word same">No clear change<small>'
+    assert clear.count(word) > 1, "beside a clear change each area says that it is none"
+    assert vague.count(word) == 1
+    assert vague.count('<span class="word same">−30% to +20%<small></small>') == len(weeks.normal().areas)
 
 
 @pytest.mark.parametrize("seed", range(40))

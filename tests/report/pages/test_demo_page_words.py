@@ -1,7 +1,11 @@
-"""The demo's weekly page: at most 900 visible words, and its question within the first screen of a phone."""
+"""The demo's weekly page: at most 900 visible words, and its question within the first screen of a phone.
+
+Also where five areas ask for visits, two of them as queues and four with a capacity; that page prints on four sheets.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +28,20 @@ WORDS = r"""() => {
     return document.body.innerText.split(/\s+/).filter(w => /\p{L}{2,}/u.test(w)).length;
 }"""
 """Words of two letters or more that a reader sees before opening anything, those of drawings too."""
+ASKED = {
+    "checkout-queue": 'visits = true\nqueue = true\nserved_in = "tills"\ncapacity = 12\n',
+    "entrance": "visits = true\ncapacity = 10\n",
+    "aisle-2-end": "visits = true\ncapacity = 6\n",
+    "pharmacy": "visits = true\nqueue = true\ncapacity = 5\n",
+}
+TILLS = """
+[[area]]
+id = "tills"
+name = "Tills"
+floor = "ground"
+visits = true
+polygon = [[3.6, 0.8], [14.2, 0.8], [14.2, 4.2], [3.6, 4.2]]
+"""
 
 
 @pytest.fixture(scope="module", params=[2, 12], ids=["two weeks", "twelve weeks"])
@@ -73,3 +91,28 @@ def test_the_page_of_two_and_of_twelve_weeks_is_short_and_asks_on_the_first_scre
 ) -> None:
     for address in pages(demo_of_weeks, tmp_path):
         check(browser, address)
+
+
+def test_the_page_of_five_areas_that_ask_for_visits_is_short_and_prints_on_four_sheets(
+    browser: Any, demo_of_weeks: Path, tmp_path: Path
+) -> None:
+    toml = demo_of_weeks / "vsd.toml"
+    silent = toml.read_text("utf-8")
+    asking = silent
+    for area_id, keys in ASKED.items():
+        line = f'[[area]]\nid = "{area_id}"\n'
+        assert line in asking
+        asking = asking.replace(line, line + keys)
+    toml.write_text(asking + TILLS, encoding="utf-8")
+    try:
+        for address in pages(demo_of_weeks, tmp_path):
+            check(browser, address)
+            page = browser.new_page()
+            page.goto(address)
+            rows = page.locator("#waiting tbody tr").count()
+            pdf = page.pdf(prefer_css_page_size=True, print_background=True)
+            page.close()
+            assert rows >= 2 + 4, "both tables have their places"
+            assert len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
+    finally:
+        toml.write_text(silent, encoding="utf-8")

@@ -128,7 +128,7 @@ def test_a_page_with_every_section_is_short_and_asks_on_the_first_screen_of_a_ph
     words = page.evaluate(r"document.body.innerText.split(/\s+/).filter(w => /\p{L}{2,}/u.test(w)).length")
     question = page.evaluate("document.querySelector('.ask').getBoundingClientRect()")
     page.close()
-    assert words <= 1060
+    assert words <= 1000
     assert question["top"] < 700
 
 

@@ -127,10 +127,21 @@ def test_a_change_that_cannot_be_told_says_what_is_possible_and_how_long_it_is_w
             watched_until=date(2027, 5, 4),
         )
     )  # fmt: skip
-    assert words == (
-        "Cannot tell yet: anything from 360 more to 280 fewer, of 670 a week, is possible there. "
-        "Watched until Tue 4 May."
-    )
+    assert words == "Cannot tell yet: from 360 more to 280 fewer there, of 670 a week. Watched until Tue 4 May."
+
+
+def test_a_change_that_cannot_be_told_speaks_of_the_floor_only_where_that_is_clear() -> None:
+    said = {
+        "outcome": "cannot_tell",
+        "usual_min": 669.0,
+        "avoided_min": 35.0,
+        "avoided_lo": -360.0,
+        "avoided_hi": 279.0,
+    }
+    floor = {"floor_avoided_min": 300.0, "floor_avoided_lo": 100.0, "floor_avoided_hi": 500.0}
+    assert "Whole floor: fewer" in ledger_words(line(**said, **floor, floor_verdict="clear_fall"))
+    for vague in ("about_same", "cannot_tell"):
+        assert "Whole floor" not in ledger_words(line(**said, **floor, floor_verdict=vague))
 
 
 def test_a_change_of_the_whole_site_claims_nothing() -> None:

@@ -10,8 +10,9 @@ from markupsafe import Markup
 
 from vsd_analytics.report.draw.svg import BAR, BAR_WIDTH, FEWER, HATCH, INK, MORE, MUTED, RAMP_LIGHT, RULE, WHITE, el
 from vsd_analytics.report.draw.trend_chart import HEIGHT, WIDE
+from vsd_analytics.report.pages.change_rows import ChangeRow
 from vsd_analytics.report.pages.tables import Cell, Step
-from vsd_analytics.report.pages.week import ChangeRow, Page
+from vsd_analytics.report.pages.week import Page
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 

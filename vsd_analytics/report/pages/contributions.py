@@ -47,10 +47,18 @@ class ContributionRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contributions:
-    """The waterfall and its finding."""
+    """The waterfall and its finding.
+
+    Attributes:
+        title: Where most of the change lies, or that the difference may be none.
+        sub: Its unit.
+        is_clear: The floor's change is clear; otherwise the page folds the waterfall.
+        rows: Both weeks, and between them what each place adds.
+    """
 
     title: str
     sub: str
+    is_clear: bool
     rows: tuple[ContributionRow, ...]
 
     @property
@@ -97,7 +105,9 @@ def contributions(report: WeekReport) -> Contributions | None:
     is_same = often.value is not None and fmt.fixed(often.value, decimals) == fmt.fixed(after, decimals)
     name = say("contributions.week" if is_same else "contributions.week_now", week=report.week.number)
     rows.append(_total(name, after, decimals, top))
-    return Contributions(title=_title(report), sub=say("contributions.sub"), rows=tuple(rows))
+    is_clear = often.verdict in ("clear_fall", "clear_rise")
+    title = say("contributions.title" if is_clear else "contributions.title_unclear")
+    return Contributions(title=title, sub=say("contributions.sub"), is_clear=is_clear, rows=tuple(rows))
 
 
 def adding_up(differences: Sequence[float], *, before: float, after: float, decimals: int) -> list[float]:
@@ -159,10 +169,3 @@ def _is_unseen(area: AreaRow) -> bool:
 def _total(name: str, value: float, decimals: int, top: float) -> ContributionRow:
     bar = step_bar(0.0, value, top=top, is_total=True)
     return ContributionRow(name=name, bar=bar, value=fmt.fixed(value, decimals), is_total=True)
-
-
-def _title(report: WeekReport) -> str:
-    """Return where most of the change lies, or that it may be none."""
-    if report.level.often.verdict not in ("clear_fall", "clear_rise"):
-        return say("contributions.title_unclear")
-    return say("contributions.title")

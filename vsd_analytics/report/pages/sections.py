@@ -226,9 +226,7 @@ def outlook(report: WeekReport) -> Listed | None:
     found = report.outlook
     if found is None or report.level.often.state == "not_measurable":
         return None
-    sunday = found.monday.fromordinal(found.monday.toordinal() + 6)
-    first, last = fmt.date_short(found.monday), fmt.date_short(sunday)
-    sub = say("next.sub", week=found.number, first=first, last=last)
+    sub = say("next.sub")
     if not found.highest:
         return Listed(
             title="", sub="", lines=(), notes=(say("next.why", week=found.number, reason=_because(found.reason)),)

@@ -5,15 +5,13 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
 from typing import Any
 
 from markupsafe import Markup
 
-from vsd_analytics.figures.suppression import GIVES_AWAY
-from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.uncertain_floor import LIMIT_SHARE
@@ -21,6 +19,7 @@ from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages import sections, tables
 from vsd_analytics.report.pages.asked import AskedLine, asked_lines
+from vsd_analytics.report.pages.change_rows import ChangeRow, change_rows
 from vsd_analytics.report.pages.contributions import Contributions, contributions
 from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
@@ -38,10 +37,8 @@ from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
-from vsd_analytics.result import Reason
 
 WIDE = 1.8
-UNSEEN = Reason("recorded.nothing")
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
 _SECTIONS = ("where", "spots", "when", "changed", "waiting", "trend", "next", "data", "about")
 
@@ -59,20 +56,6 @@ class DrawnMap:
     shown: FloorMap
     drawing: Markup
     is_wide: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChangeRow:
-    """One row of the table of changes: texts and the interval bar."""
-
-    name: str
-    previous: str
-    value: str
-    bar: Markup
-    words: str
-    detail: str
-    direction: str
-    is_total: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,7 +236,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         is_compared=is_compared,
         why_not_compared=_why_not_compared(report),
         axis=svg.change_axis(limit),
-        changes=_changes(report, limit=limit) if is_compared else (),
+        changes=change_rows(report, limit=limit) if is_compared else (),
         strips=strips,
         strip_blocks=tables.strip_blocks(strips),
         outages=tuple(tables.outage_row(o, names) for o in report.coverage.outages),
@@ -356,35 +339,6 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
     drawing = floor_plan.floor_map(shown, index=index, rules=report.rules, label=label.strip())
     x0, y0, x1, y1 = shown.extent
     return DrawnMap(shown=shown, drawing=drawing, is_wide=x1 - x0 > WIDE * (y1 - y0))
-
-
-def _changes(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
-    pairs = [(a, replace(a.often, reason=UNSEEN) if a.recorded_share == 0 else a.often) for a in report.areas]
-    rows = [_change_row(a.name, often, limit=limit, is_masked=a.is_masked) for a, often in pairs]
-    return (*rows, _change_row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
-
-
-def _change_row(
-    name: str, estimate: Estimate, *, limit: float, is_masked: bool = False, is_total: bool = False
-) -> ChangeRow:
-    if is_masked:
-        estimate = Estimate(value=None, verdict="too_little_data", reason=Reason("hidden.area"))
-    clear = estimate.verdict in ("clear_fall", "clear_rise")
-    said = say("changed.not_measurable") if estimate.state == "not_measurable" else terms.verdict_words(estimate)
-    unknown = estimate.change is None
-    detail = fmt.range_signed(estimate) or reason_text(estimate.reason)
-    if estimate.reason == GIVES_AWAY:
-        said, detail = say("changed.held"), say("changed.held_text")
-    return ChangeRow(
-        name=name,
-        previous=fmt.number(estimate.previous),
-        value=fmt.number(estimate.value),
-        bar=svg.change_bar(estimate, limit=limit),
-        words=say("changed.clear", verdict=said, change=fmt.signed(estimate.change)) if clear and not unknown else said,
-        detail=detail,
-        direction=terms.direction(estimate.verdict),
-        is_total=is_total,
-    )
 
 
 def _style(report: WeekReport, *, paper: str = "a4") -> str:

@@ -62,6 +62,9 @@ def _in_area(line: LedgerLine) -> str:
 def _on_floor(line: LedgerLine) -> str:
     if line.floor_avoided_lo is None or line.floor_avoided_hi is None:
         return ""
+    is_clear = line.floor_verdict in ("clear_fall", "clear_rise")
+    if line.outcome == "cannot_tell" and not is_clear:  # what nobody can tell of the area has not moved the floor
+        return ""
     low, high = _minutes(line.floor_avoided_lo), _minutes(line.floor_avoided_hi)
     return say(f"ledger.floor_{line.floor_verdict or 'cannot_tell'}", low=low, high=high)
 
