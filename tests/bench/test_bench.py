@@ -37,7 +37,7 @@ def test_all_tools_find_the_pairs_that_comparing_each_with_each_finds() -> None:
 def test_another_answer_of_one_tool_is_printed_and_is_exit_code_1(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def measured(kind: str, step: str, folder: Path, n: int) -> Took:
+    def measured(kind: str, step: str, folder: Path, n: int, limit_mib: int | None) -> Took:
         return Took(2.0, 4.0 if "tree" in step else 1.0, 100.0, "other" if "tree" in step else "same")
 
     monkeypatch.setattr(comparison, "_run", measured)
@@ -47,3 +47,16 @@ def test_another_answer_of_one_tool_is_printed_and_is_exit_code_1(
     assert rows["scipy, KD-tree"]["is_equal"] is False
     assert rows["scipy, KD-tree"]["ratios"] == [4, 4, 4]
     assert rows["numpy, shifts"]["is_equal"] is True
+
+
+def test_a_step_that_uses_more_memory_than_it_may_is_ended_and_printed_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = ["raw scan of four columns, DuckDB", "vsd, again"]
+    monkeypatch.setattr(comparison, "HEATMAPS", {step: heatmaps.HEATMAPS[step] for step in steps})
+    monkeypatch.setattr(comparison, "LOOK_S", 0.01)
+    command = ["--quiet", "bench", "--records", "2000", "--only", "heatmaps", "--rounds", "2", "--in", str(tmp_path)]
+    assert run(cli, [*command, "--memory", "0.1"]) == 0
+    printed = capsys.readouterr().out
+    assert "| vsd, again | – | – | – | – | – | – | over 102 | |" in printed
+    assert list(tmp_path.iterdir()) == []

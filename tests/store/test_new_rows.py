@@ -51,7 +51,10 @@ def test_rows_found_by_hashes_are_those_found_by_keys(
     found = new_rows.new_rows(table, span, known=known, noted=[])
     monkeypatch.setattr(new_rows, "_key_hashes", lambda _table, keys: np.zeros(keys.num_rows, np.uint64))
     by_keys = new_rows.new_rows(table, span, known=known, noted=[])
-    assert found == by_keys
+    assert found.fresh.to_pylist() == by_keys.fresh.to_pylist()  # dictionaries may number the same texts otherwise
+    assert found.again.to_pylist() == by_keys.again.to_pylist()
+    for name in ("n_read", "n_second", "engines"):
+        assert getattr(found, name) == getattr(by_keys, name), name
     assert 0 < found.fresh.num_rows < found.n_read == 1200
     assert found.again.num_rows > 0
     with connect() as con:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,6 +20,8 @@ from vsd_analytics.bench.writing import WRITERS
 
 WRITTEN_MOST: Final = 1_000_000
 PER_FRAME: Final = (6, 20)
+LOOK_S: Final = 0.1
+"""How often the memory of a step is looked at, where there is a limit."""
 Progress = Callable[[str], None]
 
 
@@ -36,6 +39,19 @@ class Took:
     cpu_s: float
     peak_mib: float
     answer: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class StepTooLarge:
+    """A step that was ended because it used more memory than it may.
+
+    Attributes:
+        name: The step.
+        limit_mib: What it may use.
+    """
+
+    name: str
+    limit_mib: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +76,20 @@ class MeasuredStep:
     is_equal: bool | None
 
 
-def heatmaps(project: Path, *, rounds: int, on_step: Progress) -> list[MeasuredStep]:
-    """Measure the way from stored records to heatmap and hours."""
-    return _compare("heatmaps", _installed(HEATMAPS), lambda: project, 0, rounds, on_step)
+def heatmaps(
+    project: Path, *, rounds: int, on_step: Progress, limit_mib: int | None = None
+) -> list[MeasuredStep | StepTooLarge]:
+    """Measure the way from stored records to heatmap and hours.
+
+    Args:
+        project: The project of the made-up site.
+        rounds: Runs of every step.
+        on_step: Called before every run.
+        limit_mib: Memory that a step may use. One that uses more is ended, and not run again. None = no limit.
+    """
+    runs = _runs("heatmaps", _installed(HEATMAPS), lambda: project, 0, rounds, on_step, limit_mib)
+    too_large = [StepTooLarge(name, limit_mib or 0) for name, took in runs.items() if len(took) < rounds]
+    return [*_rows({name: took for name, took in runs.items() if len(took) == rounds}), *too_large]
 
 
 def pair_rates(folder: Path, *, rounds: int, on_step: Progress) -> Iterator[tuple[int, list[MeasuredStep]]]:
@@ -105,21 +132,59 @@ def _compare(
     kind: str, steps: Sequence[str], folder: Callable[[], Path], n: int, rounds: int, on_step: Progress
 ) -> list[MeasuredStep]:
     """Run all steps once a round, every second round in the opposite order; the first step is the unit."""
+    return _rows(_runs(kind, steps, folder, n, rounds, on_step, None))
+
+
+def _runs(
+    kind: str,
+    steps: Sequence[str],
+    folder: Callable[[], Path],
+    n: int,
+    rounds: int,
+    on_step: Progress,
+    limit_mib: int | None,
+) -> dict[str, list[Took]]:
+    """Return the runs of each step; fewer than rounds of one that used more memory than it may."""
     runs: dict[str, list[Took]] = {step: [] for step in steps}
     for number in range(rounds):
         for step in steps if number % 2 == 0 else [*reversed(steps)]:
+            if len(runs[step]) < number:
+                continue
             on_step(f"round {number + 1} of {rounds}: {step}")
-            runs[step].append(_run(kind, step, folder(), n))
+            if took := _run(kind, step, folder(), n, limit_mib):
+                runs[step].append(took)
+    return runs
+
+
+def _rows(runs: Mapping[str, Sequence[Took]]) -> list[MeasuredStep]:
+    unit = next(iter(runs.values()), [])
     answers = [t.answer for took in runs.values() for t in took if t.answer is not None]
-    return [_row(step, took, runs[steps[0]], answers[:1]) for step, took in runs.items()]
+    return [_row(step, took, unit, answers[:1]) for step, took in runs.items()]
 
 
-def _run(kind: str, step: str, folder: Path, n: int) -> Took:
+def _run(kind: str, step: str, folder: Path, n: int, limit_mib: int | None) -> Took | None:
+    """Run a step in a process of its own; None when it used more memory than it may."""
     command = [sys.executable, "-m", "vsd_analytics.bench.one_step", kind, step, str(folder), str(n)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(f"{step}: {done.stderr.strip()[-2000:]}")
-    return Took(**json.loads(done.stdout))
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        while True:
+            try:
+                printed, errors = running.communicate(timeout=LOOK_S if limit_mib else None)
+                break
+            except subprocess.TimeoutExpired:
+                if limit_mib and _resident_mib(running.pid) > limit_mib:
+                    running.kill()
+                    running.communicate()
+                    return None
+    if running.returncode:
+        raise RuntimeError(f"{step}: {errors.strip()[-2000:]}")
+    return Took(**json.loads(printed))
+
+
+def _resident_mib(pid: int) -> float:
+    """Return the memory of a process; 0 where the system does not say, or when it has ended."""
+    with contextlib.suppress(OSError), Path(f"/proc/{pid}/status").open(encoding="ascii") as lines:
+        return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS")), 0.0)
+    return 0.0
 
 
 def _row(name: str, took: Sequence[Took], unit: Sequence[Took], expected: Sequence[str]) -> MeasuredStep:

@@ -14,7 +14,7 @@ from vsd_analytics.cli.project import Project, pass_project
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from vsd_analytics.bench.comparison import MeasuredStep
+    from vsd_analytics.bench.comparison import MeasuredStep, StepTooLarge
 
 KINDS = ("heatmaps", "pairs", "writing", "density")
 
@@ -31,11 +31,25 @@ KINDS = ("heatmaps", "pairs", "writing", "density")
 @click.option("--rounds", type=click.IntRange(1, 99), default=5, show_default=True, help="Runs of every step.")
 @click.option("--only", type=click.Choice(KINDS), multiple=True, help="Measure only this; repeatable.")
 @click.option("--seed", type=int, default=1, show_default=True, help="Another seed makes other people.")
+@click.option(
+    "--memory",
+    "limit_gib",
+    type=click.FloatRange(min=0.1),
+    metavar="GIB",
+    help="End a step of the heatmaps that uses more memory than this (Linux).",
+)
 @click.option("--in", "parent", metavar="DIR", help="Where to make the data (default: the folder for temporary files).")
 @json_option
 @pass_project
 def bench(
-    project: Project, n_records: int, rounds: int, only: tuple[str, ...], seed: int, parent: str | None, as_json: bool
+    project: Project,
+    n_records: int,
+    rounds: int,
+    only: tuple[str, ...],
+    seed: int,
+    limit_gib: float | None,
+    parent: str | None,
+    as_json: bool,
 ) -> int:
     """Measure this machine: from stored records to heatmap and hours, ours and other tools in turn.
 
@@ -47,6 +61,7 @@ def bench(
     Example:
       vsd bench
       vsd bench --records 10000000 --only heatmaps
+      vsd bench --records 100000000 --only heatmaps --rounds 1 --memory 8 --in /srv/scratch
     """
     import tempfile
     from pathlib import Path
@@ -58,7 +73,8 @@ def bench(
         if not project.quiet:
             click.echo(text, err=True)
 
-    found: dict[str, list[MeasuredStep]] = {}
+    found: dict[str, list[MeasuredStep | StepTooLarge]] = {}
+    limit_mib = None if limit_gib is None else round(1024 * limit_gib)
     asked = only or KINDS
     with tempfile.TemporaryDirectory(prefix="vsd-bench-", dir=parent) as folder:
         root = Path(folder)
@@ -68,18 +84,20 @@ def bench(
             on_step(f"making {n_records:,} records")
             write_site(site, n_records=n_records, seed=seed)
         if "heatmaps" in asked:
-            found["records to heatmap and hours"] = comparison.heatmaps(site, rounds=rounds, on_step=on_step)
+            found["records to heatmap and hours"] = comparison.heatmaps(
+                site, rounds=rounds, on_step=on_step, limit_mib=limit_mib
+            )
         if "density" in asked:
-            found["map of one camera and hour"] = comparison.pedpy(site, rounds=rounds, on_step=on_step)
+            found["map of one camera and hour"] = [*comparison.pedpy(site, rounds=rounds, on_step=on_step)]
         if "pairs" in asked:
-            for per_frame, rows in comparison.pair_rates(root, rounds=rounds, on_step=on_step):
-                found[f"pairs within 2.5 m, {per_frame} people in a frame"] = rows
+            for per_frame, rates in comparison.pair_rates(root, rounds=rounds, on_step=on_step):
+                found[f"pairs within 2.5 m, {per_frame} people in a frame"] = [*rates]
         if "writing" in asked:
             n_written = min(n_records, comparison.WRITTEN_MOST)
-            rows = comparison.writing(root, n_records=n_records, rounds=rounds, on_step=on_step)
-            found[f"writing of {n_written:,} records in batches"] = rows
+            written = comparison.writing(root, n_records=n_records, rounds=rounds, on_step=on_step)
+            found[f"writing of {n_written:,} records in batches"] = [*written]
     found = {title: rows for title, rows in found.items() if rows}
-    is_equal = all(row.is_equal is not False for rows in found.values() for row in rows)
+    is_equal = all(getattr(row, "is_equal", None) is not False for rows in found.values() for row in rows)
     if as_json:
         tables = {title: [asdict(row) for row in rows] for title, rows in found.items()}
         emit_json(rounded({"n_records": n_records, "rounds": rounds, "seed": seed, "machine": _machine(), **tables}))
@@ -106,9 +124,9 @@ def _machine() -> str:
     return f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, {', '.join(tools)}"
 
 
-def _table(title: str, rows: Sequence[MeasuredStep]) -> str:
+def _table(title: str, rows: Sequence[MeasuredStep | StepTooLarge]) -> str:
     """Return a Markdown table."""
-    from vsd_analytics.bench.comparison import persons_a_second
+    from vsd_analytics.bench.comparison import StepTooLarge, persons_a_second
 
     is_rate = title.startswith("pairs")
     more = "million persons a second | " if is_rate else ""
@@ -118,6 +136,9 @@ def _table(title: str, rows: Sequence[MeasuredStep]) -> str:
         "|---|" + "--:|" * (8 if is_rate else 7) + "---|",
     ]
     for row in rows:
+        if isinstance(row, StepTooLarge):
+            lines.append(f"| {row.name} {'| – ' * 6}| over {row.limit_mib:,} | |")
+            continue
         rate = f"{persons_a_second(row) / 1e6:.1f} | " if is_rate else ""
         least, middle, greatest = row.ratios
         equal: dict[Any, str] = {None: "", True: "yes", False: "**no**"}

@@ -46,7 +46,8 @@ class NewRows:
     Attributes:
         fresh: Rows that the table lacks, sorted by hour and then by all columns, with the column `owners.OWNER`. Of
             several rows with one key the least by its columns is taken, so the order of files changes nothing.
-        again: Rows that an import brought of records which belong to another (`repeats`), likewise.
+        again: Rows that an import brought of records which belong to another (`repeats`), likewise. Texts are
+            dictionaries in both.
         n_read: Number of spooled rows.
         n_second: Number of those left out because another one has their key and other values.
         engines: Engine names and versions that sent rows of each UTC day.
@@ -80,6 +81,7 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         }
         names = [*SCHEMAS[table].names, OWNER]
         rows = pa.concat_tables([piece.select(names).replace_schema_metadata() for piece in pieces.values()])
+        rows = rows.unify_dictionaries()
         del pieces
         hours = _instants(rows) // HOUR_MS
         is_inside = (hours >= span.first_hour) & (hours <= span.last_hour)
@@ -89,7 +91,7 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         if is_doubtful.any():
             doubtful = rows.filter(pa.array(is_doubtful))
             found, again, n_second = _compared(table, doubtful, known, noted)
-            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).combine_chunks()
+            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).unify_dictionaries().combine_chunks()
     except (pa.ArrowException, OSError) as error:
         raise _not_folded(error) from None
     return NewRows(fresh.take(_order(table, fresh)), again.take(_order(table, again)), rows.num_rows, n_second, engines)
@@ -103,13 +105,26 @@ def _not_folded(error: Exception) -> VsdError:
 
 
 def _read(path: Path, table: TableName) -> pa.Table:
-    """Return the rows of a segment with their owners."""
-    with pq.ParquetFile(path) as file:
+    """Return the rows of a segment with their owners.
+
+    Texts stay numbers of a dictionary, as the segment has them, until a part is written.
+    """
+    with pq.ParquetFile(path, read_dictionary=_texts(table)) as file:
         rows = file.read(use_threads=False)
     if OWNER not in rows.column_names:
-        return rows.append_column(OWNER, pa.repeat(pa.scalar(""), rows.num_rows))
+        of_row = pa.array(np.zeros(rows.num_rows, dtype=np.int32))
+        return rows.append_column(OWNER, pa.DictionaryArray.from_arrays(of_row, pa.array([""])))
     at = rows.column_names.index(OWNER)
-    return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER], ""))
+    return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER], "").dictionary_encode())
+
+
+def _texts(table: TableName) -> list[str]:
+    return [column.name for column in SCHEMAS[table] if pa.types.is_string(column.type)]
+
+
+def _plain(table: TableName, rows: pa.Table) -> pa.Table:
+    """Return rows with texts in place of numbers of dictionaries."""
+    return rows.cast(SCHEMAS[table].append(pa.field(OWNER, pa.string())))
 
 
 def _doubtful(table: TableName, rows: pa.Table, known: Sequence[Path]) -> NDArray[np.bool_]:
@@ -117,9 +132,9 @@ def _doubtful(table: TableName, rows: pa.Table, known: Sequence[Path]) -> NDArra
     read = ["camera_id", "ts", *TRACKS[table], *PLACES[table]]
     keys = [rows.select(read)]
     for path in known:
-        with pq.ParquetFile(path) as file:
+        with pq.ParquetFile(path, read_dictionary=_texts(table)) as file:
             keys.append(file.read(columns=read))
-    hashes = _key_hashes(table, pa.concat_tables(keys, promote_options="default"))
+    hashes = _key_hashes(table, pa.concat_tables(keys, promote_options="default").unify_dictionaries())
     own, stored = hashes[: rows.num_rows], hashes[rows.num_rows :]
     stored.sort()
     in_order = np.sort(own)  # `numpy.unique` and `numpy.isin` hash, which takes many times as long
@@ -158,10 +173,15 @@ def _mix(hashes: Hashes, numbers: Ints) -> None:
     hashes ^= hashes >> np.uint64(32)
 
 
+def _indices(values: pa.ChunkedArray) -> pa.Array:
+    """Return the numbers of a column whose pieces have one dictionary."""
+    return pa.concat_arrays([piece.indices for piece in values.chunks] or [pa.array([], pa.int32())])
+
+
 def _numbers(values: pa.ChunkedArray) -> Ints:
     """Return a column as integers that are equal where its values are; ids as numbers of this column alone."""
-    if pa.types.is_string(values.type):
-        values = values.combine_chunks().dictionary_encode().indices
+    if pa.types.is_dictionary(values.type):
+        values = _indices(values)
     elif pa.types.is_timestamp(values.type):
         values = values.cast(pa.int64())
     elif pa.types.is_floating(values.type):
@@ -189,7 +209,7 @@ def _compared_on(
     con: duckdb.DuckDBPyConnection, table: TableName, doubtful: pa.Table, known: Sequence[Path], noted: Sequence[Path]
 ) -> tuple[pa.Table, pa.Table, int]:
     columns, key = ", ".join(SCHEMAS[table].names), ", ".join(KEYS[table])
-    con.register("_spooled", doubtful)
+    con.register("_spooled", _plain(table, doubtful))
     con.execute("create temp table spooled as select * from _spooled")
     con.execute(
         f"create temp table fresh as select distinct on ({key}) {columns}, {OWNER} from spooled "
@@ -246,8 +266,8 @@ def _words(table: TableName, rows: pa.Table) -> Iterator[Ints]:
 def _rank(values: pa.ChunkedArray) -> tuple[Ints, int]:
     if values.null_count == len(values):
         return np.zeros(len(values), dtype=np.int64), 1
-    if pa.types.is_string(values.type):
-        coded = values.combine_chunks().dictionary_encode()
+    if pa.types.is_dictionary(values.type):
+        coded = values.combine_chunks()
         n = len(coded.dictionary)
         rank_of = np.empty(n + 1, dtype=np.int64)
         rank_of[pc.sort_indices(coded.dictionary).to_numpy()] = np.arange(n)

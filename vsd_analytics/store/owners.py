@@ -42,7 +42,10 @@ def owned_by(import_id: str, rows: pa.Table) -> pa.Table:
 
 def without_owners(rows: pa.Table) -> tuple[pa.Table, bytes | None]:
     """Return rows without their column `OWNER`, and the note of it for the part's metadata; None = no import's."""
-    coded = rows[OWNER].combine_chunks().dictionary_encode()
+    owner = rows[OWNER].combine_chunks()
+    if pa.types.is_dictionary(owner.type) and len(owner.dictionary) > 1:
+        owner = owner.dictionary_decode()  # the dictionary may also name imports of other rows
+    coded = owner.dictionary_encode()
     ids = coded.dictionary.to_pylist()
     bare = rows.drop_columns([OWNER])
     if ids in ([], [""]):

@@ -148,10 +148,11 @@ class Store:
         durable.sweep_temporaries(self.root)
         tables: dict[TableName, TableCounts] = {}
         hours: set[int] = set()
-        for table in TABLES:
-            segments = segment_paths(self.root, table)
-            if segments:
-                tables[table] = self._fold_table(table, segments, hours, on_rows)
+        with _reused_memory():
+            for table in TABLES:
+                segments = segment_paths(self.root, table)
+                if segments:
+                    tables[table] = self._fold_table(table, segments, hours, on_rows)
         is_spent = had_ballast and not ballast.is_held(self.root)
         if self.ballast_mb is not None and not is_spent:
             ballast.hold(self.root, n_bytes=int(self.ballast_mb * 1_000_000))
@@ -300,6 +301,21 @@ class Store:
             if error.code != "E304" or not ballast.give_up(self.root):
                 raise
             durable.publish(path, data)
+
+
+@contextlib.contextmanager
+def _reused_memory() -> Iterator[None]:
+    """Let Arrow take memory from the C library meanwhile.
+
+    A fold allocates and frees large columns in turn. Arrow's own pool hands each back to the system, which clears it
+    for the next one: a third of the processor time of a fold.
+    """
+    before = pa.default_memory_pool()
+    pa.set_memory_pool(pa.system_memory_pool())
+    try:
+        yield
+    finally:
+        pa.set_memory_pool(before)
 
 
 def _damaged_segment(path: Path) -> StoreError:
