@@ -64,20 +64,6 @@ def two_weeks(counts: Callable[[int, int], Mapping[w.Place, int]] = busy, **opti
     return [w.messages(busy, monday=w.BEFORE, hours=(9, 10), **options), w.messages(counts, hours=(9, 10), **options)]
 
 
-def test_only_camera_calibrated_anew_is_the_headline(tmp_path: Path) -> None:
-    calibrate(tmp_path, "cam-1", (1.0, OLD), (1.1, NEW))
-    report = w.report(w.world(tmp_path, toml(), *two_weeks(say=pixels)))
-    assert report.state == "settings_changed"
-    assert report.settings_change is not None
-    assert report.settings_change.at == w.rome(3, 8)
-    page = text_of(render_html(report))
-    assert "A camera was recalibrated on Thursday" in page
-    assert (
-        "A camera was recalibrated on Thursday 12 November 2026, 08:00, so positions and distances are measured "
-        "differently. Figures before and after cannot be compared, so the change column is empty." in page
-    )
-
-
 def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path: Path) -> None:
     calibrate(tmp_path, "cam-1", (1.0, OLD), (1.3, NEW))
     calibrate(tmp_path, "cam-2", (1.0, OLD))

@@ -24,7 +24,7 @@ from vsd_analytics.ingest import frames
 
 BY_NAME = {w.name: w for w in WORLDS}
 CAMERA = {"camera": "cam-1"}
-QUICK = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture(scope="module")

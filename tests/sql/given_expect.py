@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import date
 from functools import cache
@@ -88,15 +89,29 @@ def run(case: Case) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
     return sorted(tuple(map(_text, row)) for row in found), sorted(tuple(row.values()) for row in case.expect)
 
 
-def inputs(*names: str) -> duckdb.DuckDBPyConnection:
-    """Return a connection on which these relations exist, typed and without rows, and the filled dimensions."""
+@contextmanager
+def inputs(*names: str) -> Iterator[duckdb.DuckDBPyConnection]:
+    """Yield a connection on which these relations exist, typed and without rows, and the filled dimensions.
+
+    All cases share it. What one creates and changes is rolled back after it.
+    """
+    con = _dimensions()
+    con.execute("begin")
+    try:
+        for name in names:
+            columns = types().get(name)
+            if columns is not None:
+                con.execute(f"create temp table {name} ({', '.join(f'{c} {t}' for c, t in columns.items())})")
+        yield con
+    finally:
+        con.execute("rollback")
+
+
+@cache
+def _dimensions() -> duckdb.DuckDBPyConnection:
     con = connect(threads=1)
     register_site(con, site())
     register_quarters(con, first_hour=0, last_hour=5)
-    for name, columns in types().items():
-        if name not in names:
-            continue
-        con.execute(f"create temp table {name} ({', '.join(f'{c} {t}' for c, t in columns.items())})")
     return con
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from datetime import date, timedelta
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -146,8 +147,8 @@ def _several_frames(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or sample.has_ids or not sample.has_floor or case.options.period_s is not None:
         return
-    groups = [g[["x", "y"]].to_numpy() for _, g in sample.rows.groupby(["camera_no", "ts_ms"], sort=False)]
-    groups = [g for g in groups[:_GROUPS_MAX] if len(g) >= 2 * PEOPLE_MIN]
+    frames = islice(sample.rows.groupby(["camera_no", "ts_ms"], sort=False)[["x", "y"]], _GROUPS_MAX)
+    groups = [places.to_numpy() for _, places in frames if len(places) >= 2 * PEOPLE_MIN]
     n_repeated = sum(map(_is_repeated, groups))
     if n_repeated >= max(ROWS_MIN, REPEATED_SHARE * len(groups)):
         yield Doubt(

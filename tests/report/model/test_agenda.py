@@ -66,7 +66,7 @@ def test_weeks_in_their_order_never_ask_alike_and_a_week_made_again_is_the_same_
 
 
 def test_an_answer_is_on_the_next_page_and_not_on_earlier_ones(site: Site) -> None:
-    pages = {week: page(site, week) for week in WEEKS}
+    pages = {week: page(site, week) for week in WEEKS[:2]}
     first = read_asked(site)[0]
     vsd(
         site,

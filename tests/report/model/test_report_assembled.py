@@ -13,6 +13,7 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.config import load_site
+from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.reasons import reason_text
@@ -33,6 +34,12 @@ def quieter(day: int, hour: int) -> dict[w.Place, int]:
 def busy_week(tmp_path_factory: pytest.TempPathFactory) -> Site:
     """Return a site of which one busy week is stored. Tests leave it as it is."""
     return w.world(tmp_path_factory.mktemp("busy"), w.toml(), w.messages(busy))
+
+
+@pytest.fixture(scope="module")
+def of_busy(busy_week: Site) -> WeekReport:
+    """Return the report of that week."""
+    return w.report(busy_week)
 
 
 def text_of(page: str) -> str:
@@ -62,8 +69,8 @@ def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
     assert "Stand moved away. Door." in text_of(render_html(report))
 
 
-def test_first_week_has_a_level_and_no_change(busy_week: Site) -> None:
-    report = w.report(busy_week)
+def test_first_week_has_a_level_and_no_change(of_busy: WeekReport) -> None:
+    report = of_busy
     assert report.state == "first_week"
     assert report.previous is None
     assert report.level.often.value is not None
@@ -149,7 +156,10 @@ def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -
     assert report.level.often.change is None
     assert {a.often.verdict for a in report.areas} == {None}
     page = text_of(render_html(report))
-    assert "A camera was recalibrated on Thursday" in page
+    assert (
+        "A camera was recalibrated on Thursday 12 November 2026, 08:00, so positions and distances are measured "
+        "differently. Figures before and after cannot be compared, so the change column is empty." in page
+    )
     assert "No clear change" not in page
 
 
@@ -289,8 +299,8 @@ def test_site_without_areas_has_a_map_and_says_how_to_name_them(tmp_path: Path) 
     assert "Whole floor: clear fall" in page
 
 
-def test_floor_without_plan_or_picture_is_drawn_bare(busy_week: Site) -> None:
-    report = w.report(busy_week)
+def test_floor_without_plan_or_picture_is_drawn_bare(of_busy: WeekReport) -> None:
+    report = of_busy
     (drawn,) = report.maps
     assert (drawn.kind, drawn.image) == ("floor", None)
     assert drawn.extent[0] < w.QUEUE[0] < w.ALONE[0] < drawn.extent[2]
@@ -346,6 +356,6 @@ def test_a_six_foot_site_never_says_two_metres(tmp_path: Path) -> None:
     assert "1.83\u00a0m" in page
 
 
-def test_a_report_is_the_same_after_reading_it_from_disk(busy_week: Site) -> None:
-    first, again = to_json(w.report(busy_week)), to_json(w.report(load_site(busy_week.root)))
+def test_a_report_is_the_same_after_reading_it_from_disk(busy_week: Site, of_busy: WeekReport) -> None:
+    first, again = to_json(of_busy), to_json(w.report(load_site(busy_week.root)))
     assert first == again

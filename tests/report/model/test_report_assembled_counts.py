@@ -54,8 +54,14 @@ def two_cameras(tmp_path_factory: pytest.TempPathFactory) -> Site:
     return w.world(tmp_path_factory.mktemp("two"), w.toml(cameras=TWO), *streams)
 
 
-def test_rates_of_areas_add_up_to_the_floors(two_cameras: Site) -> None:
-    report = w.report(two_cameras)
+@pytest.fixture(scope="module")
+def of_two(two_cameras: Site) -> WeekReport:
+    """Return the report of the week with the outage."""
+    return w.report(two_cameras)
+
+
+def test_rates_of_areas_add_up_to_the_floors(of_two: WeekReport) -> None:
+    report = of_two
     for attribute in ("value", "previous"):
         parts = [getattr(a.often, attribute) for a in report.areas]
         assert sum(parts) == pytest.approx(getattr(report.level.often, attribute), rel=1e-12)
@@ -65,9 +71,9 @@ def test_rates_of_areas_add_up_to_the_floors(two_cameras: Site) -> None:
 
 
 def test_one_rate_on_page_in_json_by_command_and_in_python(
-    two_cameras: Site, capsys: pytest.CaptureFixture[str]
+    two_cameras: Site, of_two: WeekReport, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    report = w.report(two_cameras)
+    report = of_two
     by_hand = total(busy) / 21 + 12
     assert report.level.often.value == pytest.approx(by_hand)
     assert json.loads(to_json(report))["figures"]["M0"]["value"] == pytest.approx(by_hand, rel=1e-6)
@@ -85,7 +91,7 @@ def test_one_rate_on_page_in_json_by_command_and_in_python(
     assert sum(float(r["per_open_hour"]) for r in tables["areas.csv"]) == pytest.approx(by_hand, rel=1e-5)
 
 
-def test_counts_are_those_of_plain_sql_over_the_store(two_cameras: Site) -> None:
+def test_counts_are_those_of_plain_sql_over_the_store(two_cameras: Site, of_two: WeekReport) -> None:
     """Pairs closer than 2 m, joined to episodes by plain window functions over the stored positions."""
     import duckdb
 
@@ -104,11 +110,11 @@ def test_counts_are_those_of_plain_sql_over_the_store(two_cameras: Site) -> None
         )
         .fetchall()[0][0]
     )
-    assert w.report(two_cameras).level.violations == n
+    assert of_two.level.violations == n
 
 
-def test_a_camera_that_hardly_counts_an_area_does_not_make_it_incomplete(two_cameras: Site) -> None:
-    rows = {a.area_id: a for a in w.report(two_cameras).areas}
+def test_a_camera_that_hardly_counts_an_area_does_not_make_it_incomplete(of_two: WeekReport) -> None:
+    rows = {a.area_id: a for a in of_two.areas}
     assert rows["queue"].cameras == ("cam-1",)
     assert rows["queue"].recorded_share == 1
     assert rows["door"].cameras == ("cam-1", "cam-2")
@@ -159,8 +165,8 @@ def by_id(report: WeekReport, other: WeekReport) -> list[Any]:
     return [rows[a.area_id] for a in other.areas]
 
 
-def test_averages_are_of_full_hours_only(two_cameras: Site) -> None:
-    report = w.report(two_cameras)
+def test_averages_are_of_full_hours_only(of_two: WeekReport) -> None:
+    report = of_two
     full = [c for c in report.when.cells if c.state == "full"]
     for mean in report.when.day_means:
         own = [c.violations or 0 for c in full if c.day == mean.day]
