@@ -34,7 +34,6 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.headline import finish
 from vsd_analytics.report.words.privacy import privacy
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
 
