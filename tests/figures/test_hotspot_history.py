@@ -25,7 +25,7 @@ def window(week: int, *rows: str) -> Found:
     spots = []
     for k in range(1, n + 1):
         r, c = np.nonzero(label == k)
-        spots.append(Spot(k, k, len(r), float(r.mean()), float(c.mean()), int(r[0]), int(c[0]), 0.01, rate))
+        spots.append(Spot(k, k, len(r), float(r.mean()), float(c.mean()), 0.01, rate))
     none = np.zeros((28, *hot.shape))
     explained = Explained(none, none, none, none.astype(bool))
     watched = np.array([[c == "~" for c in row] for row in rows])

@@ -89,10 +89,9 @@ Common cause: a camera or engine that lost its clock and began again at 1990 or 
 Fix: set the clock (NTP), and remove the records: vsd purge --camera ID --range DAYS with the days of the message.""",
     "W220": """\
 Positions do not look like metres: people would outrun anybody, be far off the floor, inside each other, or rounded.
-Common causes: millimetres, centimetres or feet; pixels, degrees or speeds mapped to x_m y_m; the height above the floor
-mapped to y_m; one place for people whom the engine has lost; a person twice in a frame; times without their decimals,
-which make one frame of many; a plan with a wrong origin or scale; an axis that points the other way, so that people
-walk through shelves, or yards.
+Common causes: millimetres, centimetres, feet or yards; pixels, degrees or speeds mapped to x_m y_m; heights as y_m; one
+place for people whom the engine has lost; a person twice in a frame; times without their decimals, so that many frames
+become one; a plan with a wrong origin or scale; an axis that points the other way, so that people walk through shelves.
 Fix: --unit mm, cm or ft; columns that name their unit, such as x_mm, are converted without it. Pixels go to u_px v_px.
 A plan is placed by plan_origin_m and plan_m_per_px in vsd.toml; vsd check FILE --picture where.svg shows both.""",
     "W221": """\

@@ -88,21 +88,25 @@ class Warehouse:
         )
         # Two locks, because `__exit__` removes superseded files after it releases the lock on facts (`clear` needs that
         # lock exclusively) and while it still holds off a purge.
-        self._reading = contextlib.ExitStack()
-        self._reading.enter_context(removal.reading(store.root))
-        self._reading_facts = contextlib.ExitStack()
-        self._reading_facts.enter_context(superseded.reading(site.root / "facts"))
+        self._reading, self._reading_facts = contextlib.ExitStack(), contextlib.ExitStack()
         self._facts = None if relations is None else facts_behind(relations)
-        self.built: BuildResult = build(
-            site,
-            first_hour=self._hours[0],
-            last_hour=self._hours[1],
-            facts=self._facts,
-            on_plan=on_plan,
-            on_hours=on_hours,
-            has_lock=True,
-            is_trusting=uses_days,
-        )
+        with contextlib.ExitStack() as on_error:
+            # whoever catches the error may go on, and a purge must not wait until Python collects this half-made object
+            on_error.callback(self._reading.close)
+            on_error.callback(self._reading_facts.close)
+            self._reading.enter_context(removal.reading(store.root))
+            self._reading_facts.enter_context(superseded.reading(site.root / "facts"))
+            self.built: BuildResult = build(
+                site,
+                first_hour=self._hours[0],
+                last_hour=self._hours[1],
+                facts=self._facts,
+                on_plan=on_plan,
+                on_hours=on_hours,
+                has_lock=True,
+                is_trusting=uses_days,
+            )
+            on_error.pop_all()
         self._of_days: dict[tuple[date, date], Warehouse] = {}
         self.extents = calendar_days(site, first, last, spare_days=spare_days)
         self._heat_cell_m, self._uses_days, self._threads = heat_cell_m, uses_days, threads
