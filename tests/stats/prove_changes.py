@@ -227,7 +227,7 @@ def main() -> None:
             print(line, flush=True)
         print("\n| site | effect | sites | weeks planned (80 % of sites) | power promised | power found |")
         print("|---|---|---|---|---|---|")
-        jobs = [partial(planned, w, effect, n // 4) for w in (OFFICE, SHOP, MUSEUM) for effect in (0.85, 0.7, 0.5)]
+        jobs = [partial(planned, w, effect, 4 * n // 5) for w in (OFFICE, SHOP, MUSEUM) for effect in (0.85, 0.7, 0.5)]
         for row in pool.map(_call, jobs):
             print(row, flush=True)
 
