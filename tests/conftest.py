@@ -75,13 +75,13 @@ def _no_wait_for_the_disk(request: pytest.FixtureRequest) -> Iterator[None]:
 def _one_thread_for_a_query(request: pytest.FixtureRequest) -> Iterator[None]:
     """Let DuckDB use one thread in this process: over a few records, threads cost more than they bring.
 
-    Tests of equal bytes, of faults and of the warehouse use as many as a user does.
+    Tests of equal bytes and of faults use as many as a user does.
     """
     from vsd_analytics.store.duck import connect
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     with pytest.MonkeyPatch.context() as patch:
-        if not {"faults", "warehouse", "invariances"} & set(request.path.parts):
+        if not {"faults", "invariances"} & set(request.path.parts):
             patch.setitem(connect.__kwdefaults__, "threads", 1)
             patch.setitem(Warehouse.__init__.__kwdefaults__, "threads", 1)
         yield
