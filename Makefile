@@ -42,6 +42,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 1000
 	$(BIN)/python tests/stats/prove_intervals.py --people 10
 	$(BIN)/python tests/stats/prove_verdicts.py
+	$(BIN)/python tests/stats/prove_unlike_worlds.py --sites 1000
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --people 400 --stored 40
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_changes.py --sites 1000
