@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import F
+from vsd_analytics.cli.options import F, choice_option
 from vsd_analytics.cli.project import Project
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.errors import UsageError
@@ -57,11 +57,10 @@ def file_options(command: F) -> F:
         click.option(
             "--coordinates", type=click.Choice(["floor", "image"]), help="Which of a format's coordinates to use."
         ),
-        click.option(
+        choice_option(
             "--method",
-            type=click.Choice(["center-points", "four-corner"]),
+            choices=["center-points", "four-corner"],
             default="center-points",
-            show_default=True,
             help="smart-social-distancing: its distance method.",
         ),
         click.option(
