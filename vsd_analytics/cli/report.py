@@ -220,11 +220,3 @@ def _days(text: str) -> tuple[date, date | None]:
         )
     is_week = n == 7 and first.weekday() == 0
     return first, None if is_week else last
-
-
-def write_report(project: Project, *, week: str, kind: str, out: str, floor_id: str | None) -> list[Path]:
-    """Write the report of a week and return the files."""
-    reports = make_reports(project, week=week, floor_id=floor_id)
-    paths = [path for r in reports for path in write(Path(out), _files(project, r).of(kind))]
-    remember_questions(project, reports)
-    return paths
