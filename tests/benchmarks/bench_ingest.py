@@ -26,11 +26,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from simulate.small_scenes import START_MS
+
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.schema import SCHEMAS
-from vsd_analytics.simulate.small import START_MS
 from vsd_analytics.store import Store
 
 BATCH_ROWS = 10_000

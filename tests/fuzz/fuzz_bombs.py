@@ -20,8 +20,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 from fuzz_worlds import zstd
-
-from vsd_analytics.simulate.small import START_MS
+from simulate.small_scenes import START_MS
 
 Made = tuple[Path, dict[str, Any]]
 Maker = Callable[[Random, Path], Made]

@@ -16,9 +16,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 from ingest import engine_files
-
-from vsd_analytics.simulate.frame_messages import frame_message
-from vsd_analytics.simulate.small import START_MS, make_empty, make_pair, make_walk, merge
+from simulate.small_scenes import START_MS, frame_message, make_empty, make_pair, make_walk, merge
 
 CONFIG = """\
 [site]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from simulate.small_scenes import START_MS, Message, frame_message, make_empty
 
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.frames import MessageRows
@@ -18,8 +19,6 @@ from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.settings import Settings
-from vsd_analytics.simulate.frame_messages import frame_message
-from vsd_analytics.simulate.small import START_MS, Message, make_empty
 from vsd_analytics.site.model import AlarmRule, Area, Camera, Floor, Point, Site
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)

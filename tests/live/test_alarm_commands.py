@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from alarm_worlds import frame, quiet, row, stand
 from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, publish
+from simulate.small_scenes import merge
 from site_text import site_text
 from test_alarm_delivery import receiver
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.simulate.small import merge
 
 SITE = site_text(
     site='opening = { mon-sat = "08:00-21:00" }\n',

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 from alarm_worlds import GATHERING, make_site, quiet, row, run, stand
+from simulate.small_scenes import merge
 
 from vsd_analytics.live.delivery import AlarmLog, AlarmSender, Webhook, webhook_of
 from vsd_analytics.live.events import AlarmEvent
-from vsd_analytics.simulate.small import merge
 from vsd_analytics.site.model import AlarmDelivery
 
 QUICK = (0.01, 0.05)

@@ -11,12 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from alarm_worlds import CONTACT, GATHERING, SILENCE, at, make_site, quiet, row, stand, tables_of
+from simulate.small_scenes import START_MS, Message
 
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.live.stored_frames import replay
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.simulate.small import START_MS, Message
 from vsd_analytics.site.model import Camera
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import HOUR_MS

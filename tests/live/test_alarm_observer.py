@@ -11,12 +11,12 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 from alarm_worlds import CONTACT, GATHERING, SILENCE, at, make_site, quiet, row, stand, tables_of
+from simulate.small_scenes import START_MS, Message, merge
 
 from vsd_analytics.live.alarm_observer import LiveAlarms
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.delivery import FILE, AlarmLog, AlarmSender
 from vsd_analytics.schema import TableName
-from vsd_analytics.simulate.small import START_MS, Message, merge
 from vsd_analytics.site.model import AlarmRule, Site
 from vsd_analytics.store import Store
 

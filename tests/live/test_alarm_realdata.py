@@ -11,12 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from alarm_worlds import make_site
+from simulate.small_scenes import START_MS
 
 from vsd_analytics.live import sustained
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TableName
-from vsd_analytics.simulate.small import START_MS
 from vsd_analytics.site.model import AlarmRule
 
 pytestmark = pytest.mark.realdata

@@ -22,10 +22,10 @@ from alarm_worlds import (
     told,
     walk,
 )
+from simulate.small_scenes import START_MS, merge
 
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.settings import Settings
-from vsd_analytics.simulate.small import START_MS, merge
 from vsd_analytics.site.model import AlarmRule, Area, Calibration, Camera
 
 

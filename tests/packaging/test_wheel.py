@@ -13,9 +13,9 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from simulate.small_scenes import make_week
 from site_text import site_text
 
-from vsd_analytics.simulate import make_week
 from vsd_analytics.version import VERSION
 
 REPOSITORY = Path(__file__).resolve().parents[2]

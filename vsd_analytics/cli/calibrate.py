@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.options import json_option, language_option
+from vsd_analytics.cli.options import json_option, language_option, path_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
@@ -25,16 +26,12 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("camera")
-@click.option(
-    "--matrix", type=click.Path(path_type=Path), metavar="FILE", help="3x3 homography, picture px to floor m."
-)
-@click.option("--points", type=click.Path(path_type=Path), metavar="FILE", help="CSV of u,v,x,y: four points or more.")
-@click.option(
+@path_option("--matrix", help="3x3 homography, picture px to floor m.")
+@path_option("--points", help="CSV of u,v,x,y: four points or more.")
+@path_option(
     "--camera-file",
     "camera_files",
     multiple=True,
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Camera matrix, place and lens distortion: OpenCV's XML, YAML or JSON, or Oxford's; repeat it for two files.",
 )
 @click.option(
@@ -43,22 +40,12 @@ if TYPE_CHECKING:
     default="m",
     help="Length unit of --camera-file (default: m); its floor is z = 0.",
 )
-@click.option(
-    "--from-people",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Boxes or joints of people over time (see vsd engine run); needs no measuring.",
+@path_option("--from-people", help="Boxes or joints of people over time (see vsd engine run); needs no measuring.")
+@path_option(
+    "--check", help="Boxes or joints with times: tell whether the camera has moved since its calibration, and when."
 )
-@click.option(
-    "--check",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Boxes or joints with times: tell whether the camera has moved since its calibration, and when.",
-)
-@click.option(
+@path_option(
     "--lines",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Picture of a place with right angles: its straight edges show focal length and tilt; with --height.",
 )
 @click.option(
@@ -69,9 +56,7 @@ if TYPE_CHECKING:
     help="Height of the lens, with --lines.",
 )
 @click.option("--draw", is_flag=True, help="Write a page to click points, areas, fixtures and views by hand.")
-@click.option(
-    "--picture", type=click.Path(path_type=Path), metavar="FILE", help="Picture for --draw (default: the camera's)."
-)
+@path_option("--picture", help="Picture for --draw (default: the camera's).")
 @click.option("--open", "is_opened", is_flag=True, help="Open the page of --draw in a browser.")
 @language_option
 @click.option("--size", metavar="WxH", help="Picture size in pixels, with --from-people, --check and --camera-file.")
@@ -310,26 +295,19 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
             why="its matrix is that of no camera above a floor" if camera.calibrations else None,
             fix=f"vsd calibrate {camera_id} --from-people {source} --size {picture_px[0]}x{picture_px[1]}",
         )
-    zone = project.site.timezone
     if as_json:
-        emit_json({"camera_id": camera_id, **moved_cameras.check_dict(check, zone=zone)})
+        emit_json({"camera_id": camera_id, **moved_cameras.check_dict(check, zone=project.site.timezone)})
     else:
         for line in moved_cameras.check_lines(camera_id, check):
             click.echo(line)
-        for move in check.moves:
-            sentence = moved_cameras.move_sentence(camera, move, zone=zone, source=str(source))
-            project.say(f"warning[{moved_cameras.CODE}]: {sentence}")
+        moved_cameras.warn_of_moves(project, camera, check, source)
     return 1 if check.moves or check.least_deg is None else 0
 
 
 def _picture_px(camera: Camera, size: str | None) -> tuple[int, int]:
-    from vsd_analytics.cli.picture_sizes import parse_size
-    from vsd_analytics.errors import UsageError
+    from vsd_analytics.cli.picture_sizes import known_size, parse_size
 
-    picture_px = camera.picture_px if size is None else parse_size(size)
-    if picture_px is None:
-        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
-    return picture_px
+    return known_size(camera, camera.picture_px if size is None else parse_size(size))
 
 
 def _people_lines(done: Calibrated, found: FromPeople) -> list[str]:
@@ -383,15 +361,5 @@ def _lines(done: Calibrated) -> list[str]:
 
 
 def _as_dict(done: Calibrated) -> dict[str, object]:
-    return {
-        "camera_id": done.camera_id,
-        "file": str(done.file),
-        "overlay": str(done.overlay),
-        "calibration_id": done.calibration_id,
-        "n_points": done.n_points,
-        "error_m": done.error_m,
-        "worst_m": done.worst_m,
-        "worst_point": done.worst_point,
-        "is_in_force": done.is_in_force,
-        "warnings": [{"code": code, "message": sentence} for code, sentence in done.warnings],
-    }
+    warnings = [{"code": code, "message": sentence} for code, sentence in done.warnings]
+    return {**asdict(done), "warnings": warnings}

@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.estimates import rate_dict, rate_text, with_limits
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.queue import missed_hours, people_text, rate_dict
+from vsd_analytics.cli.queue import missed_hours
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.capacities import CapacityUse
+    from vsd_analytics.figures.panels import Period
     from vsd_analytics.stats.estimates import RateEstimate
 
 _MINUTES = 60
@@ -37,7 +39,7 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
       vsd capacity --week last
       vsd capacity --range 2026-11-02..2026-11-15 --json
     """
-    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
+    from vsd_analytics.cli.ranges import noted, period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.capacities import capacities
     from vsd_analytics.site.places import known_floor
@@ -53,13 +55,12 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
     with period_with_history(project, floor, week=week, days=days) as period:
         found = capacities(period)
         notes = purged_hours_notes(period.data.warehouse)
-    first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
-        emit_json({"first": first, "last": last, "places": [_as_dict(c) for c in found],
-                   **({"notes": notes} if notes else {})})  # fmt: skip
+        places = [_as_dict(c) for c in found]
+        emit_json(noted({"first": period.first, "last": period.last, "places": places}, notes))
     else:
         warn(notes)
-        click.echo(plain(_text(found, first=first, last=last)))
+        click.echo(plain(_text(found, period)))
     return 0 if any(c.full.rate is not None for c in found) else 1
 
 
@@ -88,14 +89,14 @@ def _as_dict(of: CapacityUse) -> dict[str, Any]:
     return printed
 
 
-def _text(found: tuple[CapacityUse, ...], *, first: str, last: str) -> str:
+def _text(found: tuple[CapacityUse, ...], period: Period) -> str:
     head = ("place", "capacity", "people", "time from 60 %", "from 100 %", "over", "person-minutes too many an hour")
     rows = [(*head, "recorded")]
     for c in found:
         shares = (_share(c.busy), _share(c.full), _share(c.over))
         use = (*shares, _surplus(c.surplus), f"{c.recorded_share:.0%}")
-        rows.append((c.place.name, f"{c.capacity:,}", people_text(c.people), *use))
-    lines = [f"Capacity, {first} to {last}", "", *table(rows)]
+        rows.append((c.place.name, f"{c.capacity:,}", rate_text(c.people, digits=2), *use))
+    lines = [f"Capacity, {period.first} to {period.last}", "", *table(rows)]
     for c in found:
         notes = [f"{c.place.name}: {line}" for line in _notes(c)]
         lines += ["", *notes] if notes else []
@@ -103,17 +104,11 @@ def _text(found: tuple[CapacityUse, ...], *, first: str, last: str) -> str:
 
 
 def _share(of: RateEstimate) -> str:
-    if of.rate is None:
-        return "–"
-    limits = "" if of.lo is None or of.hi is None else f" ({of.lo:.1%} to {of.hi:.1%})"
-    return f"{of.rate:.1%}{limits}"
+    return with_limits(of.rate, of.lo, of.hi, "{:.1%}".format)
 
 
 def _surplus(of: RateEstimate) -> str:
-    if of.rate is None:
-        return "–"
-    limits = "" if of.lo is None or of.hi is None else f" ({of.lo * _MINUTES:.2g} to {of.hi * _MINUTES:.2g})"
-    return f"{of.rate * _MINUTES:.2g}{limits}"
+    return with_limits(of.rate, of.lo, of.hi, lambda rate: f"{rate * _MINUTES:.2g}")
 
 
 def _notes(of: CapacityUse) -> list[str]:

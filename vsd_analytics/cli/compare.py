@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.compare_text import ENCOUNTERS, change, figure, level, percent, ratio
+from vsd_analytics.cli.estimates import why_none, with_limits
 from vsd_analytics.cli.options import floor_option, json_option
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
@@ -140,8 +141,7 @@ def _text(found: Comparison) -> str:
         f"recorded of the open hours: A {shares[0]}, B {shares[1]}",
     ]
     if found.state != "ok":
-        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
-        return "\n".join([*lines, "", f"{word}: {reason_text(found.reason)}", *_notes(found)])
+        return "\n".join([*lines, "", why_none(found.state, found.reason), *_notes(found)])
     lines.append(f"compared: {found.n_pairs} pairs of days, {found.hours_compared:,.1f} camera-hours recorded in both")
     lines += ["", *_place(found.places[0]), "", *_mixing(found)]
     if found.places[1:]:
@@ -200,23 +200,13 @@ def _share(people: float) -> str:
 
 def _share_level(rate: RateEstimate) -> str:
     """Return a share with its interval in percent, or why there is none."""
-    if rate.rate is None:
-        return level(rate)
-    between = "" if rate.lo is None or rate.hi is None else f" ({100 * rate.lo:.3g}% to {100 * rate.hi:.3g}%)"
-    return f"{100 * rate.rate:.3g}%{between}"
+    missing = reason_text(rate.reason) or "–"
+    return with_limits(rate.rate, rate.lo, rate.hi, lambda share: f"{100 * share:.3g}%", missing=missing)
 
 
 def _areas(places: Sequence[PlaceChange]) -> list[str]:
-    heads = (
-        "violations per open hour: A",
-        "B",
-        "B against A",
-        "verdict",
-        "share of time too close",
-        "verdict",
-        "people",
-    )
-    rows: list[tuple[str, ...]] = [("area", *heads)]
+    rates = ("violations per open hour: A", "B", "B against A", "verdict")
+    rows: list[tuple[str, ...]] = [("area", *rates, "share of time too close", "verdict", "people")]
     reasons = []
     for place in places:
         often, close = place.split.often, place.close_share

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from vsd_analytics.cli.estimates import why_none, with_limits
 from vsd_analytics.cli.output import plain, table
 from vsd_analytics.report.words.reasons import reason_text, verdict_text
 
@@ -38,10 +39,7 @@ def ratio(theta: float | None, lo: float | None = None, hi: float | None = None)
 
 def level(rate: RateEstimate) -> str:
     """Return a rate with its interval, or why there is none."""
-    if rate.rate is None:
-        return reason_text(rate.reason) or "–"
-    between = "" if rate.lo is None or rate.hi is None else f" ({figure(rate.lo)} to {figure(rate.hi)})"
-    return f"{figure(rate.rate)}{between}"
+    return with_limits(rate.rate, rate.lo, rate.hi, figure, missing=reason_text(rate.reason) or "–")
 
 
 def change(estimate: ChangeEstimate) -> tuple[str, str]:
@@ -61,8 +59,7 @@ def change_text(found: BeforeAfterFigure) -> str:
             f"and after ({w.after[0]} to {w.after[1]}){out}"
         )
     if found.state != "ok":
-        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
-        return "\n".join([*lines, "", f"{word}: {reason_text(found.reason)}", *_left_out(found)])
+        return "\n".join([*lines, "", why_none(found.state, found.reason), *_left_out(found)])
     lines += [
         "",
         *(f"{'not credible' if k == 0 else 'also'}: {reason_text(doubt)}" for k, doubt in enumerate(found.doubts)),

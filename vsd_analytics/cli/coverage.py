@@ -9,7 +9,7 @@ import click
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.ranges import not_over_note, purged_hours_notes, warehouse_of, warn
+from vsd_analytics.cli.ranges import not_over_note, noted, purged_hours_notes, warehouse_of, warn
 
 _GAPS_SHOWN = 20
 
@@ -35,7 +35,7 @@ def coverage(project: Project, week: str | None, days: str | None, as_json: bool
         found = operator_counts.coverage(warehouse, until_ms=until_ms)
         notes, unfinished = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)
     if as_json:
-        emit_json({**found, **({"notes": notes + unfinished} if notes or unfinished else {})})
+        emit_json(noted(found, notes + unfinished))
         return
     warn(notes)
     for note in unfinished:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from vsd_analytics.cli.options import choice_option
 from vsd_analytics.cli.output import progress
 from vsd_analytics.cli.project import Project, pass_project
 
@@ -18,11 +19,10 @@ WEEKS: Final = {"shop": 2, "canteen": 12}
 
 @click.command()
 @click.argument("folder", default="vsd-demo", metavar="[DIR]")
-@click.option(
+@choice_option(
     "--place",
-    type=click.Choice(["shop", "canteen"]),
+    choices=["shop", "canteen"],
     default="shop",
-    show_default=True,
     help="What is made up: a shop with four cameras, or a canteen with one that is open two hours a day.",
 )
 @click.option(
@@ -30,11 +30,10 @@ WEEKS: Final = {"shop": 2, "canteen": 12}
     type=click.IntRange(1, 104),
     help="Weeks to make; 8 or more are a history. Default: 2 of the shop, 12 of the canteen.",
 )
-@click.option(
+@choice_option(
     "--reports",
-    type=click.Choice(["last", "all"]),
+    choices=["last", "all"],
     default="last",
-    show_default=True,
     help="Reports to write: of the last week, or of all and the site index over them.",
 )
 @click.option(
@@ -104,7 +103,7 @@ def demo(
     made_of = f"{weeks} week{'' if weeks == 1 else 's'} of made-up people"
     what = "a shop with 4 cameras" if is_shop else "a canteen with one camera"
     click.echo(f"  Made {what} and {made_of}: {counts} in {made - started:.1f} s")
-    inner = Project(folder=folder, now_text=project.now_text, quiet=project.quiet, verbose=project.verbose)
+    inner = project.inside(root)
     files = sorted((root / "engine").iterdir())
     n_bytes = sum(f.stat().st_size for f in files)
     with progress(None, total=n_bytes, label="reading", unit="B", quiet=project.quiet) as bar:

@@ -7,17 +7,15 @@ from typing import Any
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
 
 
 @click.command()
 @click.option("--show-config", is_flag=True, help="Print each setting with its value and where it comes from.")
-@click.option(
+@path_option(
     "--broker-config",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Check this mosquitto.conf too (default: the usual one, when the broker of [mqtt] is on this machine).",
 )
 @json_option

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
-from vsd_analytics.cli.picture_sizes import parse_size
+from vsd_analytics.cli.picture_sizes import known_size, parse_size
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy as np
     from numpy.typing import NDArray
 
@@ -27,8 +26,37 @@ if TYPE_CHECKING:
     from vsd_analytics.engine.seen import Seen
     from vsd_analytics.site.model import Calibration, Camera, Plane
 
+_Parts: TypeAlias = "list[tuple[Seen, NDArray[np.int64]]]"
+"""What was seen under each of a camera's calibrations, and the times of its frames."""
+
 NO_CLOCK = "2000-01-01T00:00:00Z"
 """Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectedPeople:
+    """The people of a detector, and the camera that saw them.
+
+    Attributes:
+        project: The project and clock.
+        camera: The camera.
+        people: Their joints or boxes.
+        picture_px: Width and height of the picture; None = not known.
+        ts_ms: UTC milliseconds of the frames.
+        is_tracked: Follow people on the floor.
+    """
+
+    project: Project
+    camera: Camera
+    people: People
+    picture_px: tuple[int, int] | None
+    ts_ms: NDArray[np.int64]
+    is_tracked: bool
+
+    @property
+    def known_px(self) -> tuple[int, int]:
+        """Return the size of the picture; UsageError E101 where it is not known."""
+        return known_size(self.camera, self.picture_px)
 
 
 @click.group()
@@ -44,7 +72,7 @@ def engine() -> None:
 @engine.command()
 @click.argument("people", type=click.Path(path_type=Path))
 @click.option("--camera", "camera_id", required=True, metavar="ID", help="Camera of vsd.toml that saw them.")
-@click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="JSON Lines file to write.")
+@path_option("--out", required=True, help="JSON Lines file to write.")
 @click.option(
     "--method",
     type=click.Choice(["people", "paper", "monoloco"]),
@@ -70,16 +98,14 @@ def engine() -> None:
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
 @click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
-@click.option(
+@path_option(
     "--overlay",
     metavar="DIR",
-    type=click.Path(path_type=Path),
     help="Draw a picture of each frame: skeletons or boxes, safe spaces, and lines between people too close.",
 )
-@click.option(
+@path_option(
     "--pictures",
     metavar="FOLDER|VIDEO",
-    type=click.Path(path_type=Path),
     help="What --overlay draws on: the camera's pictures, the last number in a name is the frame's (default: grey).",
 )
 @json_option
@@ -140,16 +166,14 @@ def run(
         )
     begin = instant(start or NO_CLOCK, zone=camera.clock, what="--start")
     ts_ms = instants_ms(found, start=begin, hz=rate)
+    detected = DetectedPeople(project, camera, found, picture_px, ts_ms, is_tracked=track)
     moves: list[dict[str, object]] = []
     if method == "paper":
-        parts = [(_paper(project, camera, found, picture_px, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
+        parts = [(_paper(detected, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
     else:
-        if own is None:
-            parts = _calibrated(project, camera, found, picture_px, ts_ms=ts_ms, is_tracked=track)
-        else:
-            parts = _monoloco(project, camera, own, picture_px, ts_ms=ts_ms, is_tracked=track)
-        moves = _moves(project, camera, found, people, picture_px, ts_ms=ts_ms)
-    drawn = {} if overlay is None else _overlay(project, camera, found, parts, picture_px, to=overlay, on=pictures)
+        parts = _calibrated(detected) if own is None else _monoloco(detected, own)
+        moves = _moves(detected, people)
+    drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
     publish(out, b"".join(line + b"\n" for line in lines))
     done = {
@@ -200,58 +224,39 @@ def _ratios(text: str, convention: str) -> Ratios:
     return Ratios(horizontal, vertical, "share" if convention == "share" else "inset")
 
 
-def _paper(
-    project: Project,
-    camera: Camera,
-    people: People,
-    picture_px: tuple[int, int] | None,
-    *,
-    part: str | None,
-    ratios: Ratios,
-) -> Seen:
+def _paper(detected: DetectedPeople, *, part: str | None, ratios: Ratios) -> Seen:
     from vsd_analytics.engine.body import PART_M
     from vsd_analytics.engine.paper_method import detect
-    from vsd_analytics.errors import UsageError
 
-    if picture_px is None:
-        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
-    chosen = next((p for p in PART_M if p == part), "torso" if people.has_joints else "box")
-    settings = project.site.settings
+    chosen = next((p for p in PART_M if p == part), "torso" if detected.people.has_joints else "box")
+    settings = detected.project.site.settings
     return detect(
-        people,
+        detected.people,
         ratios=ratios,
-        size_px=picture_px,
+        size_px=detected.known_px,
         part=chosen,
         distance_m=settings.distance_m,
         within_m=settings.pair_max_m,
     )
 
 
-def _calibrated(
-    project: Project,
-    camera: Camera,
-    people: People,
-    picture_px: tuple[int, int] | None,
-    *,
-    ts_ms: NDArray[np.int64],
-    is_tracked: bool,
-) -> list[tuple[Seen, NDArray[np.int64]]]:
-    """Return what was seen under each of the camera's calibrations, and the times of its frames."""
-    from dataclasses import replace
-
+def _calibrated(detected: DetectedPeople) -> _Parts:
+    """Return what was seen by the metres of the camera's calibrations."""
     from vsd_analytics.engine.floor_method import locate
     from vsd_analytics.engine.plane_method import locate_on_planes, standing
     from vsd_analytics.engine.tracker import tracked, tracked_at
     from vsd_analytics.errors import UsageError
 
+    camera, people, picture_px = detected.camera, detected.people, detected.picture_px
     if not camera.calibrations and not camera.planes:
         raise UsageError(
             f"camera {camera.camera_id!r} has no calibration",
             why="--method people measures in metres on the floor",
             fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
         )
-    timed, parts = replace(people, ts_ms=ts_ms), []
-    settings = project.site.settings
+    timed, parts = replace(people, ts_ms=detected.ts_ms), []
+    settings = detected.project.site.settings
+    reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
     for from_ms, to_ms, used, planes in _grounds(camera):
         part = timed.between(from_ms, to_ms)
         if not len(part.frames):
@@ -259,7 +264,7 @@ def _calibrated(
         when, part = part.ts_ms, replace(part, ts_ms=None) if people.ts_ms is None else part
         assert when is not None
         if planes:
-            if is_tracked:
+            if detected.is_tracked:
                 on = standing(part, planes=planes, calibration=used, picture_px=picture_px)
                 part = tracked_at(part, on.xy, on.floor_per_px, picture_px=picture_px, ts_ms=when)
             seen = locate_on_planes(
@@ -267,20 +272,18 @@ def _calibrated(
                 planes=planes,
                 calibration=used,
                 picture_px=picture_px,
-                within_m=settings.pair_max_m,
-                distance_m=settings.distance_m,
+                **reach,
                 stated_error=_stated_error,
             )
         else:
             assert used is not None
-            if is_tracked:
+            if detected.is_tracked:
                 part = tracked(part, homography=used.homography, picture_px=picture_px, ts_ms=when)
             seen = locate(
                 part,
                 homography=used.homography,
                 picture_px=picture_px,
-                within_m=settings.pair_max_m,
-                distance_m=settings.distance_m,
+                **reach,
                 name=used.calibration_id,
                 error=_stated_error(used),
             )
@@ -306,28 +309,15 @@ def _grounds(camera: Camera) -> list[tuple[int, int, Calibration | None, tuple[P
     return found
 
 
-def _monoloco(
-    project: Project,
-    camera: Camera,
-    own: MonolocoPeople,
-    picture_px: tuple[int, int] | None,
-    *,
-    ts_ms: NDArray[np.int64],
-    is_tracked: bool,
-) -> list[tuple[Seen, NDArray[np.int64]]]:
+def _monoloco(detected: DetectedPeople, own: MonolocoPeople) -> _Parts:
     """Return what Monoloco placed under each of the camera's calibrations, else on the plane of its people."""
-    from dataclasses import replace
-
     from vsd_analytics.engine.monoloco_method import floor_of_calibration, floor_of_people, locate_monoloco
-    from vsd_analytics.errors import UsageError
     from vsd_analytics.warehouse.dimensions import calibration_spans
 
-    settings, floors = project.site.settings, []
-    for from_ms, to_ms, used in calibration_spans(camera):
-        if picture_px is None:
-            raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
-        name = used.calibration_id
-        floors.append((from_ms, to_ms, floor_of_calibration(used.homography, picture_px=picture_px, name=name)))
+    settings, ts_ms, floors = detected.project.site.settings, detected.ts_ms, []
+    for from_ms, to_ms, used in calibration_spans(detected.camera):
+        floor = floor_of_calibration(used.homography, picture_px=detected.known_px, name=used.calibration_id)
+        floors.append((from_ms, to_ms, floor))
     timed, parts = replace(own, people=replace(own.people, ts_ms=ts_ms)), []
     for from_ms, to_ms, floor in floors or [(int(ts_ms[0]), int(ts_ms[-1]) + 1, floor_of_people(own))]:
         part = timed.between(from_ms, to_ms)
@@ -336,7 +326,7 @@ def _monoloco(
             continue
         part = replace(part, people=replace(part.people, ts_ms=own.people.ts_ms))
         reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
-        parts.append((locate_monoloco(part, floor, **reach, ts_ms=when if is_tracked else None), when))
+        parts.append((locate_monoloco(part, floor, **reach, ts_ms=when if detected.is_tracked else None), when))
     return parts
 
 
@@ -350,26 +340,14 @@ def _social(own: MonolocoPeople) -> dict[str, object]:
     return {"social_flags": {"persons": int(np.nansum(own.is_social)), "of": int(judged.sum())}}
 
 
-def _overlay(
-    project: Project,
-    camera: Camera,
-    people: People,
-    parts: Sequence[tuple[Seen, NDArray[np.int64]]],
-    picture_px: tuple[int, int] | None,
-    *,
-    to: Path,
-    on: Path | None,
-) -> dict[str, object]:
+def _overlay(detected: DetectedPeople, parts: _Parts, *, to: Path, on: Path | None) -> dict[str, object]:
     """Draw what was seen; return what was drawn, for `--json`."""
     from vsd_analytics.engine.frame_pictures import frame_pictures
     from vsd_analytics.engine.overlay import OverlayLook, write_overlay
-    from vsd_analytics.errors import UsageError
     from vsd_analytics.report.words.format import distance
 
-    if picture_px is None:
-        raise UsageError(f"the picture size of {camera.camera_id} is not known", fix="--size 1920x1080")
-    settings = project.site.settings
-    look = OverlayLook(picture_px, settings.distance_m, lambda metres: distance(metres, settings.distance_unit))
+    people, settings = detected.people, detected.project.site.settings
+    look = OverlayLook(detected.known_px, settings.distance_m, lambda metres: distance(metres, settings.distance_unit))
     n_pictured = write_overlay(to, parts, pictures=frame_pictures(on, people), source=on, look=look)
     return {"overlay": str(to), "pictures": len(people.frames), "pictured": n_pictured}
 
@@ -383,21 +361,13 @@ def _stated_error(used: Calibration) -> StatedError | None:
     return read_stated_error(beside(used.source, "people"), calibration_id=used.calibration_id)
 
 
-def _moves(
-    project: Project,
-    camera: Camera,
-    people: People,
-    source: Path,
-    picture_px: tuple[int, int] | None,
-    *,
-    ts_ms: NDArray[np.int64],
-) -> list[dict[str, object]]:
+def _moves(detected: DetectedPeople, source: Path) -> list[dict[str, object]]:
     """Warn when the camera has moved since its calibration; return its moves for `--json`."""
     from vsd_analytics.cli import moved_cameras
 
-    check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
-    zone = project.site.timezone
-    for move in () if check is None else check.moves:
-        sentence = moved_cameras.move_sentence(camera, move, zone=zone, source=str(source))
-        project.say(f"warning[{moved_cameras.CODE}]: {sentence}")
-    return [] if check is None else moved_cameras.moves_list(check, zone=zone)
+    project, camera = detected.project, detected.camera
+    check = moved_cameras.check_people(camera, detected.people, ts_ms=detected.ts_ms, size_px=detected.picture_px)
+    if check is None:
+        return []
+    moved_cameras.warn_of_moves(project, camera, check, source)
+    return moved_cameras.moves_list(check, zone=project.site.timezone)

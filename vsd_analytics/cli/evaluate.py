@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 
@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("messages", type=click.Path(path_type=Path))
-@click.option(
-    "--truth",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="CSV of true positions: frame or ts, track_id, x_m, y_m.",
-)
+@path_option("--truth", help="CSV of true positions: frame or ts, track_id, x_m, y_m.")
 @click.option(
     "--distance",
     "distance_m",

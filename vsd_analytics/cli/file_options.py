@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import F
+from vsd_analytics.cli.options import F, choice_option
 from vsd_analytics.cli.project import Project
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.errors import UsageError
@@ -20,24 +20,15 @@ if TYPE_CHECKING:
 
 
 def file_options(command: F) -> F:
-    """Add the options that say how to read engine files."""
+    """Add the options that say how to read engine files; they have the names of the fields of `IngestOptions`."""
     options: list[Callable[[Any], Any]] = [
-        click.option(
-            "--format",
-            "kind",
-            metavar="NAME",
-            help=f"{', '.join(formats())}; else detected.",
-        ),
+        click.option("--format", metavar="NAME", help=f"{', '.join(formats())}; else detected."),
         click.option("--camera", metavar="ID", help="Camera of records that name none."),
         click.option(
             "--columns", metavar="NAMES", help="Headerless table: our names in the file's order; _ ignores a column."
         ),
         click.option(
-            "--map",
-            "renames",
-            metavar="OURS=THEIRS",
-            multiple=True,
-            help="Column renames; repeat or separate by commas.",
+            "--map", metavar="OURS=THEIRS", multiple=True, help="Column renames; repeat or separate by commas."
         ),
         click.option(
             "--period",
@@ -57,15 +48,15 @@ def file_options(command: F) -> F:
         click.option(
             "--coordinates", type=click.Choice(["floor", "image"]), help="Which of a format's coordinates to use."
         ),
-        click.option(
+        choice_option(
             "--method",
-            type=click.Choice(["center-points", "four-corner"]),
+            choices=["center-points", "four-corner"],
             default="center-points",
-            show_default=True,
             help="smart-social-distancing: its distance method.",
         ),
         click.option(
             "--resolution",
+            "resolution_px",
             metavar="WxH",
             default="640x480",
             show_default=True,
@@ -95,7 +86,10 @@ def file_options(command: F) -> F:
             "--time-format", metavar="FORMAT", help='Tables: how times are written, such as "%d/%m/%Y %H:%M:%S".'
         ),
         click.option(
-            "--size", metavar="WxH", help="Size of the picture, for positions given as shares of it (0 to 1)."
+            "--size",
+            "size_px",
+            metavar="WxH",
+            help="Size of the picture, for positions given as shares of it (0 to 1).",
         ),
         click.option(
             "--persons", metavar="PATH", help="JSON messages: where the list of persons is, such as data.people."
@@ -114,7 +108,7 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
     """
     from vsd_analytics.ingest.adapter import IngestOptions
 
-    renames = renames_of(given["renames"])
+    renames = renames_of(given["map"])
     if given["where"] is not None:
         from vsd_analytics.ingest.where import parse_where
 
@@ -133,30 +127,16 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
     start = None
     if given["start"] is not None:
         start = round(instant(given["start"], zone=project.site.timezone, what="--start").timestamp() * 1000)
-    columns = given["columns"]
-    return IngestOptions(
-        format=given["kind"],
-        camera=given["camera"],
-        columns=None if columns is None else tuple(c.strip() for c in columns.split(",")),
-        map=renames,
-        period_s=given["period_s"],
-        fps=given["fps"],
-        start=start,
-        first_frame=given["first_frame"],
-        coordinates=given["coordinates"],
-        method=given["method"],
-        resolution_px=_size_px("--resolution", given["resolution"], example="640x480"),
-        threshold_m=given["threshold_m"],
-        engine=given["engine"],
-        per_camera=given["per_camera"],
-        unit=given["unit"],
-        where=given["where"],
-        zone=None if given["zone"] is None else _zone(given["zone"]),
-        time_format=given["time_format"],
-        size_px=None if given["size"] is None else _size_px("--size", given["size"], example="1280x720"),
-        persons=given["persons"],
-        is_sure=given.get("yes", False),
-    )
+    columns, zone, size = given["columns"], given["zone"], given["size_px"]
+    read = {
+        "columns": None if columns is None else tuple(c.strip() for c in columns.split(",")),
+        "map": renames,
+        "start": start,
+        "resolution_px": _size_px("--resolution", given["resolution_px"], example="640x480"),
+        "zone": None if zone is None else _zone(zone),
+        "size_px": None if size is None else _size_px("--size", size, example="1280x720"),
+    }
+    return IngestOptions(**{**given, **read})
 
 
 def _size_px(option: str, text: str, *, example: str) -> tuple[int, int]:

@@ -8,42 +8,29 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from vsd_analytics.cli.estimates import rate_text, share_text
 from vsd_analytics.cli.flow_links import link_lines, links_dict
-from vsd_analytics.cli.options import floor_option, range_options
+from vsd_analytics.cli.options import choice_option, floor_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.flow import AreaFlow, Destination, Flow, Route
+    from vsd_analytics.figures.panels import Period
     from vsd_analytics.stats.estimates import RateEstimate
     from vsd_analytics.stats.groups import ShareEstimate
 
 _COLUMNS = (
-    "what",
-    "from",
-    "to",
-    "share",
-    "lo",
-    "hi",
-    "followed_per_open_h",
-    "lo_per_open_h",
-    "hi_per_open_h",
-    "reason",
+    *("what", "from", "to", "share", "lo", "hi"),
+    *("followed_per_open_h", "lo_per_open_h", "hi_per_open_h", "reason"),
 )
 
 
 @click.command()
 @range_options
 @floor_option
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(["text", "json", "csv"]),
-    default="text",
-    show_default=True,
-    help="Output format.",
-)
+@choice_option("--format", "kind", choices=["text", "json", "csv"], default="text", help="Output format.")
 @pass_project
 def flow(
     project: Project,
@@ -69,7 +56,7 @@ def flow(
       vsd flow --week last
       vsd flow --range 2026-11-02..2026-11-15 --format json
     """
-    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
+    from vsd_analytics.cli.ranges import noted, period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import flow as figures
     from vsd_analytics.site.places import known_floor
@@ -84,15 +71,14 @@ def flow(
     with period_with_history(project, floor, week=week, days=days) as period:
         found = figures.flow(period)
         notes = purged_hours_notes(period.data.warehouse)
-    first, last = period.first.isoformat(), period.last.isoformat()
     assert found is not None
     below = int(project.site.settings.mask_below)
     if kind == "json":
-        emit_json({"first": first, "last": last, **_as_dict(found, below), "links": links_dict(found.links),
-                   **({"notes": notes} if notes else {})})  # fmt: skip
+        printed = {**_as_dict(found, below), "links": links_dict(found.links)}
+        emit_json(noted({"first": period.first, "last": period.last, **printed}, notes))
     else:
         warn(notes)
-        text = _csv(found) if kind == "csv" else _text(found, first=first, last=last)
+        text = _csv(found) if kind == "csv" else _text(found, period)
         click.echo(plain(text).rstrip("\n"))
     return 0 if any(to.share.state == "ok" for a in found.areas for to in a.to) else 1
 
@@ -181,12 +167,13 @@ def _csv(found: Flow) -> str:
     return out.getvalue()
 
 
-def _text(found: Flow, *, first: str, last: str) -> str:
+def _text(found: Flow, period: Period) -> str:
     rows = [("from", "to", "share of those who leave", "followed per open hour")]
     for of in found.areas:
-        rows.append((of.area.name, "", "", _rate(of.often) + (" leave" if of.often.rate is not None else "")))
-        rows += [("", _names(to), _share(to.share), _rate(to.often)) for to in of.to]
-    lines = [f"Flow, {first} to {last}, {found.recorded_share:.0%} of the opening hours recorded", "", *table(rows), ""]
+        rows.append((of.area.name, "", "", rate_text(of.often) + (" leave" if of.often.rate is not None else "")))
+        rows += [("", _names(to), share_text(to.share), rate_text(to.often)) for to in of.to]
+    days = f"{period.first} to {period.last}"
+    lines = [f"Flow, {days}, {found.recorded_share:.0%} of the opening hours recorded", "", *table(rows), ""]
     for of in found.areas:
         lines += [f"{of.area.name}: {line}" for line in _notes(of)]
     if found.silent_cameras:
@@ -196,19 +183,6 @@ def _text(found: Flow, *, first: str, last: str) -> str:
 
 def _names(to: Destination) -> str:
     return to.areas[0].name if len(to.areas) == 1 else "other areas"
-
-
-def _share(of: ShareEstimate) -> str:
-    if of.value is None:
-        return "–"
-    return f"{of.value:.0%}" + ("" if of.lo is None or of.hi is None else f" ({of.lo:.0%} to {of.hi:.0%})")
-
-
-def _rate(of: RateEstimate) -> str:
-    if of.rate is None:
-        return reason_text(of.reason)
-    limits = "" if of.lo is None or of.hi is None else f" ({of.lo:.3g} to {of.hi:.3g})"
-    return f"{of.rate:.3g}{limits}"
 
 
 def _notes(of: AreaFlow) -> list[str]:
@@ -237,7 +211,7 @@ def _routes(found: Flow) -> list[str]:
         return ["Routes: no area that asks for visits is a door (door = true)"]
     if routes.following.reason is not None and not any(r.share.value is not None for r in routes.routes):
         return [f"Routes: {reason_text(routes.following.reason)}"]
-    rows = [("route from door to door", "share"), *((_way(r), _share(r.share)) for r in routes.routes)]
+    rows = [("route from door to door", "share"), *((_way(r), share_text(r.share)) for r in routes.routes)]
     lost = routes.following.not_followed.value
     note = [] if lost is None else [f"{lost:.0%} of those who came in were lost before they left"]
     return [*table(rows), "", *note]

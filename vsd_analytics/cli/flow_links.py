@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from vsd_analytics.cli.estimates import share_dict, share_text
 from vsd_analytics.cli.output import rounded, table
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.links import Links
-    from vsd_analytics.stats.track_links import LinkedShare
 
 
 def links_dict(of: Links) -> dict[str, Any]:
@@ -18,7 +18,7 @@ def links_dict(of: Links) -> dict[str, Any]:
         {
             "from_area_id": link.origin.area_id,
             "to_area_id": link.to.area_id,
-            "share": {"value": link.share.value, "lo": link.share.lo, "hi": link.share.hi, "reason": link.share.reason},
+            "share": share_dict(link.share),
             "is_estimated": True,
         }
         for link in of.found
@@ -32,16 +32,13 @@ def link_lines(of: Links) -> list[str]:
     if not of.found:
         return []
     rows = [("from", "to", "share of those who leave")]
-    rows += [(link.origin.name, link.to.name, _share(link.share)) for link in of.found]
+    rows += [
+        (link.origin.name, link.to.name, share_text(link.share, missing=reason_text(link.share.reason)))
+        for link in of.found
+    ]
     return [
         "",
         "Estimated over floor where nobody is followed, by time and walking speed; in no share above",
         *table(rows),
         f"of the {of.recorded_share:.0%} of the opening hours in which all cameras recorded; stops unseen are missing",
     ]
-
-
-def _share(of: LinkedShare) -> str:
-    if of.value is None:
-        return reason_text(of.reason)
-    return f"{of.value:.0%}" + ("" if of.lo is None or of.hi is None else f" ({of.lo:.0%} to {of.hi:.0%})")

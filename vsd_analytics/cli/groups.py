@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.estimates import share_text, why_none, with_limits
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
@@ -102,8 +103,7 @@ def _text(found: Groups) -> str:
     if found.state == "ok":
         lines += [*_group_lines(found), "", *_reading_lines(found), ""]
     else:
-        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
-        lines += [f"{word}: {reason_text(found.reason)}", ""]
+        lines += [why_none(found.state, found.reason), ""]
     lines += [*_camera_lines(found.cameras), "", _accuracy(found)]
     return "\n".join([*lines, *(f"note: {note}" for note in _notes(found))])
 
@@ -126,8 +126,7 @@ def _reading_lines(found: Groups) -> list[str]:
     if share.value is None:
         return [f"between groups   {reason_text(share.reason)}"]
     lines = [
-        f"between groups   {share.n:,} of {share.of:,} violations in opening hours: {share.value:.0%}"
-        + (f" ({share.lo:.0%} to {share.hi:.0%})" if share.lo is not None and share.hi is not None else "")
+        f"between groups   {share.n:,} of {share.of:,} violations in opening hours: {share_text(share)}"
         + (f"; {reason_text(share.reason)}" if share.reason else "")
     ]
     for r in found.readings:
@@ -144,11 +143,7 @@ def _reading_lines(found: Groups) -> list[str]:
 
 
 def _number(rate: RateEstimate) -> str:
-    if rate.rate is None:
-        return "–"
-    if rate.lo is None or rate.hi is None:
-        return f"{rate.rate:.3g}"
-    return f"{rate.rate:.3g} ({rate.lo:.3g} to {rate.hi:.3g})"
+    return with_limits(rate.rate, rate.lo, rate.hi, "{:.3g}".format)
 
 
 def _camera_lines(cameras: tuple[CameraLives, ...]) -> list[str]:

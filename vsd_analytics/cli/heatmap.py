@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.options import choice_option, floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
+from vsd_analytics.cli.ranges import noted, purged_hours_notes, warehouse_of, warn
 from vsd_analytics.settings import FLOOR_CELL_M
 
 if TYPE_CHECKING:
@@ -21,22 +21,14 @@ if TYPE_CHECKING:
 @click.option(
     "--cell", "cell_m", type=float, default=1.0, show_default=True, help="Side of a cell in metres, a multiple of 0.25."
 )
-@click.option(
+@choice_option(
     "--at",
-    type=click.Choice(["midpoint", "person"]),
+    choices=["midpoint", "person"],
     default="midpoint",
-    show_default=True,
     help="Count a record at the pair's midpoint, or where each person is.",
 )
 @floor_option
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(["csv", "json", "png", "svg"]),
-    default="csv",
-    show_default=True,
-    help="Table or picture.",
-)
+@choice_option("--format", "kind", choices=["csv", "json", "png", "svg"], default="csv", help="Table or picture.")
 @click.option("--out", metavar="FILE", help="Write here (pictures need it); default: standard output.")
 @click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
 @json_option
@@ -94,7 +86,7 @@ def heatmap(
 
         frame = shared_cells(frame, below=below)
     if kind == "json" or as_json:
-        emit_json({"cell_m": cell_m, "at": at, "cells": rows_of(frame), **({"notes": notes} if notes else {})})
+        emit_json(noted({"cell_m": cell_m, "at": at, "cells": rows_of(frame)}, notes))
         return
     warn(notes)
     if share:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.estimates import why_none, with_limits
+from vsd_analytics.cli.options import choice_option, floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
@@ -24,12 +25,11 @@ if TYPE_CHECKING:
 @click.command()
 @range_options
 @floor_option
-@click.option(
+@choice_option(
     "--format",
     "kind",
-    type=click.Choice(["text", "json", "geojson", "csv"]),
+    choices=["text", "json", "geojson", "csv"],
     default="text",
-    show_default=True,
     help="GeoJSON has outlines in floor metres.",
 )
 @click.option("--out", metavar="FILE", help="Write here; default: standard output.")
@@ -124,8 +124,7 @@ def _text(found: FloorHotspots) -> str:
     counted = "" if found.n is None else f", {found.n:,} violations in {found.exposure_h or 0:,.0f} person-hours"
     lines = [f"{found.floor_name}, {found.first} to {found.last}: {found.n_days} days recorded{counted}", ""]
     if found.state != "ok":
-        word = "not enough data" if found.state == "not_enough_data" else "not measurable"
-        lines.append(f"{word}: {reason_text(found.reason)}")
+        lines.append(why_none(found.state, found.reason))
     elif not found.spots:
         lines.append("no place differs from the rest beyond chance")
     else:
@@ -142,20 +141,14 @@ def _text(found: FloorHotspots) -> str:
 
 
 def _row(spot: FloorSpot) -> tuple[str, ...]:
-    between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
-    above = (
-        ""
-        if spot.excess_min_lo is None or spot.excess_min_hi is None
-        else f" ({spot.excess_min_lo:,.0f} to {spot.excess_min_hi:,.0f})"
-    )
     since = {"new": "new", None: "first look"}.get(
         spot.state, f"{spot.since}{' or earlier' if spot.is_since_first else ''}"
     )
     return (
         f"{spot.number:>2}",
         _place(spot),
-        f"{spot.ratio:.1f}{between}",
-        f"{spot.excess_min_per_week:,.0f}{above}",
+        with_limits(spot.ratio, spot.lo, spot.hi, "{:.1f}".format),
+        with_limits(spot.excess_min_per_week, spot.excess_min_lo, spot.excess_min_hi, "{:,.0f}".format),
         since,
     )
 

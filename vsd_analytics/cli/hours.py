@@ -10,22 +10,15 @@ import click
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.ranges import not_over_note, purged_hours_notes, warehouse_of, warn
+from vsd_analytics.cli.ranges import not_over_note, noted, purged_hours_notes, warehouse_of, warn
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 _HOUR_COLUMNS = (
-    "start",
-    "camera_id",
-    "area_id",
-    "person_records",
-    "violation_records",
-    "n_violations",
-    "recorded_s",
-    "cameras_down",
-    "state",
+    *("start", "camera_id", "area_id", "person_records", "violation_records", "n_violations"),
+    *("recorded_s", "cameras_down", "state"),
 )
 
 
@@ -73,7 +66,7 @@ def hours(
         with warehouse_of(project, week=None, days=f"{monday}..{sunday}") as whole_weeks:
             frame = shared_hours(frame, below=below, reports=reports_hold(whole_weeks))
     if as_json:
-        emit_json({"hours": rows_of(frame), **({"notes": notes + said} if notes or said else {})})
+        emit_json(noted({"hours": rows_of(frame)}, notes + said))
         return
     warn(notes)
     for note in said:

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 @file_options
 @click.option("--watch", "folder", metavar="DIR", help="Ingest every file that appears in DIR, until stopped.")
 @click.option("--dry-run", is_flag=True, help="Read and check everything, write nothing.")
-@click.option("--yes", is_flag=True, help="Store files although something about them is almost surely wrong.")
+@click.option(
+    "--yes", "is_sure", is_flag=True, help="Store files although something about them is almost surely wrong."
+)
 @json_option
 @pass_project
 def ingest(

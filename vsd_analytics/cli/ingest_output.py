@@ -124,6 +124,14 @@ def _warn_of_sealed(fold: FoldResult) -> None:
         click.echo(render_error(warning, word="warning"), err=True)
 
 
+def stored_dict(fold: FoldResult) -> dict[str, dict[str, int]]:
+    """Return what a fold did with the records of each table, as `--json` prints it."""
+    return {
+        t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
+        for t, c in fold.tables.items()
+    }
+
+
 def result_as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) -> dict[str, Any]:
     """Return the object that `--json` prints."""
     return {
@@ -152,9 +160,6 @@ def result_as_dict(project: Project, result: IngestResult, *, is_dry_run: bool) 
             t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second}
             for t, c in result.counted.tables.items()
         },
-        "stored": {
-            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
-            for t, c in result.fold.tables.items()
-        },
+        "stored": stored_dict(result.fold),
         "is_ballast_spent": result.fold.is_ballast_spent,
     }

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from vsd_analytics.cli.project import Project
     from vsd_analytics.engine.camera_moves import CameraCheck, CameraMove
     from vsd_analytics.engine.people import People
     from vsd_analytics.site.model import Camera
@@ -114,6 +115,13 @@ def check_dict(check: CameraCheck, *, zone: str) -> dict[str, object]:
         "least_tilt_deg": None if check.least_deg is None else round(check.least_deg, 2),
         "moves": moves_list(check, zone=zone),
     }
+
+
+def warn_of_moves(project: Project, camera: Camera, check: CameraCheck, source: Path) -> None:
+    """Print a warning for each move of a camera, with the command that calibrates it again."""
+    for move in check.moves:
+        sentence = move_sentence(camera, move, zone=project.site.timezone, source=str(source))
+        project.say(f"warning[{CODE}]: {sentence}")
 
 
 def check_lines(camera_id: str, check: CameraCheck) -> list[str]:

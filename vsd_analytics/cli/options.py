@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -34,6 +35,16 @@ language_option = click.option(
 
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def path_option(*names: str, metavar: str = "FILE", **more: Any) -> Callable[[F], F]:
+    """Return an option whose value is a path."""
+    return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, **more)
+
+
+def choice_option(*names: str, choices: Sequence[str], default: str, help: str) -> Callable[[F], F]:
+    """Return an option whose value is one of some words; its help names the default."""
+    return click.option(*names, type=click.Choice(choices), default=default, show_default=True, help=help)
 
 
 def range_options(command: F) -> F:

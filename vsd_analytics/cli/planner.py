@@ -13,6 +13,7 @@ from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import parse_week
+from vsd_analytics.site.places import named_floors
 
 if TYPE_CHECKING:
     from vsd_analytics.planner.planner_data import PlannerData
@@ -66,12 +67,8 @@ def planner(
         raise UsageError(
             "a week is not compared with itself", fix=f"--before {week}-1" if week == "last" else "--before last-1"
         )
-    floors = [f.floor_id for f in project.site.floors]
-    if floor_id is not None and floor_id not in floors:
-        raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
-        )
-    if out == "-" and (as_json or (floor_id is None and len(floors) > 1)):
+    n_pages = len(named_floors(project.site, floor_id))
+    if out == "-" and (as_json or n_pages > 1):
         raise UsageError("there is one page for each floor", fix="--floor FLOOR --out -, without --json")
     with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
         from vsd_analytics.cli.report_formats import write
@@ -87,7 +84,7 @@ def planner(
         if out == "-":
             click.echo(page, nl=False)
             continue
-        floor = "" if len(floors) == 1 else f"-{data.floor.floor_id}"
+        floor = "" if len(project.site.floors) == 1 else f"-{data.floor.floor_id}"
         [path] = write(folder, {f"{data.week.ref.iso}{floor}-planner.html": page.encode()})
         printed.append(_as_dict(data, path))
         if not as_json:

@@ -36,6 +36,10 @@ class Project:
     verbose: bool = False
     is_own_process: bool = False
 
+    def inside(self, folder: Path) -> Project:
+        """Return the project of another folder, with the same clock and the same words."""
+        return Project(str(folder), now_text=self.now_text, quiet=self.quiet, verbose=self.verbose)
+
     @cached_property
     def now(self) -> datetime:
         """Return the clock: `--now`, else the machine's, in UTC."""

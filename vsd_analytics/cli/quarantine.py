@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.file_options import renames_of
+from vsd_analytics.cli.ingest_output import stored_dict
 from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import emit_json, plain, render_error
+from vsd_analytics.cli.output import count, emit_json, plain, render_error
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
 
@@ -194,10 +195,7 @@ def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
         "not_replayable": dict(result.n_not_replayable),
         "counted_not_kept": dict(result.n_not_kept),
         "errors": [e.as_dict() for e in result.errors],
-        "stored": {
-            t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
-            for t, c in result.fold.tables.items()
-        },
+        "stored": stored_dict(result.fold),
         "waited_in_spool": result.waiting.n_new,
     }
 
@@ -216,13 +214,9 @@ def _print_replay(project: Project, result: ReplayResult, *, is_dry_run: bool) -
     for error in result.errors:
         click.echo(render_error(error, word="warning"), err=True)
     if n_waiting := result.waiting.n_new:
-        click.echo(
-            f"    {n_waiting:,} record{'s' if n_waiting != 1 else ''} that waited in the spool were stored first"
-        )
+        click.echo(f"    {count(n_waiting, 'record')} that waited in the spool were stored first")
     n_records, n_new = sum(result.n_records.values()), result.fold.n_new
-    counts = (
-        f"{result.n_solved:,} of {result.n_chosen:,} are good now, {n_records:,} record{'s' if n_records != 1 else ''}"
-    )
+    counts = f"{result.n_solved:,} of {result.n_chosen:,} are good now, {count(n_records, 'record')}"
     new = "" if is_dry_run or not n_records else f", {n_new:,} of them new to the store"
     if n_new > n_records:  # another process put records into the spool meanwhile
         new = f"; the store gained {n_new:,}, with those that others sent meanwhile"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.estimates import rate_dict, rate_text, share_dict, share_text, with_limits
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
@@ -15,10 +16,9 @@ from vsd_analytics.cli.visits import mean_stay, time_text
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
+    from vsd_analytics.figures.panels import Period
     from vsd_analytics.figures.people_present import PeopleQuantile
     from vsd_analytics.figures.queues import AreaQueue
-    from vsd_analytics.stats.estimates import RateEstimate
-    from vsd_analytics.stats.groups import ShareEstimate
     from vsd_analytics.stats.waiting import WaitTimes
 
 _WAITS = ("median wait", "90 % served within", "leave before")
@@ -51,7 +51,7 @@ def queue(
       vsd queue --week last --forecast
       vsd queue --range 2026-11-02..2026-11-15 --json
     """
-    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
+    from vsd_analytics.cli.ranges import noted, period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.forecast import HISTORY_WEEKS
     from vsd_analytics.figures.queue_forecast import queue_forecasts
@@ -70,14 +70,14 @@ def queue(
         found = queues(period)
         outlook = queue_forecasts(period.data, whole_week(period.last)) if has_forecast else ()
         notes = purged_hours_notes(period.data.warehouse)
-    first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
-        emit_json({"first": first, "last": last, "areas": [_as_dict(q) for q in found],
-                   **({"next_week": [forecast_dict(f) for f in outlook]} if has_forecast else {}),
-                   **({"notes": notes} if notes else {})})  # fmt: skip
+        printed: dict[str, Any] = {"areas": [_as_dict(q) for q in found]}
+        if has_forecast:
+            printed["next_week"] = [forecast_dict(f) for f in outlook]
+        emit_json(noted({"first": period.first, "last": period.last, **printed}, notes))
     else:
         warn(notes)
-        click.echo(plain("\n".join([_text(found, first=first, last=last), *forecast_lines(outlook)])))
+        click.echo(plain("\n".join([_text(found, period), *forecast_lines(outlook)])))
     return 0 if all(_is_known(q) for q in found) else 1
 
 
@@ -110,40 +110,28 @@ def _as_dict(of: AreaQueue) -> dict[str, Any]:
     return printed
 
 
-def rate_dict(of: RateEstimate) -> dict[str, Any]:
-    """Return an estimate as the JSON output has it."""
-    return {"value": of.rate, "lo": of.lo, "hi": of.hi, "state": of.state, "reason": of.reason}
-
-
 def _waits_dict(of: WaitTimes) -> dict[str, Any]:
-    share = of.left_share
     return {
         "median_s": asdict(of.median),
         "p90_s": asdict(of.p90),
-        "left_share": {"value": share.value, "lo": share.lo, "hi": share.hi, "reason": share.reason},
+        "left_share": share_dict(of.left_share),
         **{name: getattr(of, name) for name in ("n_entered", "n_served", "n_left", "n_cut", "n_days")},
         "state": of.state,
         "reason": of.reason,
     }
 
 
-def _text(found: tuple[AreaQueue, ...], *, first: str, last: str) -> str:
+def _text(found: tuple[AreaQueue, ...], period: Period) -> str:
     rows = [("queue", "people waiting", "90 % of the time", *_WAITS, "recorded")]
     for q in found:
         waits = None if q.waiting is None else q.waiting.waits
-        rows.append((q.area.name, people_text(q.people), _at_most(q.busy), *_waits(waits), f"{q.recorded_share:.0%}"))
-    lines = [f"Queues, {first} to {last}", "", *table(rows)]
+        rows.append(
+            (q.area.name, rate_text(q.people, digits=2), _at_most(q.busy), *_waits(waits), f"{q.recorded_share:.0%}")
+        )
+    lines = [f"Queues, {period.first} to {period.last}", "", *table(rows)]
     for q in found:
         lines += ["", *(f"{q.area.name}: {line}" for line in _notes(q)), "", *_hours(q)]
     return "\n".join(lines)
-
-
-def people_text(of: RateEstimate) -> str:
-    """Return a number of people with its limits, or why there is none."""
-    if of.rate is None:
-        return reason_text(of.reason)
-    limits = "" if of.lo is None or of.hi is None else f" ({of.lo:.2g} to {of.hi:.2g})"
-    return f"{of.rate:.2g}{limits}"
 
 
 def missed_hours(hours: tuple[int, ...]) -> list[str]:
@@ -156,24 +144,16 @@ def missed_hours(hours: tuple[int, ...]) -> list[str]:
 def _at_most(of: PeopleQuantile) -> str:
     if of.value is None:
         return "–"
-    limits = f" ({of.lo} to {of.hi})" if of.lo is not None and of.hi is not None else ""
-    return f"at most {of.value}{limits}"
+    return f"at most {with_limits(of.value, of.lo, of.hi, str)}"
 
 
 def _waits(of: WaitTimes | None) -> tuple[str, str, str]:
-    return ("–", "–", "–") if of is None else (time_text(of.median), time_text(of.p90), _left(of.left_share))
-
-
-def _left(share: ShareEstimate) -> str:
-    if share.value is None:
-        return "–"
-    limits = "" if share.lo is None or share.hi is None else f" ({share.lo:.0%} to {share.hi:.0%})"
-    return f"{share.value:.0%}{limits}"
+    return ("–", "–", "–") if of is None else (time_text(of.median), time_text(of.p90), share_text(of.left_share))
 
 
 def _hours(of: AreaQueue) -> list[str]:
     rows = [("hour", "people waiting", *_WAITS)]
-    rows += [(f"{h.hour:02d}:00", people_text(h.people), *_waits(h.waits)) for h in of.by_hour]
+    rows += [(f"{h.hour:02d}:00", rate_text(h.people, digits=2), *_waits(h.waits)) for h in of.by_hour]
     return table(rows)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import date, timedelta
 from typing import TYPE_CHECKING, Any
@@ -93,6 +93,11 @@ def not_over_note(warehouse: Warehouse, until_ms: int | None) -> list[str]:
         if until_ms is None
         else [f"the range is not over at {local_iso(warehouse, until_ms)}: later hours are not missing"]
     )
+
+
+def noted(printed: Mapping[str, Any], notes: Sequence[str]) -> dict[str, Any]:
+    """Return what `--json` prints, with notes where there are any."""
+    return {**printed, **({"notes": notes} if notes else {})}
 
 
 def warn(notes: Iterable[str]) -> None:

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vsd_analytics.cli.options import json_option, language_option
+from vsd_analytics.cli.options import choice_option, json_option, language_option
 from vsd_analytics.cli.output import facts_progress, render_error
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday
 from vsd_analytics.cli.report_formats import FIGURES, Formats, ReportFiles, checked, expanded, print_one, write
 from vsd_analytics.errors import ReportError, UsageError, VsdError
 from vsd_analytics.site.instants import parse_range, parse_week
+from vsd_analytics.site.places import named_floors
 
 if TYPE_CHECKING:
     from vsd_analytics.report.model.week import WeekReport
@@ -39,7 +40,7 @@ PAGES: Final = frozenset({"html", "pdf", "json"})
     help="html, pdf, json, csv; svg or png of one --figure; several with commas, or all.  [default: html]",
 )
 @click.option("--figure", type=click.Choice(FIGURES), help="The figure that svg and png draw.")
-@click.option("--paper", type=click.Choice(["a4", "letter"]), default="a4", show_default=True, help="Paper of the PDF.")
+@choice_option("--paper", choices=["a4", "letter"], default="a4", help="Paper of the PDF.")
 @click.option(
     "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
 )
@@ -197,11 +198,7 @@ def make_reports(
         raise UsageError("--week and --range both say which days", fix="one of them")
     first, last = _days(days) if days is not None else (None, None)
     monday = parse_week(week or "last", last=last_monday(project)) if first is None else first
-    floors = [f.floor_id for f in project.site.floors]
-    if floor_id is not None and floor_id not in floors:
-        raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
-        )
+    floors = named_floors(project.site, floor_id)
     warn_of_broken_log_lines(project)
     with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
         now = project.now if project.now_text is not None else None
@@ -209,7 +206,7 @@ def make_reports(
             week_report(project.site, monday, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
             if last is None
             else days_report(project.site, monday, last, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
-            for f in ([floor_id] if floor_id else floors)
+            for f in floors
         ]
 
 
@@ -223,11 +220,3 @@ def _days(text: str) -> tuple[date, date | None]:
         )
     is_week = n == 7 and first.weekday() == 0
     return first, None if is_week else last
-
-
-def write_report(project: Project, *, week: str, kind: str, out: str, floor_id: str | None) -> list[Path]:
-    """Write the report of a week and return the files."""
-    reports = make_reports(project, week=week, floor_id=floor_id)
-    paths = [path for r in reports for path in write(Path(out), _files(project, r).of(kind))]
-    remember_questions(project, reports)
-    return paths

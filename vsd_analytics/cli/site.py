@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from vsd_analytics.cli.options import json_option, language_option
-from vsd_analytics.cli.output import emit_json, render_error
+from vsd_analytics.cli.options import json_option, language_option, path_option
+from vsd_analytics.cli.output import count, emit_json, render_error
 from vsd_analytics.cli.project import Project, pass_project
 
 
@@ -24,7 +24,7 @@ def site() -> None:
 
 @site.command()
 @click.argument("folders", nargs=-1, metavar="[PROJECT]...", type=click.Path(path_type=Path))
-@click.option("--root", metavar="DIR", type=click.Path(path_type=Path), help="Every project directly in this folder.")
+@path_option("--root", metavar="DIR", help="Every project directly in this folder.")
 @click.option(
     "--out",
     metavar="DIR",
@@ -74,9 +74,7 @@ def build(
         raise UsageError("several projects need a folder for their index", fix="--out public")
     for source in sources:
         if (source.folder / "vsd.toml").is_file():
-            inner = Project(
-                folder=str(source.folder), now_text=project.now_text, quiet=project.quiet, verbose=project.verbose
-            )
+            inner = project.inside(source.folder)
             write_missing_json(inner)
             if is_made:
                 make_missing(inner)
@@ -109,7 +107,9 @@ def build(
             }
         )
     else:
-        counted = f"{_n(len(found.floors), 'floor')}, {_n(n_weeks, 'week')}, {_n(len(collected.entries), 'report')}"
+        counted = (
+            f"{count(len(found.floors), 'floor')}, {count(n_weeks, 'week')}, {count(len(collected.entries), 'report')}"
+        )
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB   {counted}")
         for problem in problems:
             project.say(render_error(problem, word="warning"))
@@ -225,7 +225,3 @@ def write_week(project: Project, week: str) -> list[Path]:
         publish(json_file, files.of("json")[json_file.name])
         written.append(json_file)
     return written
-
-
-def _n(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.options import json_option, range_options
+from vsd_analytics.cli.options import choice_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import warehouse_of
@@ -22,14 +22,7 @@ _MISSING = "–"
 @range_options
 @click.option("--show", "relation", metavar="NAME", help="Print the SQL file of a relation instead.")
 @click.option("--list", "as_list", is_flag=True, help="List the relations that can be queried.")
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(["table", "csv"]),
-    default="table",
-    show_default=True,
-    help="Form of the rows.",
-)
+@choice_option("--format", "kind", choices=["table", "csv"], default="table", help="Form of the rows.")
 @json_option
 @pass_project
 def sql(

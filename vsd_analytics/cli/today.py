@@ -14,6 +14,7 @@ from vsd_analytics.cli.output import emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
 from vsd_analytics.errors import UsageError, Where
+from vsd_analytics.site.places import named_floors
 
 if TYPE_CHECKING:
     from vsd_analytics.cli.report_mail import MailOptions
@@ -131,11 +132,7 @@ def _today(project: Project, floor_id: str | None) -> list[Today]:
     from vsd_analytics.warehouse.stored_days import stored_extent
 
     site = project.site
-    floors = [f.floor_id for f in site.floors]
-    if floor_id is not None and floor_id not in floors:
-        raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
-        )
+    floors = named_floors(site, floor_id)
     at: datetime = project.now.astimezone(site.zone)
     if stored_extent(site) is None:
         raise nothing_stored(project)
@@ -143,7 +140,7 @@ def _today(project: Project, floor_id: str | None) -> list[Today]:
     days = f"{figures.first_day(at)}..{at.date()}"
     with warehouse_of(project, week=None, days=days, relations=read) as warehouse:
         warehouse.materialise(*read)
-        return [figures.today(warehouse, at, floor_id=f) for f in ([floor_id] if floor_id else floors)]
+        return [figures.today(warehouse, at, floor_id=f) for f in floors]
 
 
 def _write(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.estimates import rate_text, share_text
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
@@ -14,6 +15,7 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 
 if TYPE_CHECKING:
+    from vsd_analytics.figures.panels import Period
     from vsd_analytics.figures.visits import AreaVisits
     from vsd_analytics.result import Reason
     from vsd_analytics.stats.durations import QuantileEstimate
@@ -42,7 +44,7 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
       vsd visits --week last
       vsd visits --range 2026-11-02..2026-11-15 --json
     """
-    from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, warn
+    from vsd_analytics.cli.ranges import noted, period_with_history, purged_hours_notes, warn
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import visits as figures
     from vsd_analytics.site.places import known_floor
@@ -57,14 +59,13 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
     with period_with_history(project, floor, week=week, days=days) as period:
         found = figures.visits(period)
         notes = purged_hours_notes(period.data.warehouse)
-    first, last = period.first.isoformat(), period.last.isoformat()
     if as_json:
         below = int(project.site.settings.mask_below)
-        emit_json({"first": first, "last": last, "areas": [_as_dict(v, below) for v in found],
-                   **({"notes": notes} if notes else {})})  # fmt: skip
+        areas = [_as_dict(v, below) for v in found]
+        emit_json(noted({"first": period.first, "last": period.last, "areas": areas}, notes))
     else:
         warn(notes)
-        click.echo(plain(_text(found, first=first, last=last)))
+        click.echo(plain(_text(found, period)))
     return 0 if any(v.dwell.state == "ok" for v in found) else 1
 
 
@@ -108,24 +109,23 @@ def _as_dict(of: AreaVisits, below: int) -> dict[str, Any]:
     return printed
 
 
-def _text(found: tuple[AreaVisits, ...], *, first: str, last: str) -> str:
+def _text(found: tuple[AreaVisits, ...], period: Period) -> str:
     rows = [("area", "visits per open hour", "median stay", "90 % leave within", "stay longer than", "recorded")]
     rows += [
-        (v.area.name, _often(v), time_text(v.dwell.median), time_text(v.dwell.p90), _long(v), f"{v.recorded_share:.0%}")
+        (
+            v.area.name,
+            rate_text(v.often),
+            time_text(v.dwell.median),
+            time_text(v.dwell.p90),
+            _long(v),
+            f"{v.recorded_share:.0%}",
+        )
         for v in found
     ]
-    lines = [f"Visits, {first} to {last}", "", *table(rows)]
+    lines = [f"Visits, {period.first} to {period.last}", "", *table(rows)]
     for v in found:
         lines += ["", *(f"{v.area.name}: {line}" for line in _notes(v))]
     return "\n".join(lines)
-
-
-def _often(of: AreaVisits) -> str:
-    rate = of.often
-    if rate.rate is None:
-        return reason_text(rate.reason)
-    limits = "" if rate.lo is None or rate.hi is None else f" ({rate.lo:.3g} to {rate.hi:.3g})"
-    return f"{rate.rate:.3g}{limits}"
 
 
 def time_text(of: QuantileEstimate) -> str:
@@ -144,11 +144,7 @@ def seconds(value_s: float) -> str:
 
 
 def _long(of: AreaVisits) -> str:
-    share = of.dwell.long_share
-    if share.value is None:
-        return f"{seconds(of.long_visit_s)}: –"
-    limits = "" if share.lo is None or share.hi is None else f" ({share.lo:.0%} to {share.hi:.0%})"
-    return f"{seconds(of.long_visit_s)}: {share.value:.0%}{limits}"
+    return f"{seconds(of.long_visit_s)}: {share_text(of.dwell.long_share)}"
 
 
 def _notes(of: AreaVisits) -> list[str]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from vsd_analytics.errors import UsageError
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
+from vsd_analytics.site.places import named_floors
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks, recorded_hours
 from vsd_analytics.warehouse.dimensions import calendar
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -146,8 +147,4 @@ def iso_week(monday: date) -> str:
 def _check(site: Site, monday: date, floor_id: str | None) -> None:
     if monday.weekday() != 0:
         raise UsageError(f"{monday} is not a Monday", why="weeks start on Monday")
-    floors = [f.floor_id for f in site.floors]
-    if floor_id is not None and floor_id not in floors:
-        raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
-        )
+    named_floors(site, floor_id)

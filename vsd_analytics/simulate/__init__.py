@@ -5,31 +5,14 @@ Importing this package loads numpy and pyarrow; the command line imports it insi
 
 from vsd_analytics.simulate.canteen_project import write_canteen_project
 from vsd_analytics.simulate.demo_project import simulate_week, write_demo_project
-from vsd_analytics.simulate.frame_messages import frame_message, write_messages
+from vsd_analytics.simulate.frame_messages import write_messages
 from vsd_analytics.simulate.people import SimulatedDay, simulate_day
-from vsd_analytics.simulate.small import (
-    TinyWeek,
-    make_empty,
-    make_pair,
-    make_walk,
-    make_week,
-    merge,
-    simulate_frames,
-)
 from vsd_analytics.simulate.truth import DemoTruth, violations
 
 __all__ = [
     "DemoTruth",
     "SimulatedDay",
-    "TinyWeek",
-    "frame_message",
-    "make_empty",
-    "make_pair",
-    "make_walk",
-    "make_week",
-    "merge",
     "simulate_day",
-    "simulate_frames",
     "simulate_week",
     "violations",
     "write_canteen_project",

@@ -174,35 +174,6 @@ def _content(texts: pa.Array) -> bytes:
     return bytes(memoryview(data)[ends[texts.offset] : ends[texts.offset + len(texts)]])
 
 
-def frame_message(
-    camera: str,
-    ts_ms: int,
-    persons: Iterable[Mapping[str, Any]] = (),
-    *,
-    pairs: Iterable[Mapping[str, Any]] | None = None,
-    seq: int | None = None,
-    quality: str = "metric",
-) -> dict[str, Any]:
-    """Return one VSD frame message.
-
-    Args:
-        camera: Camera id.
-        ts_ms: Instant, UTC milliseconds.
-        persons: Objects with `id` and `x_m`, `y_m` or `u_px`, `v_px`; none = a heartbeat.
-        pairs: Objects with `a`, `b`, `distance_m`; None = the engine sends no pairs.
-        seq: Number of the frame; None leaves it out.
-        quality: "metric", "body" or "relative".
-    """
-    at = str(np.datetime_as_string(np.datetime64(ts_ms, "ms"), unit="ms"))
-    message: dict[str, Any] = {"v": 1, "camera": camera, "ts": f"{at}Z"}
-    if seq is not None:
-        message["seq"] = seq
-    message |= {"engine": ENGINE, "quality": quality, "persons": [dict(p) for p in persons]}
-    if pairs is not None:
-        message["pairs"] = [dict(p) for p in pairs]
-    return message
-
-
 def write_messages(path: Path, messages: Iterable[Mapping[str, Any]] | bytes) -> Path:
     """Write messages as JSON Lines; `.zst` and `.gz` files are compressed, the same bytes for the same messages.
 

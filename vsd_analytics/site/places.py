@@ -35,3 +35,15 @@ def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area] = ()) ->
         what = "the areas lie on several floors" if areas else f"which floor? This site has {', '.join(floors)}"
         raise UsageError(what, fix=f"--floor {next(iter(floors))}")
     return floors[wanted.pop()]
+
+
+def named_floors(site: Site, floor_id: str | None) -> list[str]:
+    """Return the ids of all floors, or only of the one that is named; UsageError E101 when there is none of this id."""
+    floors = [f.floor_id for f in site.floors]
+    if floor_id is None:
+        return floors
+    if floor_id not in floors:
+        raise UsageError(
+            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
+        )
+    return [floor_id]

@@ -16,10 +16,8 @@ UNIT: Final = "person-minutes too close to somebody of another group"
 def close_minutes(inputs: FigureInputs) -> Figure:
     """Return person-minutes too close between groups, with the interval of their share (M6)."""
     data = inputs.data
-    if (why := data.why_no_exposure) is not None:
-        return missing(UNIT, "not_measurable", why)
-    if (why := data.hidden.why_floor) is not None:
-        return missing(UNIT, "not_enough_data", why)
+    if (why := inputs.why_no_person_time) is not None:
+        return missing(UNIT, *why)
     found = inputs.found.person_time.close_between
     share = inputs.rate(found)
     if share.value is None:

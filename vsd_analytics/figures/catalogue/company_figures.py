@@ -65,7 +65,7 @@ def long_contacts(inputs: FigureInputs) -> Figure:
 @figure("M32")
 def crowded(inputs: FigureInputs) -> Figure:
     """Return the share of person-time with three or more others too close."""
-    if (why := _why_not(inputs)) is not None:
+    if (why := inputs.why_no_person_time) is not None:
         return missing(CROWDED, *why)
     found = three_or_more(inputs.data.this)
     return of_estimate(CROWDED, inputs.rate(found), found.exposure_h)
@@ -74,7 +74,7 @@ def crowded(inputs: FigureInputs) -> Figure:
 @figure("M33")
 def room(inputs: FigureInputs) -> Figure:
     """Return the shares of person-time at each of Fruin's levels of service."""
-    if (why := _why_not(inputs)) is not None:
+    if (why := inputs.why_no_person_time) is not None:
         return missing(ROOM, *why)
     found = room_around(inputs.data.this)
     first = inputs.rate(found[0].share)
@@ -86,15 +86,6 @@ def room(inputs: FigureInputs) -> Figure:
         edges = {"density_from": round(level.density_from, 2), "density_to": to}
         rows.append({"level": level.level, **edges, **row(inputs.rate(level.share), "value", "lo", "hi")})
     return Figure(unit=ROOM, rows=tuple(rows), denominator=found[0].share.exposure_h, note=Reason("note.room"))
-
-
-def _why_not(inputs: FigureInputs) -> tuple[State, Reason] | None:
-    """Return why a share of person-time is not printed, as for M6."""
-    if (why := inputs.data.why_no_exposure) is not None:
-        return "not_measurable", why
-    if (why := inputs.data.hidden.why_floor) is not None:
-        return "not_enough_data", why
-    return None
 
 
 def _met(inputs: FigureInputs) -> OthersMet | tuple[State, Reason | None]:

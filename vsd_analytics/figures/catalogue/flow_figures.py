@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, first_reason, missing, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, of_rows, row
 from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, flow
 from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
@@ -25,10 +25,8 @@ def flow_between_areas(inputs: FigureInputs) -> Figure:
     if found is None:
         return missing(FLOW, "not_enough_data", None)
     rows = [one for of in found.areas for one in _of_area(inputs, of)]
-    if all(one["value"] is None for one in rows):
-        return missing(FLOW, "not_enough_data", first_reason(rows))
     n_left = sum(of.following.n for of in found.areas if not inputs.small(of.following.n))
-    return Figure(unit=FLOW, rows=tuple(rows), denominator=n_left, note=_note(found.areas))
+    return of_rows(FLOW, rows, n_left, _note(found.areas))
 
 
 @figure("M38")

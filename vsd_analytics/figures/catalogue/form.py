@@ -61,6 +61,15 @@ class FigureInputs:
         """Return whether the week's violations may be printed at all."""
         return self.level.violations is not None
 
+    @property
+    def why_no_person_time(self) -> tuple[State, Reason] | None:
+        """Return why shares of person-time are not printed."""
+        if (why := self.data.why_no_exposure) is not None:
+            return "not_measurable", why
+        if (why := self.data.hidden.why_floor) is not None:
+            return "not_enough_data", why
+        return None
+
     def small(self, *counts: float | None) -> bool:
         """Return whether any of the counts is too small to print."""
         return any(n is not None and is_small(n, below=self.below) for n in counts)
@@ -129,9 +138,12 @@ def missing(unit: str, state: State, reason: Reason | None) -> Figure:
     return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING_OPEN)
 
 
-def first_reason(rows: Sequence[Row]) -> Reason | None:
-    """Return why no row has a value: the reason of the first that gives one."""
-    return next((why for row in rows if isinstance(why := row["reason"], Reason)), None)
+def of_rows(unit: str, rows: Sequence[Row], denominator: float | None, note: Reason) -> Figure:
+    """Return rows as a figure; where none has a value, the first reason that one of them gives."""
+    if all(row["value"] is None for row in rows):
+        reason = next((why for row in rows if isinstance(why := row["reason"], Reason)), None)
+        return missing(unit, "not_enough_data", reason)
+    return Figure(unit=unit, rows=tuple(rows), denominator=denominator, note=note)
 
 
 def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:

@@ -60,10 +60,8 @@ def close(inputs: FigureInputs) -> Figure:
     """Return the share of person-time too close, of all people and between groups."""
     distance_m = inputs.data.site.settings.distance_m
     unit = f"share of person-time closer than {distance_m:g} m to somebody"
-    if (why := inputs.data.why_no_exposure) is not None:
-        return missing(unit, "not_measurable", why)
-    if (why := inputs.data.hidden.why_floor) is not None:
-        return missing(unit, "not_enough_data", why)
+    if (why := inputs.why_no_person_time) is not None:
+        return missing(unit, *why)
     found = inputs.found.person_time
     level = inputs.rate(found.close)
     if level.value is None:

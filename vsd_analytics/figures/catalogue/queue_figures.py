@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vsd_analytics.figures.capacities import CapacityUse
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, first_reason, missing
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, of_rows
 from vsd_analytics.figures.people_present import PeopleQuantile
 from vsd_analytics.figures.queues import AreaQueue
 from vsd_analytics.figures.suppression import GIVES_AWAY
@@ -48,9 +48,7 @@ def people_waiting(inputs: FigureInputs) -> Figure:
         rows.append({**_of_rate(of, None, of.people, hidden), **more})
         rows.append(_of_people(of, of.busy, hidden))
         rows += [_of_rate(of, h.hour, h.people, hidden or _hidden(inputs, h.waits)) for h in of.by_hour if not hidden]
-    if all(row["value"] is None for row in rows):
-        return missing(PEOPLE, "not_enough_data", first_reason(rows))
-    return Figure(unit=PEOPLE, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.queues"))
+    return of_rows(PEOPLE, rows, inputs.recorded_h, Reason("note.queues"))
 
 
 @figure("M40")
@@ -83,18 +81,14 @@ def waiting_time(inputs: FigureInputs) -> Figure:
             if len(held_back) == 1
             else shares
         )
-    if all(row["value"] is None for row in rows):
-        return missing(SECONDS, "not_enough_data", first_reason(rows))
-    return Figure(unit=SECONDS, rows=tuple(rows), denominator=n_entered, note=Reason("note.waits"))
+    return of_rows(SECONDS, rows, n_entered, Reason("note.waits"))
 
 
 @figure("M41")
 def capacity_used(inputs: FigureInputs) -> Figure:
     """Return for how much of the open time each place with a capacity was full, and by how many people too full."""
     rows = [row for of in inputs.found.capacities for row in _use(of)]
-    if all(row["value"] is None for row in rows):
-        return missing(USE, "not_enough_data", first_reason(rows))
-    return Figure(unit=USE, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.queues"))
+    return of_rows(USE, rows, inputs.recorded_h, Reason("note.queues"))
 
 
 def _use(of: CapacityUse) -> Iterator[Row]:

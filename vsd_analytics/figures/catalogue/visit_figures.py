@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, first_reason, missing, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, of_rows, row
 from vsd_analytics.figures.visits import AreaVisits, visits
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
@@ -24,9 +24,7 @@ def visits_per_open_hour(inputs: FigureInputs) -> Figure:
         seen: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
         why = hidden or of.often.reason
         rows.append({**_place(of), "value": value, "lo": lo, "hi": hi, **seen, "reason": why})
-    if all(one["value"] is None for one in rows):
-        return missing(PER_HOUR, "not_enough_data", first_reason(rows))
-    return Figure(unit=PER_HOUR, rows=tuple(rows), denominator=inputs.recorded_h, note=Reason("note.visits"))
+    return of_rows(PER_HOUR, rows, inputs.recorded_h, Reason("note.visits"))
 
 
 @figure("M36")
@@ -46,10 +44,8 @@ def dwell_times(inputs: FigureInputs) -> Figure:
         for what, q in (("median", of.dwell.median), ("90 % leave within", of.dwell.p90)):
             rows.append({**_place(of), "what": what, "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
         rows += [_long_share(inputs, of), *_means(of)]
-    if all(one["value"] is None for one in rows):
-        return missing(SECONDS, "not_enough_data", first_reason(rows))
     n_visits = sum(of.dwell.n_visits for of in found if not inputs.small(of.dwell.n_visits))
-    return Figure(unit=SECONDS, rows=tuple(rows), denominator=n_visits, note=Reason("note.visits"))
+    return of_rows(SECONDS, rows, n_visits, Reason("note.visits"))
 
 
 def _place(of: AreaVisits) -> Row:

@@ -7,8 +7,8 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
+from simulate.small_scenes import make_empty, make_pair, make_walk, make_week, merge, simulate_frames
 
-from vsd_analytics.simulate import make_empty, make_pair, make_walk, make_week, merge, simulate_frames
 from vsd_analytics.simulate.demo_project import opening
 
 ROME = ZoneInfo("Europe/Rome")

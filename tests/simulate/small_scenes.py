@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from typing import Any
 from zoneinfo import ZoneInfo
 
 import msgspec
+import numpy as np
 
 from vsd_analytics.simulate.cameras import CAMERAS
-from vsd_analytics.simulate.frame_messages import day_text, frame_message
+from vsd_analytics.simulate.frame_messages import ENGINE, day_text
 from vsd_analytics.simulate.people import simulate_day
 from vsd_analytics.site.model import Point
 
@@ -19,6 +20,35 @@ Message = dict[str, Any]
 
 START_MS = 1_794_211_200_000
 """2026-11-09 08:00:00 UTC, a Monday."""
+
+
+def frame_message(
+    camera: str,
+    ts_ms: int,
+    persons: Iterable[Mapping[str, Any]] = (),
+    *,
+    pairs: Iterable[Mapping[str, Any]] | None = None,
+    seq: int | None = None,
+    quality: str = "metric",
+) -> dict[str, Any]:
+    """Return one VSD frame message.
+
+    Args:
+        camera: Camera id.
+        ts_ms: Instant, UTC milliseconds.
+        persons: Objects with `id` and `x_m`, `y_m` or `u_px`, `v_px`; none = a heartbeat.
+        pairs: Objects with `a`, `b`, `distance_m`; None = the engine sends no pairs.
+        seq: Number of the frame; None leaves it out.
+        quality: "metric", "body" or "relative".
+    """
+    at = str(np.datetime_as_string(np.datetime64(ts_ms, "ms"), unit="ms"))
+    message: dict[str, Any] = {"v": 1, "camera": camera, "ts": f"{at}Z"}
+    if seq is not None:
+        message["seq"] = seq
+    message |= {"engine": ENGINE, "quality": quality, "persons": [dict(p) for p in persons]}
+    if pairs is not None:
+        message["pairs"] = [dict(p) for p in pairs]
+    return message
 
 
 def make_empty(
