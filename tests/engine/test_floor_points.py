@@ -70,7 +70,7 @@ def test_boxes_of_bodies_come_nearer_to_the_truth(scene: Scene) -> None:
     uv = floor_points(people, homography=CAMERA.homography(), picture_px=SIZE)
     h = CAMERA.homography()
     sideways = [np.median(np.abs(to_floor(h, px, picture_px=SIZE) - scene.xy)[:, 0]) for px in (uv, feet(people))]
-    assert sideways[0] < 0.5 * sideways[1]
+    assert sideways[0] < 0.8 * sideways[1]
     assert np.median(off_m(people, uv, scene)) < np.median(off_m(people, feet(people), scene))
 
 
