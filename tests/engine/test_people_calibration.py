@@ -186,3 +186,23 @@ def test_refused_calibration_changes_nothing(tmp_path: Path, capsys: pytest.Capt
     assert code == 2
     assert "E411" in err
     assert not (tmp_path / "calibration").exists()
+
+
+@pytest.mark.parametrize("name", ["shop", "hall"])
+def test_boxes_that_jump_from_frame_to_frame_do_not_bring_the_camera_down_to_the_heads(name: str) -> None:
+    scene = walk(CAMERAS[name])
+    people, rng = boxes_only(scene), np.random.default_rng(4)
+    jumping = people.box + rng.normal(0, 0.04, people.box.shape) * (people.box[:, 3] - people.box[:, 1])[:, None]
+    found = calibrate_from_people(replace(people, box=jumping), size_px=SIZE)
+    assert np.degrees(found.camera.tilt_rad) == pytest.approx(CAMERAS[name].tilt_deg, abs=5)
+    assert found.camera.height_m == pytest.approx(CAMERAS[name].height_m, rel=0.12)
+    assert pair_errors(distances(people.frame, scene.xy), found_m(people, found)).error < 0.12
+
+
+def test_boxes_that_are_half_a_body_are_refused() -> None:
+    people, rng = boxes_only(walk(CAMERAS["hall"])), np.random.default_rng(4)
+    cut = people.box.copy()
+    is_cut = rng.random(len(cut)) < 0.5
+    cut[is_cut, 3] = cut[is_cut][:, [1, 3]].mean(axis=1)
+    assert refused(replace(people, box=cut))
+    assert refused(replace(people, box=cut, track=np.full(len(people), None, dtype=object)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -13,7 +13,7 @@ from vsd_analytics.engine.people import ANKLES, HEAD, NECK, Array, People
 
 EDGE_PX: Final = 5.0
 """A box this near to the picture's edge is cut off there."""
-ROWS_PER_TRACK: Final = 30
+PARTS_OF_TRACK: Final = 12
 MAX_ROWS: Final = 3000
 LINK_LENGTHS, LINK_CHANGE = 0.5, 0.2
 """Half a body length is what somebody walks in .6 s; a body's length in the picture changes by less than a fifth."""
@@ -155,13 +155,24 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
 
 
 def thinned(seen: Sightings) -> Sightings:
-    """Return at most `ROWS_PER_TRACK` rows of each person and `MAX_ROWS` in all, evenly over time."""
+    """Return at most `PARTS_OF_TRACK` rows of each person and `MAX_ROWS` in all.
+
+    A row is the median of a part of the walk, so that the error of single boxes goes away: a box that ends too low is
+    too high as well, which would look like a nearer person and pull the horizon.
+    """
     order = np.lexsort((seen.frame, seen.who))
     size = np.bincount(seen.who)
     rank = np.arange(len(order)) - np.repeat(np.cumsum(size) - size, size)
-    every = np.ceil(size / ROWS_PER_TRACK).astype(np.intp)[seen.who[order]]
-    order = order[rank % every == 0]
-    return seen.rows(order[:: max(1, -(-len(order) // MAX_ROWS))])
+    n_parts = np.minimum(size, PARTS_OF_TRACK)[seen.who[order]]
+    part = seen.who[order] * PARTS_OF_TRACK + rank * n_parts // size[seen.who[order]]
+    _, begin, length = np.unique(part, return_index=True, return_counts=True)
+    middle = begin + length // 2
+    marks = np.column_stack([seen.low, seen.high])[order]
+    for column in marks.T:
+        column[:] = column[np.lexsort((column, part))]  # in order within each part
+    some = middle[:: max(1, -(-len(middle) // MAX_ROWS))]
+    chosen = seen.rows(order[some])
+    return replace(chosen, low=marks[some, :2], high=marks[some, 2:])
 
 
 @dataclass(frozen=True, slots=True)
