@@ -25,9 +25,10 @@ from engine.simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, si
 from engine.simulated_rooms import room_picture
 from engine.simulated_weeks import MONDAY_MS, simulate_week
 
-from vsd_analytics.engine.body import PART_M, feet, ground_points, part_px
+from vsd_analytics.engine.body import PART_M, ground_points, part_px
 from vsd_analytics.engine.camera_moves import HOUR_MS, CameraCheck, check_camera
 from vsd_analytics.engine.floor_method import locate
+from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.people_calibration import FromPeople, calibrate_from_people
 from vsd_analytics.engine.ratio_search import Labelled, paper_distances, search
@@ -55,7 +56,10 @@ def scores(given: Labelled, found_m: Array) -> list[float]:
 
 
 def floor_m(given: Labelled, homography: Array) -> Array:
-    return distances(given.people.frame, to_floor(homography, feet(given.people), picture_px=SIZE))
+    return distances(
+        given.people.frame,
+        to_floor(homography, floor_points(given.people, homography=homography, picture_px=SIZE), picture_px=SIZE),
+    )
 
 
 def nameless(people: People) -> People:
@@ -306,7 +310,7 @@ def error(n: int, seed: int) -> None:
             given = labelled(people, scene.xy)
             near = np.flatnonzero((given.distance_m > 0.3) & (given.distance_m < 4))
             a, b = given.a[near], given.b[near]
-            uv = feet(people)
+            uv = floor_points(people, homography=found.homography, picture_px=SIZE)
             sd = found.distance_sd_m(uv[a], uv[b])
             off = np.abs(floor_m(given, found.homography)[near] - given.distance_m[near])
             known = np.isfinite(off) & np.isfinite(sd)

@@ -79,6 +79,15 @@ class SimulatedCamera:
         return np.asarray(q[:, :2] / q[:, 2:])
 
 
+def upright_boxes(camera: SimulatedCamera, feet: Array, *, wide_px: float = 60.0, high_px: float = 180.0) -> Array:
+    """Return boxes around upright bodies without depth whose feet are at pixels, shape (n, 4)."""
+    down = camera.matrix()[:, 2]
+    below = down[:2] / down[2]  # where verticals meet
+    top = feet + (feet - below) * (-high_px / (feet - below)[:, 1:])
+    middle = (feet[:, 0] + top[:, 0]) / 2
+    return np.column_stack([middle - wide_px / 2, top[:, 1], middle + wide_px / 2, feet[:, 1]])
+
+
 def surface() -> Array:
     """Return points on the outside of a body of height 1, beside the joints: head with hair, shoulders, hips, shoes."""
     turn = np.linspace(0, 2 * np.pi, 8, endpoint=False)

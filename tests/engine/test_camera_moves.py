@@ -92,9 +92,11 @@ def test_few_people_cannot_tell() -> None:
     assert (check.moves, check.least_deg) == ((), None)
 
 
-def test_camera_is_found_in_a_homography_of_any_floor_axes() -> None:
-    turned_floor = np.array([[0.6, -0.8, 3.0], [0.8, 0.6, -7.0], [0.0, 0.0, 1.0]])
-    camera = camera_of_homography(turned_floor @ CAMERA.homography(), SIZE)
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_camera_is_found_in_a_homography_of_any_floor_axes_and_any_scale(sign: int, mirror: int) -> None:
+    turned_floor = np.array([[0.6, -0.8, 3.0], [0.8 * mirror, 0.6 * mirror, -7.0], [0.0, 0.0, 1.0]])
+    camera = camera_of_homography(sign * turned_floor @ CAMERA.homography(), SIZE)
     assert camera is not None
     assert np.degrees([camera.tilt_rad, camera.roll_rad]) == pytest.approx([20, 1])
     assert (camera.height_m, camera.focal_px) == pytest.approx((3.5, 0.8 * SIZE[0]))

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from engine.simulated_people import SIZE, SimulatedCamera
+from engine.simulated_people import SIZE, SimulatedCamera, upright_boxes
 from engine.vsd_in_a_shop import Vsd, shop, write_boxes
 
 from vsd_analytics.engine.floor_method import locate
@@ -33,7 +33,7 @@ def standing(places: list[tuple[float, float]], frame: list[int] | None = None) 
     """Return boxes of people whose feet are at places on the floor, metres."""
     foot = to_image(CAMERA.homography(), places, picture_px=SIZE)
     frames = np.array(frame or [0] * len(places), dtype=np.int64)
-    box = np.column_stack([foot[:, 0] - 30, foot[:, 1] - 180, foot[:, 0] + 30, foot[:, 1]])
+    box = upright_boxes(CAMERA, foot)
     track = np.array([str(i) for i in range(len(places))], dtype=object)
     return People(frames, track, box, np.full((len(places), N_JOINTS, 2), np.nan), np.unique(frames))
 

@@ -13,8 +13,8 @@ from engine.pair_errors import distances, pair_errors
 from engine.simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
 from engine.vsd_in_a_shop import shop, write_boxes
 
-from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.camera_model import CameraModel
+from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.people_calibration import FromPeople, calibrate_from_people
 from vsd_analytics.engine.safe_space import pairs_of_frames
@@ -39,7 +39,8 @@ def calibrated(camera: SimulatedCamera, seed: int = 1, **more: float) -> FromPeo
 
 
 def found_m(people: People, found: FromPeople) -> np.ndarray:  # type: ignore[type-arg]
-    return distances(people.frame, to_floor(found.homography, feet(people), picture_px=SIZE))
+    uv = floor_points(people, homography=found.homography, picture_px=SIZE)
+    return distances(people.frame, to_floor(found.homography, uv, picture_px=SIZE))
 
 
 @pytest.mark.parametrize("name", CAMERAS)
@@ -87,7 +88,7 @@ def test_true_distances_lie_within_the_stated_error() -> None:
         a, b = pairs_of_frames(scene.people.frame)
         true = np.linalg.norm(scene.xy[a] - scene.xy[b], axis=1)
         near = np.flatnonzero((true > 0.3) & (true < 4))[::5]
-        uv = feet(scene.people)
+        uv = floor_points(scene.people, homography=found.homography, picture_px=SIZE)
         sd = found.distance_sd_m(uv[a[near]], uv[b[near]])
         off = np.abs(found_m(scene.people, found)[near] - true[near])
         inside.append(float(np.mean(off[np.isfinite(off)] < 1.645 * sd[np.isfinite(off)])))
@@ -185,3 +186,23 @@ def test_refused_calibration_changes_nothing(tmp_path: Path, capsys: pytest.Capt
     assert code == 2
     assert "E411" in err
     assert not (tmp_path / "calibration").exists()
+
+
+@pytest.mark.parametrize("name", ["shop", "hall"])
+def test_boxes_that_jump_from_frame_to_frame_do_not_bring_the_camera_down_to_the_heads(name: str) -> None:
+    scene = walk(CAMERAS[name])
+    people, rng = boxes_only(scene), np.random.default_rng(4)
+    jumping = people.box + rng.normal(0, 0.04, people.box.shape) * (people.box[:, 3] - people.box[:, 1])[:, None]
+    found = calibrate_from_people(replace(people, box=jumping), size_px=SIZE)
+    assert np.degrees(found.camera.tilt_rad) == pytest.approx(CAMERAS[name].tilt_deg, abs=5)
+    assert found.camera.height_m == pytest.approx(CAMERAS[name].height_m, rel=0.12)
+    assert pair_errors(distances(people.frame, scene.xy), found_m(people, found)).error < 0.12
+
+
+def test_boxes_that_are_half_a_body_are_refused() -> None:
+    people, rng = boxes_only(walk(CAMERAS["hall"])), np.random.default_rng(4)
+    cut = people.box.copy()
+    is_cut = rng.random(len(cut)) < 0.5
+    cut[is_cut, 3] = cut[is_cut][:, [1, 3]].mean(axis=1)
+    assert refused(replace(people, box=cut))
+    assert refused(replace(people, box=cut, track=np.full(len(people), None, dtype=object)))

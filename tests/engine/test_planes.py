@@ -15,7 +15,7 @@ import duckdb
 import numpy as np
 import pytest
 import shapely
-from engine.simulated_people import SIZE, SimulatedCamera, boxes_only, simulate
+from engine.simulated_people import SIZE, SimulatedCamera, boxes_only, simulate, upright_boxes
 from engine.vsd_in_a_shop import Vsd, shop, write_boxes
 from numpy.typing import NDArray
 from site_text import site_text
@@ -57,7 +57,7 @@ def places(rng: np.random.Generator, n: int, name: str | None) -> Array:
 
 
 def boxes(feet: Array, frame: NDArray[np.int64], track: list[str]) -> People:
-    box = np.column_stack([feet[:, 0] - 30, feet[:, 1] - 180, feet[:, 0] + 30, feet[:, 1]])
+    box = upright_boxes(CAMERA, feet)
     names = np.array(track, dtype=object)
     return People(frame, names, box, np.full((len(feet), N_JOINTS, 2), np.nan), np.unique(frame))
 
@@ -294,16 +294,9 @@ def test_the_stated_error_of_a_plane_goes_with_the_distances_on_it(planes: Calla
     assert list(zip(seen.a.tolist(), seen.b.tolist(), strict=True)) == [(0, 1), (0, 2), (2, 3)]
     assert seen.sd_m is not None
     assert np.isfinite(seen.sd_m).tolist() == [False, False, True]
-    alone = locate(
-        people.rows(np.array([2, 3])),
-        homography=both[1].calibration.homography,
-        picture_px=SIZE,
-        within_m=2.5,
-        name="stage",
-        error=stated_error(both[1].calibration),
-    )
-    assert alone.sd_m is not None
-    assert seen.sd_m[2] == pytest.approx(alone.sd_m[0])
+    alone = stated_error(both[1].calibration)
+    assert alone is not None
+    assert seen.sd_m[2] == pytest.approx(alone.distance_sd_m(seen.uv[[2]], seen.uv[[3]])[0])
 
 
 def test_what_the_camera_sees_is_the_outline_of_its_planes(tmp_path: Path, calibrated: Vsd) -> None:

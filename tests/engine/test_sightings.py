@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from engine.simulated_people import SIZE, SimulatedCamera, boxes_only, simulate
 
 from vsd_analytics.engine.people import N_JOINTS, People
-from vsd_analytics.engine.sightings import BOX, JOINTS, ROWS_PER_TRACK, sightings, steps, thinned, tracklets
+from vsd_analytics.engine.sightings import BOX, JOINTS, PARTS_OF_TRACK, sightings, steps, thinned, tracklets
 
 WALK = simulate(SimulatedCamera(height_m=5, tilt_deg=25, f_widths=0.8), seed=4, n_tracks=15, seconds=20, hz=5)
 
@@ -45,13 +47,26 @@ def test_body_of_another_length_is_not_linked() -> None:
     assert len(set(tracklets(uv, np.array([200.0, 120.0]), frame))) == 2
 
 
-def test_long_tracks_are_thinned_evenly_and_short_ones_stay_whole() -> None:
+def test_long_tracks_become_medians_of_their_parts_and_short_ones_stay_whole() -> None:
     seen = sightings(WALK.people, size_px=SIZE)
-    size, left = np.bincount(seen.who), np.bincount(thinned(seen).who)
-    assert left.max() <= ROWS_PER_TRACK
-    short = size <= ROWS_PER_TRACK
-    assert short.any()
-    np.testing.assert_array_equal(left[short], size[short])
+    few = seen.rows(np.flatnonzero((seen.frame < 20) | (seen.who < 3)))
+    size, some = np.bincount(few.who), thinned(few)
+    left = np.bincount(some.who)
+    np.testing.assert_array_equal(left, np.minimum(size, PARTS_OF_TRACK))
+    for who in (
+        np.flatnonzero(size >= 3 * PARTS_OF_TRACK)[0],
+        np.flatnonzero((size > 0) & (size <= PARTS_OF_TRACK))[0],
+    ):
+        marks = few.low[few.who == who]
+        parts = np.array_split(np.arange(len(marks)), left[who])
+        lengths = {len(part) for part in parts}
+        assert len(lengths) <= 2
+        if lengths == {1}:
+            np.testing.assert_array_equal(some.low[some.who == who], marks)
+        else:
+            one = few.rows(np.flatnonzero(few.who == who))
+            thrown = replace(one, low=one.low + np.where(np.arange(len(marks)) % 5 == 2, 80.0, 0.0)[:, None])
+            assert np.abs(thinned(thrown).low - thinned(one).low).max() < 40  # one wild box in five hardly counts
 
 
 def test_stretches_are_of_one_person_of_equal_time_and_do_not_overlap() -> None:

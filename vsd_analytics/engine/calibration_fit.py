@@ -12,7 +12,7 @@ boxes have little weight.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 
@@ -28,7 +28,10 @@ BODY_SD: Final = 0.05
 POSTURE_SD: Final = 0.03
 """One person's height over a walk, relative."""
 MARK_PX: Final = 2.0
-"""Error of a mark."""
+MARK_SHARE: Final = 0.01
+"""Error of a mark: in pixels, and as a share of the body's length in the picture, as detectors have it."""
+LEAST_GAIN: Final = 0.1
+"""A body that is longer by 1 % in the picture is higher by at least a tenth of that."""
 LEAN_SD: Final = 0.08
 """How far a body leans sideways, in body lengths."""
 SPEED_SD: Final = 0.35
@@ -163,17 +166,16 @@ class _Posture:
 
     def __init__(self, seen: Sightings, size_px: tuple[int, int]) -> None:
         self._seen, self._size_px = seen, size_px
-        mark = np.sqrt(2) * MARK_PX / seen.length_px
-        self._row_sd = np.hypot(POSTURE_SD, mark)
+        self._mark_px = np.hypot(MARK_PX, MARK_SHARE * seen.length_px)
+        self._lower = replace(seen, low=seen.low + np.array([0, 1]))
+        self._upper = replace(seen, high=seen.high + np.array([0, 1]))
         self._person, self._of = np.unique(seen.who, return_inverse=True)
-        weight = 1 / self._row_sd**2
-        self._weight = weight
-        self._total = np.bincount(self._of, weight)
+        n_rows = np.bincount(self._of)[self._of]
         # without tracks the body's own spread is in every row; with tracks once per person
-        self._mean_sd = np.hypot(BODY_SD, 1 / np.sqrt(self._total))
         self._weight_of_mean = 1.0 if seen.has_tracks else np.sqrt(min(1.0, UNTRACKED_PEOPLE / len(self._person)))
-        self._lean_sd = np.hypot(LEAN_SD, mark) * seen.body.high_m * np.sqrt(np.bincount(self._of)[self._of])
-        self._within = np.sqrt(np.bincount(self._of)[self._of] > 1)
+        lean_sd = np.hypot(LEAN_SD, np.sqrt(2) * MARK_PX / seen.length_px)
+        self._lean_sd = lean_sd * seen.body.high_m * np.sqrt(n_rows)
+        self._within = np.sqrt(n_rows > 1)
 
     def start(self, log_focal: float, tilt: float) -> Array | None:
         """Return parameters with the height that bodies of usual height mean; None where many feet are in the sky."""
@@ -192,12 +194,14 @@ class _Posture:
     def residuals(self, vector: Array) -> Array:
         camera = camera_of(vector, self._size_px)
         heights, lean = heights_m(camera, self._seen, vector[DEPTH])
-        off = np.log(np.where(heights > 1e-3, heights, np.nan) / self._seen.body.high_m)
+        off = self._off(heights)
         is_seen = np.isfinite(off)
         off = np.where(is_seen, off, 1.0)
-        mean = np.bincount(self._of, self._weight * off) / self._total
-        within = np.where(is_seen, self._within * (off - mean[self._of]) / self._row_sd, _FAR)
-        parts = [_cauchy(mean / self._mean_sd) * self._weight_of_mean, _cauchy(within)]
+        row_sd, body_sd = self._sds(camera, vector[DEPTH], off)
+        total = np.bincount(self._of, row_sd**-2)
+        mean, mean_sd = (np.bincount(self._of, value / row_sd**2) / total for value in (off, body_sd))
+        within = np.where(is_seen, self._within * (off - mean[self._of]) / row_sd, _FAR)
+        parts = [_cauchy(mean / np.hypot(mean_sd, total**-0.5)) * self._weight_of_mean, _cauchy(within)]
         if self._seen.has_lean:
             parts.append(_cauchy(np.where(np.isfinite(lean), lean / self._lean_sd, _FAR)))
         usual = [
@@ -208,6 +212,22 @@ class _Posture:
             (vector[DEPTH] - self._seen.body.depth_m) / self._seen.body.depth_sd_m,
         ]
         return np.concatenate([*parts, usual])
+
+    def _off(self, heights: Array) -> Array:
+        return np.asarray(np.log(np.where(heights > 1e-3, heights, np.nan) / self._seen.body.high_m))
+
+    def _sds(self, camera: CameraModel, depth_m: float, off: Array) -> tuple[Array, Array]:
+        """Return what marks and posture may do to heights by this camera, and what differences of bodies may do.
+
+        What varies are marks in the picture. With one sd of heights for all cameras the fit would look for a camera
+        that makes little of them, such as one at the height of the heads, where a low mark makes nobody longer.
+        """
+        by_low, by_high = (
+            np.nan_to_num(self._off(heights_m(camera, moved, depth_m)[0]) - off, nan=1.0)
+            for moved in (self._lower, self._upper)
+        )
+        taller = np.maximum(np.abs(by_high) * self._seen.length_px, LEAST_GAIN)
+        return np.hypot(POSTURE_SD * taller, self._mark_px * np.hypot(by_low, by_high)), BODY_SD * taller
 
 
 class _Speed:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vsd_analytics.engine.people import Array
+from vsd_analytics.geometry.homography import camera_pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +74,7 @@ class CameraModel:
 def camera_of_homography(homography: ArrayLike, size_px: tuple[int, int]) -> CameraModel | None:
     """Return the camera above a floor that a homography means, with its axis through the middle of the picture.
 
-    The floor's two axes are at right angles and equally long, and the lens maps them so: two equations for the focal
-    length (Zhang 2000, with the axis known). A camera that looks straight down or level leaves them open.
+    A camera that looks straight down or level leaves its focal length open (`camera_pose`).
 
     Args:
         homography: 3x3, pixels to floor metres.
@@ -83,25 +83,14 @@ def camera_of_homography(homography: ArrayLike, size_px: tuple[int, int]) -> Cam
     Returns:
         None where no focal length fits.
     """
-    centre = (size_px[0] / 2, size_px[1] / 2)
-    to_picture = np.linalg.inv(np.asarray(homography, dtype=np.float64))
-    shifted = np.array([[1, 0, -centre[0]], [0, 1, -centre[1]], [0, 0, 1]]) @ to_picture
-    x, y = shifted[:2, 0], shifted[:2, 1]
-    c, d = shifted[2, :2]
-    # x.y / f^2 + c d = 0 and (x.x - y.y) / f^2 + c^2 - d^2 = 0, weighed by how much they say
-    left, right = np.array([x @ y, x @ x - y @ y]), np.array([-c * d, d**2 - c**2])
-    inverse_square = float(left @ right) / max(float(left @ left), 1e-300)
-    if not inverse_square > 0:
+    found = camera_pose(homography, picture_px=size_px)
+    if found is None:
         return None
-    focal = inverse_square**-0.5
-    axes = np.diag([1 / focal, 1 / focal, 1.0]) @ shifted
-    scale = float(np.sqrt(np.linalg.norm(axes[:, 0]) * np.linalg.norm(axes[:, 1])))
-    down = np.cross(axes[:, 0], axes[:, 1])
-    down /= np.linalg.norm(down)
-    height = float(down @ axes[:, 2]) / scale
-    down, height = (down, height) if height > 0 else (-down, -height)
-    tilt = float(np.arcsin(np.clip(down[2], -1, 1)))
-    return CameraModel(focal, tilt, float(np.arctan2(down[0], down[1])), height, centre)
+    focal_px, pose = found
+    down = -pose[:, 2]
+    tilt, roll = np.arcsin(np.clip(down[2], -1, 1)), np.arctan2(down[0], down[1])
+    centre = (size_px[0] / 2, size_px[1] / 2)
+    return CameraModel(focal_px, float(tilt), float(roll), float(down @ pose[:, 3]), centre)
 
 
 def away(points: Array, camera: CameraModel) -> Array:

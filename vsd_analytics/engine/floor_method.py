@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vsd_analytics.engine.body import feet
+from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
@@ -36,7 +36,7 @@ def locate(
         name: What the homography is, for the messages.
         error: Stated error of the calibration; None = unknown.
     """
-    uv = feet(people)
+    uv = floor_points(people, homography=homography, picture_px=picture_px)
     xy = to_floor(homography, uv, picture_px=picture_px)
     a, b = pairs_of_frames(people.frame)
     distance = np.linalg.norm(xy[a] - xy[b], axis=1)

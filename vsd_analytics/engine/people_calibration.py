@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras, view_map
-from vsd_analytics.engine.calibration_fit import DEPTH, Fitted, camera_of, fit_camera
+from vsd_analytics.engine.calibration_fit import DEPTH, Fitted, camera_of, fit_camera, heights_m
 from vsd_analytics.engine.camera_model import CameraModel
 from vsd_analytics.engine.camera_moves import Turn, usual_turn
 from vsd_analytics.engine.people import Array, People
@@ -24,6 +24,8 @@ MIN_PEOPLE: Final = 8
 """Fewer persons may all be short or tall."""
 MAX_SCATTER: Final = 0.20
 """Heights that differ more than this are not those of upright people."""
+TALL, MAX_TALL = 1.3, 0.1
+"""Nobody is this much taller than usual; more than so many who are mean that the usual ones were cut off."""
 MAX_BOX_TILT_DEG: Final = 40.0
 """Above, the middle of a box's bottom edge is so far from the feet that even the true camera measures 7 % wrong."""
 MAX_ERROR: Final = 0.30
@@ -106,6 +108,13 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
         raise _refused(
             f"the heights of the people differ by {fitted.scatter:.0%} for the best camera",
             "take boxes or joints of whole standing people only",
+        )
+    giant_m = TALL * seen.body.high_m
+    giants = float(np.mean(heights_m(fitted.camera, seen, float(fitted.vector[DEPTH]))[0] > giant_m))
+    if giants > MAX_TALL:
+        raise _refused(
+            f"by the best camera {giants:.0%} of the bodies reach above {giant_m:.1f} m",
+            "take whole people only: these have parts of bodies among them",
         )
     homography = fitted.camera.homography()
     likely = _likely(fitted)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.body import feet
+from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import Array, People
 from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
@@ -89,6 +90,8 @@ def standing(
         picture_px: Width and height of the picture.
     """
     uv = feet(people)
+    if calibration is not None:  # only there are all planes' verticals known
+        uv = floor_points(people, homography=calibration.homography, picture_px=picture_px)
     plane = plane_numbers(planes, uv)
     homography, xy, height_m = np.full((len(uv), 3, 3), np.nan), np.full((len(uv), 2), np.nan), np.full(len(uv), np.nan)
     for i, each in enumerate(planes):

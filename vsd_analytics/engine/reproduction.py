@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.engine.body import PART_M, feet
+from vsd_analytics.engine.body import PART_M
+from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people_calibration import calibrate_from_people
 from vsd_analytics.engine.published_layout import LabelledSequence
 from vsd_analytics.engine.ratio_search import joined, search
@@ -68,7 +69,11 @@ def _scored(sequence: LabelledSequence, method: str, distance_m: float) -> tuple
         found = calibrate_from_people(sequence.people, size_px=labelled.size_px)
     except CalibrationError as error:
         return f"refused: {error.why}", *labelled.hits(np.full(len(labelled.a), np.nan), distance_m=distance_m)
-    xy = to_floor(found.homography, feet(labelled.people), picture_px=labelled.size_px)
+    xy = to_floor(
+        found.homography,
+        floor_points(labelled.people, homography=found.homography, picture_px=labelled.size_px),
+        picture_px=labelled.size_px,
+    )
     apart = np.linalg.norm(xy[labelled.a] - xy[labelled.b], axis=1)
     return f"error {found.error:.0%}", *labelled.hits(apart, distance_m=distance_m)
 

@@ -18,6 +18,7 @@ from scipy.special import ndtr
 
 from vsd_analytics.engine.body import feet
 from vsd_analytics.engine.calibration_error import floor_per_px
+from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import Array, People
 from vsd_analytics.engine.walks import WALK_M_S, Rows, Velocities, Walks, joined, joined_velocity, surprise
 from vsd_analytics.geometry.homography import to_floor
@@ -71,7 +72,7 @@ def tracked(
         picture_px: Width and height of the picture.
         ts_ms: UTC milliseconds of each of `people.frames`.
     """
-    uv = feet(people)
+    uv = floor_points(people, homography=homography, picture_px=picture_px)
     xy = to_floor(homography, uv, picture_px=picture_px)
     per_px = floor_per_px(homography, uv, picture_px=picture_px)
     return tracked_at(people, xy, per_px, picture_px=picture_px, ts_ms=ts_ms)
