@@ -115,7 +115,7 @@ class Store:
         """
         if rows.num_rows == 0:
             return 0
-        owned = rows if OWNER in rows.column_names else owned_by(import_id, rows)
+        owned = owned_by(import_id, rows) if import_id and OWNER not in rows.column_names else rows
         data = segment_bytes(table, owned, sorted(set(engines)))
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
         return int(rows.num_rows)
