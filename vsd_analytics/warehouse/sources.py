@@ -128,8 +128,9 @@ class RelationSources:
     def of(self, relation: Relation) -> RelationSource:
         """Return where the rows of a relation come from, after writing its missing day files."""
         if relation.stored_by and self._days is not None:
-            query = self._fact_by_days if relation.layer == "facts" else self._mart_by_days
-            return RelationSource(query(relation, self._days), is_files=True)
+            is_fact = relation.layer == "facts"
+            query = self._fact_by_days(relation, self._days) if is_fact else self._mart_by_days(relation)
+            return RelationSource(query, is_files=True)
         if relation.layer == "marts":
             return RelationSource(relation.sql, relation.reads)
         return RelationSource(
@@ -202,9 +203,8 @@ class RelationSources:
             read.append(self._of_hours(relation, first, last))
         return self._in_order(relation, read)
 
-    def _mart_by_days(self, relation: Relation, days: DayFiles) -> str:
+    def _mart_by_days(self, relation: Relation) -> str:
         """Return a query of the rows of a mart: each day from its file, or from that of its week."""
-        del days
         self.ahead([relation.name])
         mart = self._marts[relation.name]
         self._superseded += superseded(f for d, f in mart.single.items() if d not in mart.unwritten)
