@@ -2,7 +2,7 @@
 -- One row per camera and local hour of the calendar, including hours without data.
 -- stored_by: local_date
 -- grain: camera_id, hour_start_ms
--- reads: calendar, cameras, camera_days, coverage, exposure, violation_time, violations
+-- reads: calendar, cameras, camera_days, coverage, exposure, violation_time, whole_episodes
 -- columns:
 --   camera_id
 --   camera_no            position in vsd.toml
@@ -149,12 +149,14 @@ per_hour as (
 
 counted as (
     select
-        camera_id,
-        hour_start_ms,
+        whole_episodes.camera_id,
+        calendar.hour_start_ms,
         count(*) as n_violations,
-        count(*) filter (where is_open) as n_violations_open
-    from violations
-    group by camera_id, hour_start_ms
+        count(*) filter (where calendar.is_open) as n_violations_open
+    from whole_episodes
+    inner join calendar on floor(whole_episodes.started_ms / 900000) = calendar.quarter
+    where whole_episodes.is_violation and whole_episodes.is_owned
+    group by whole_episodes.camera_id, calendar.hour_start_ms
 )
 
 select

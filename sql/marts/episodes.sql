@@ -2,8 +2,8 @@
 -- One row per episode: one pair closer than distance_m with no gap longer than gap_ms, over hours, midnight and cameras.
 -- stored_by: local_date
 -- grain: camera_id, track_a, track_b, started_ms
--- reads: camera_episodes, shared_episodes, calendar, site_days, track_groups
--- params: episode_min_ms, cell_mm
+-- reads: whole_episodes, calendar, site_days, track_groups
+-- params: cell_mm
 -- columns:
 --   camera_id        the camera that counts it: of those that saw it, the one with most records that count
 --   track_a          the lesser track id that this camera gave
@@ -40,67 +40,7 @@
 --   needs        half of violation time in ids that can be followed for 15 minutes
 --   uncertainty  a lower bound
 --   by           vsd_analytics.figures.episodes.episode_figures
--- steps:
---   members  rank 1 is the camera that counts the episode; first_rank and last_rank find the member that saw its start and its end
---   whole    members that own no record are left out where another member owns one, so that no record counts twice
 -- assumes: segments of the hours around the calendar are loaded, so that an episode is whole; one that began before it is left out
-with members as (
-    select
-        e.camera_id,
-        e.track_a,
-        e.track_b,
-        e.from_ms,
-        e.to_ms,
-        e.before_ms,
-        e.after_ms,
-        e.knows_start,
-        e.knows_end,
-        e.n_records,
-        e.n_located,
-        e.x2_mm,
-        e.y2_mm,
-        e.n_measured,
-        e.min_distance_mm,
-        e.sum_distance_mm,
-        e.is_owned,
-        coalesce(shared_episodes.first, e.number) as episode,
-        row_number() over (
-            partition by coalesce(shared_episodes.first, e.number) order by e.is_owned desc, e.n_records desc, e.number asc
-        ) as rank,
-        row_number() over (
-            partition by coalesce(shared_episodes.first, e.number), e.is_owned order by e.from_ms - e.before_ms asc, e.number asc
-        ) as first_rank,
-        row_number() over (
-            partition by coalesce(shared_episodes.first, e.number), e.is_owned order by e.to_ms + e.after_ms desc, e.number asc
-        ) as last_rank,
-        bool_or(e.is_owned) over (partition by coalesce(shared_episodes.first, e.number)) as any_owned
-    from camera_episodes as e
-    left join shared_episodes on e.number = shared_episodes.number
-),
-
-whole as (
-    select
-        max(camera_id) filter (where rank = 1) as camera_id,
-        max(track_a) filter (where rank = 1) as track_a,
-        max(track_b) filter (where rank = 1) as track_b,
-        min(from_ms) as started_ms,
-        max(to_ms) as ended_ms,
-        max(to_ms + after_ms) - min(from_ms - before_ms) as duration_ms,
-        case
-            when count(knows_start) = count(*)
-                then bool_or((first_rank = 1 and not knows_start) or (last_rank = 1 and not knows_end))
-        end as is_cut,
-        sum(n_records)::bigint as n_records,
-        sum(x2_mm) / nullif(2 * sum(n_located), 0) as x_mm,
-        sum(y2_mm) / nullif(2 * sum(n_located), 0) as y_mm,
-        min(min_distance_mm) as min_distance_mm,
-        sum(sum_distance_mm) / sum(n_measured) as mean_distance_mm,
-        bool_or(is_owned) as is_owned
-    from members
-    where is_owned = any_owned
-    group by episode
-)
-
 select
     s.camera_id,
     s.track_a,
@@ -116,7 +56,7 @@ select
     floor(s.y_mm / params.cell_mm)::int as cy,
     s.min_distance_mm / 1000 as min_distance_m,
     s.mean_distance_mm / 1000 as mean_distance_m,
-    s.duration_ms >= params.episode_min_ms as is_violation,
+    s.is_violation,
     s.is_owned,
     calendar.hour_start_ms,
     calendar.local_date,
@@ -125,7 +65,7 @@ select
     case
         when s.x_mm is not null and a.track_id is not null and b.track_id is not null then coalesce(a.group_id = b.group_id, false)
     end as is_together
-from whole as s
+from whole_episodes as s
 cross join params
 inner join calendar on floor(s.started_ms / 900000) = calendar.quarter
 left join site_days on floor(s.started_ms / 900000) = site_days.quarter

@@ -93,5 +93,8 @@ def parquet_bytes(rows: pa.Table, **options: object) -> pa.Buffer:
 
 def _with_engines(table: TableName, rows: pa.Table, engines: Sequence[str], noted: Mapping[bytes, bytes]) -> pa.Table:
     """Return rows in the schema of their table, with the engines and other notes in its metadata."""
-    schema = SCHEMAS[table].with_metadata({ENGINES: json.dumps(list(engines)[:ENGINES_MAX]).encode(), **noted})
+    about = {ENGINES: json.dumps(list(engines)[:ENGINES_MAX]).encode(), **noted}
+    if rows.schema.equals(SCHEMAS[table]):
+        return rows.replace_schema_metadata(about)
+    schema = SCHEMAS[table].with_metadata(about)
     return rows.select(schema.names).cast(schema)

@@ -33,10 +33,13 @@ class FoldSpan:
 
     def overlapping(self, files: Iterable[Path]) -> list[Path]:
         """Return the files with instants between those of the segments: no others can hold one of their keys."""
+        files = list(files)
+        if not files:
+            return []
         ends = [ends_ms(path) for path in self.segments]
         known = [end for end in ends if end is not None]
         if not known or len(known) < len(ends):
-            return list(files)
+            return files
         first, last = min(known)[0], max(end for _, end in known)
         return [path for path in files if (of := ends_ms(path)) is None or (of[0] <= last and of[1] >= first)]
 

@@ -29,6 +29,7 @@ from vsd_analytics.store.new_rows import new_rows
 from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import HASH_DIFFERS, parquet_bytes, part_bytes, segment_bytes
 from vsd_analytics.store.repeats import AGAIN
+from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.spans import hours_in, spans_of
 
@@ -114,7 +115,7 @@ class Store:
         """
         if rows.num_rows == 0:
             return 0
-        owned = rows if OWNER in rows.column_names else owned_by(import_id, rows)
+        owned = owned_by(import_id, rows) if import_id and OWNER not in rows.column_names else rows
         data = segment_bytes(table, owned, sorted(set(engines)))
         durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
         return int(rows.num_rows)
@@ -148,7 +149,7 @@ class Store:
         durable.sweep_temporaries(self.root)
         tables: dict[TableName, TableCounts] = {}
         hours: set[int] = set()
-        with _reused_memory():
+        with reused_memory():
             for table in TABLES:
                 segments = segment_paths(self.root, table)
                 if segments:
@@ -301,21 +302,6 @@ class Store:
             if error.code != "E304" or not ballast.give_up(self.root):
                 raise
             durable.publish(path, data)
-
-
-@contextlib.contextmanager
-def _reused_memory() -> Iterator[None]:
-    """Let Arrow take memory from the C library meanwhile.
-
-    A fold allocates and frees large columns in turn. Arrow's own pool hands each back to the system, which clears it
-    for the next one: a third of the processor time of a fold.
-    """
-    before = pa.default_memory_pool()
-    pa.set_memory_pool(pa.system_memory_pool())
-    try:
-        yield
-    finally:
-        pa.set_memory_pool(before)
 
 
 def _damaged_segment(path: Path) -> StoreError:

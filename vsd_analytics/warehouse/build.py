@@ -19,6 +19,7 @@ from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.published import publish_links
+from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
@@ -80,8 +81,9 @@ def build(
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
-            return _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
-        with removal.reading(store.root):
+            with reused_memory():
+                return _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
+        with reused_memory(), removal.reading(store.root):
             with superseded.reading(root):
                 result = _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
                 is_published = is_published and first_hour is last_hour is None and _publish(site, result)

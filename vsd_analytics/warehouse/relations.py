@@ -55,10 +55,16 @@ class Catalog:
     Args:
         con: The connection; the small relations of `dimensions` are on it already.
         source: Returns where the rows of a relation come from; called once for each relation that is read.
+        ahead: Called with the names of relations before they are read.
     """
 
-    def __init__(self, con: duckdb.DuckDBPyConnection, source: Callable[[Relation], RelationSource]) -> None:
-        self._con, self._source = con, source
+    def __init__(
+        self,
+        con: duckdb.DuckDBPyConnection,
+        source: Callable[[Relation], RelationSource],
+        ahead: Callable[[Iterable[str]], None],
+    ) -> None:
+        self._con, self._source, self._ahead = con, source, ahead
         self._known = relations("facts", "marts")
         self._sources: dict[str, RelationSource] = {}
         self._views, self._tables = set[str](), set[str]()
@@ -74,12 +80,18 @@ class Catalog:
 
     def materialise(self, names: Iterable[str]) -> None:
         """Compute relations now and hold their rows in tables."""
-        for name in names:
-            self._create({name})
+        wanted = [name for name in names if name not in self._tables]
+        self._create(set(wanted))
+        for name in wanted:
             self._materialise(name)
+
+    def is_table(self, name: str) -> bool:
+        """Return whether the rows of a relation are held in a table."""
+        return name in self._tables
 
     def _create(self, named: set[str]) -> None:
         """Create relations and all they read, in order; count how often each is read, views by views included."""
+        self._ahead(n for n in named if n not in self._sources)
         reached = set[str]()
         queue = list(named)
         self._n_reads.update(named)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from datetime import date, timedelta
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -20,10 +21,11 @@ from vsd_analytics.store.seals import Seals
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
+from vsd_analytics.warehouse.day_pieces import PIECE_BYTES, fact_sizes, pieces
 from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.relations import RelationSource
-from vsd_analytics.warehouse.sqlfiles import Relation
+from vsd_analytics.warehouse.sqlfiles import Relation, facts_behind, marts_by_day
 from vsd_analytics.warehouse.week_files import WeekFile, by_week, make_week, others_of, week_files
 
 if TYPE_CHECKING:
@@ -39,6 +41,31 @@ _MATERIALISE_AT = {"floor_cells": 2}
 """A page asks this large fact once, for the ends of the floor, and needs no row of it in memory for that."""
 
 
+@dataclass(frozen=True, slots=True)
+class _MartDays:
+    """The files of a mart in the range.
+
+    Attributes:
+        relation: The mart.
+        files: Day files by day.
+        paths: Their paths by UTC day number.
+        weeks: Week files of the range, written or not.
+        single: The day files that are read, because no week file has their rows.
+        unwritten: Rows of days without a file.
+    """
+
+    relation: Relation
+    files: Mapping[date, DayFile]
+    paths: Mapping[int, Path]
+    weeks: Sequence[WeekFile]
+    single: Mapping[date, DayFile]
+    unwritten: dict[date, pa.Table] = field(default_factory=dict)
+
+    def missing(self) -> set[date]:
+        """Return the days whose file is not there, or torn."""
+        return {d for d, file in self.single.items() if not is_whole(file.path)}
+
+
 class RelationSources:
     """The sources of the relations of one range.
 
@@ -50,8 +77,9 @@ class RelationSources:
         days: The day files of the range; None = compute every mart from hourly facts.
         whole_facts: Computes missing and torn files of hourly facts, given the fact that is needed; called when one is
             not whole.
-        rows_of_days: Returns the rows of a mart of a range of days, computed from hourly facts.
+        rows_of_days: Yields the rows of some marts of a range of days, computed from hourly facts.
         superseded_files: List to which files are added that newer ones replace.
+        asked: Names of relations that will be asked for, where that is known.
     """
 
     def __init__(
@@ -63,20 +91,46 @@ class RelationSources:
         hours: tuple[int, int],
         days: DayFiles | None,
         whole_facts: Callable[[str], BuildResult],
-        rows_of_days: Callable[[Relation, date, date], pa.Table],
+        rows_of_days: Callable[[Sequence[Relation], date, date], Iterator[tuple[Relation, pa.Table]]],
         superseded_files: list[Path],
+        asked: Collection[str] = (),
     ) -> None:
         self._con, self._site, self._built, self._hours, self._days = con, site, built, hours, days
         self._whole_facts, self._rows_of_days = whole_facts, rows_of_days
         self._read: list[Path] = []
         self._superseded = superseded_files
         self._roots = beside.roots(site)
+        self._asked = tuple(asked)
+        self._marts: dict[str, _MartDays] = {}
+
+    def ahead(self, names: Iterable[str]) -> None:
+        """Write the missing day files of all marts that some relations read, a few days at a time.
+
+        Marts of the same days share what they are computed from, so they are computed together.
+        """
+        if self._days is None:
+            return
+        behind = marts_by_day([*names, *self._asked])
+        new = [self._mart_days(r, self._days) for r in behind if r.name not in self._marts]
+        missing = {mart.relation.name: mart.missing() for mart in new}
+        if days := sorted(set().union(*missing.values())):
+            sizes = fact_sizes(self._site, self._built, facts_behind(missing))
+            for piece in pieces(days, sizes, most=PIECE_BYTES):
+                wanted = {m.relation.name: m for m in new if not missing[m.relation.name].isdisjoint(piece)}
+                of_piece = self._rows_of_days([m.relation for m in wanted.values()], piece[0], piece[-1])
+                for relation, rows in of_piece:
+                    mart, by = wanted[relation.name], rows[relation.stored_by]
+                    own = [d for d in piece if d in missing[relation.name]]
+                    by_day = ((d, rows.filter(pc.equal(by, d))) for d in own)
+                    mart.unwritten.update(self._write(mart.files, by_day))
+        self._marts |= {mart.relation.name: mart for mart in new}
 
     def of(self, relation: Relation) -> RelationSource:
         """Return where the rows of a relation come from, after writing its missing day files."""
         if relation.stored_by and self._days is not None:
-            query = self._fact_by_days if relation.layer == "facts" else self._mart_by_days
-            return RelationSource(query(relation, self._days), is_files=True)
+            is_fact = relation.layer == "facts"
+            query = self._fact_by_days(relation, self._days) if is_fact else self._mart_by_days(relation)
+            return RelationSource(query, is_files=True)
         if relation.layer == "marts":
             return RelationSource(relation.sql, relation.reads)
         return RelationSource(
@@ -137,34 +191,35 @@ class RelationSources:
         missing = [d for d, file in files.items() if not is_whole(file.path)]
         rows = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in missing)
         unwritten = self._write(files, rows)
-        pieces: list[str | Path | pa.Table] = []
+        # An older file beside one that could not be written is superseded by nothing and stays.
+        self._superseded += superseded(f for d, f in files.items() if d not in unwritten)
+        read: list[str | Path | pa.Table] = []
         for d, file in files.items():
             if first < d * 24:
-                pieces.append(self._of_hours(relation, first, d * 24 - 1))
-            pieces.append(unwritten.get(d, file.path))
+                read.append(self._of_hours(relation, first, d * 24 - 1))
+            read.append(unwritten.get(d, file.path))
             first = d * 24 + 24
         if first <= last:
-            pieces.append(self._of_hours(relation, first, last))
-        return self._in_order(relation, pieces)
+            read.append(self._of_hours(relation, first, last))
+        return self._in_order(relation, read)
 
-    def _mart_by_days(self, relation: Relation, days: DayFiles) -> str:
-        """Return a query of the rows of a mart: each day from its file, computing runs of missing days at once."""
+    def _mart_by_days(self, relation: Relation) -> str:
+        """Return a query of the rows of a mart: each day from its file, or from that of its week."""
+        self.ahead([relation.name])
+        mart = self._marts[relation.name]
+        self._superseded += superseded(f for d, f in mart.single.items() if d not in mart.unwritten)
+        self._make(mart.weeks)
+        read: dict[int, Path | pa.Table] = {**by_week(mart.weeks, mart.paths)}
+        read |= {_number(d): rows for d, rows in mart.unwritten.items()}
+        return self._in_order(relation, [piece for _, piece in sorted(read.items(), key=itemgetter(0))])
+
+    def _mart_days(self, relation: Relation, days: DayFiles) -> _MartDays:
         files = days.files(relation)
         paths = {_number(d): file.path for d, file in files.items()}
         weeks = self._weeks(relation, {_number(d): file.path for d, file in files.items() if file.is_stored})
         read = by_week(weeks, paths)
         single = {d: file for d, file in files.items() if read.get(_number(d)) == file.path}
-        missing = _runs([d for d, file in single.items() if not is_whole(file.path)])
-
-        def rows_by_day() -> Iterator[tuple[date, pa.Table]]:
-            for run in missing:
-                rows = self._rows_of_days(relation, run[0], run[-1])
-                yield from ((d, rows.filter(pc.equal(rows[relation.stored_by], d))) for d in run)
-
-        unwritten = self._write(single, rows_by_day())
-        self._make(weeks)
-        pieces: dict[int, Path | pa.Table] = {**by_week(weeks, paths), **{_number(d): t for d, t in unwritten.items()}}
-        return self._in_order(relation, [piece for _, piece in sorted(pieces.items(), key=itemgetter(0))])
+        return _MartDays(relation, files, paths, weeks, single)
 
     def _weeks(self, relation: Relation, paths: Mapping[int, Path]) -> list[WeekFile]:
         """Return the week files of a relation; none for a warehouse that computes the rows of days."""
@@ -180,7 +235,7 @@ class RelationSources:
                 self._superseded += others_of(week.path)
 
     def _write(self, files: Mapping[Day, DayFile], rows_by_day: Iterable[tuple[Day, pa.Table]]) -> dict[Day, pa.Table]:
-        """Write day files, note what they supersede, and return the rows that were not written.
+        """Write day files, and return the rows that were not written.
 
         Not written are rows of days far from all facts, and all that a full or read-only disk refuses: a report then
         costs more time, but has every figure.
@@ -196,8 +251,6 @@ class RelationSources:
                 sweep_temporaries(file.path.parent)
             except OSError:
                 unwritten[day] = rows
-        # An older file beside one that could not be written is superseded by nothing and stays.
-        self._superseded += superseded(f for d, f in files.items() if d not in unwritten)
         return unwritten
 
     def _in_order(self, relation: Relation, pieces: Sequence[str | Path | pa.Table]) -> str:
@@ -214,17 +267,6 @@ class RelationSources:
                 self._con.register(name, pa.concat_tables(tables))
                 queries.append(f"select * from {name}")
         return " union all ".join(queries) or _empty(relation)
-
-
-def _runs(days: Sequence[date]) -> list[list[date]]:
-    """Return the runs of consecutive days."""
-    found: list[list[date]] = []
-    for day in days:
-        if found and day - found[-1][-1] == timedelta(days=1):
-            found[-1].append(day)
-        else:
-            found.append([day])
-    return found
 
 
 def _number(day: date) -> int:

@@ -163,6 +163,21 @@ def facts_behind(names: Iterable[str]) -> frozenset[str]:
     return frozenset(found)
 
 
+def marts_by_day(names: Iterable[str]) -> list[Relation]:
+    """Return the marts with day files that relations read, or are, not those behind other day files."""
+    known, found, queue = relations("marts"), set[str](), list(names)
+    reached = set[str]()
+    while queue:
+        name = queue.pop()
+        if name in known and name not in reached:
+            reached.add(name)
+            if known[name].stored_by:
+                found.add(name)
+            else:
+                queue += known[name].reads
+    return [relation for name, relation in known.items() if name in found]
+
+
 def read_relation(path: Path) -> Relation:
     """Parse one SQL file.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import pickle
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from datetime import date, datetime, timedelta
 from itertools import pairwise
 from types import TracebackType
@@ -107,7 +107,8 @@ class Warehouse:
                 is_trusting=uses_days,
             )
             on_error.pop_all()
-        self._of_days: dict[tuple[date, date], Warehouse] = {}
+        self._relations = tuple(relations or ())
+        self._of_days: tuple[tuple[date, date], Warehouse] | None = None
         self.extents = calendar_days(site, first, last, spare_days=spare_days)
         self._heat_cell_m, self._uses_days, self._threads = heat_cell_m, uses_days, threads
         self._superseded = [*self.built.superseded_files]
@@ -135,16 +136,16 @@ class Warehouse:
             whole_facts=self._whole_facts,
             rows_of_days=self._rows_of_days,
             superseded_files=self._superseded,
+            asked=self._relations,
         )
-        self._catalog = Catalog(self._con, self._sources.of)
+        self._catalog = Catalog(self._con, self._sources.of, self._sources.ahead)
 
     def __enter__(self) -> Warehouse:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
         self.con.close()
-        for inner in self._of_days.values():
-            inner.__exit__(kind, value, tb)
+        self._close_days()
         self._reading_facts.close()
         superseded.clear(self.site.root / "facts", self._superseded)
         self._reading.close()
@@ -263,14 +264,25 @@ class Warehouse:
             self._facts = None
         return build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], facts=self._facts, has_lock=True)
 
-    def _rows_of_days(self, relation: Relation, first: date, last: date) -> pa.Table:
-        """Return the rows of a mart of the days from `first` to `last`, computed from hourly facts."""
+    def _rows_of_days(self, marts: Sequence[Relation], first: date, last: date) -> Iterator[tuple[Relation, pa.Table]]:
+        """Yield the rows of marts of the days from `first` to `last`, computed from hourly facts.
+
+        The warehouse of these days stays open for marts that are asked for later, until other days are computed.
+        """
         days = (max(first, self.first), min(last, self.last))
-        if days not in self._of_days:
-            self._of_days[days] = Warehouse(self.site, *days, uses_days=False, relations=self._facts)
-        inner = self._of_days[days]
-        inner.materialise(relation.name)
-        return inner.table(f"select * from {relation.name}")
+        if self._of_days is None or self._of_days[0] != days:
+            self._close_days()
+            self._of_days = days, Warehouse(self.site, *days, uses_days=False, relations=self._facts)
+        inner = self._of_days[1]
+        inner.prepare(" ".join(relation.name for relation in marts))
+        for relation in marts:
+            is_table = inner._catalog.is_table(relation.name)
+            yield relation, inner.table(f"select * from {relation.name}" if is_table else relation.sql)
+
+    def _close_days(self) -> None:
+        if self._of_days is not None:
+            self._of_days[1].__exit__(None, None, None)
+            self._of_days = None
 
 
 def open_warehouse(site: Site, first: date | str, last: date | str, **options: Any) -> Warehouse:

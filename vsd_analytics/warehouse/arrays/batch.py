@@ -15,6 +15,7 @@ from vsd_analytics.warehouse.arrays.clusters import (
 from vsd_analytics.warehouse.arrays.columns import Columns
 from vsd_analytics.warehouse.arrays.coverage import coverage, recorded_spans, sequence_runs
 from vsd_analytics.warehouse.arrays.episodes import episode_segments
+from vsd_analytics.warehouse.arrays.floor_cells import floor_cells
 from vsd_analytics.warehouse.arrays.gatherings import gathering_joins, gathering_links, gathering_parts, shared_tracks
 from vsd_analytics.warehouse.arrays.held import Held, none_of
 from vsd_analytics.warehouse.arrays.located import calibrations_used, instants, located
@@ -29,7 +30,7 @@ from vsd_analytics.warehouse.arrays.persons import (
 from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.arrays.same_pairs import same_pairs
 from vsd_analytics.warehouse.arrays.site_tables import DayIntervals, Floors, SiteTables
-from vsd_analytics.warehouse.arrays.standing import crowding, exposure, floor_cells, track_lives
+from vsd_analytics.warehouse.arrays.standing import crowding, exposure, track_lives
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {

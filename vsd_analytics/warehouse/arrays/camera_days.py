@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store.layout import Part
 from vsd_analytics.warehouse.arrays.columns import Bools, Ints, distinct, rounded
-from vsd_analytics.warehouse.arrays.stored import read_columns
+from vsd_analytics.warehouse.arrays.stored import NotedColumns, read_columns
 
 DAY_MS = 86_400_000
 _READ: Mapping[TableName, tuple[str, ...]] = {
@@ -20,6 +21,8 @@ _READ: Mapping[TableName, tuple[str, ...]] = {
     "observations": ("camera_id", "ts", "track_id"),
     "pairs": ("camera_id", "ts", "track_a", "track_b"),
 }
+_KNOWN = ("n_persons", "n_pairs", "track_id", "track_a", "track_b")
+"""Columns of which it matters only whether they are known."""
 _LONGEST_MS, _UNKNOWN_MS = 1_200_000, 1000
 
 
@@ -35,15 +38,28 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     instants: dict[tuple[int, str], list[Ints]] = defaultdict(list)
     for table in TABLES:
         for part in parts[table]:
-            rows = read_columns(part, table, _READ[table]).combine_chunks()
-            if not rows.num_rows:
+            with pq.ParquetFile(part.path) as file:
+                noted = NotedColumns(file.metadata)
+            if not noted.n_rows:
                 continue
-            cameras, ts = rows["camera_id"].chunk(0), rows["ts"].cast(pa.int64()).to_numpy()
-            names, day = cameras.dictionary.to_pylist(), ts // DAY_MS
-            group = (day - day.min()) * len(names) + cameras.indices.to_numpy()
-            counts = [np.bincount(group[k], minlength=int(group.max()) + 1) for k in _kinds(table, rows)]
+            of_day = None if None in intervals.values() else noted.day
+            needed = [
+                c for c in _READ[table] if not (c in _KNOWN and noted.are_alike(c)) and (c != "ts" or of_day is None)
+            ]
+            rows = read_columns(part, table, needed).combine_chunks()
+            cameras = rows["camera_id"].chunk(0)
+            names = cameras.dictionary.to_pylist()
+            group = cameras.indices.to_numpy()
+            if of_day is None:
+                ts = rows["ts"].cast(pa.int64()).to_numpy()
+                day = ts // DAY_MS
+                first_day = int(day.min())
+                group = (day - first_day) * len(names) + group
+            else:
+                ts, first_day = np.zeros(0, dtype=np.int64), of_day
+            counts = [_counted(group, known) for known in _kinds(table, rows, noted)]
             for number in np.flatnonzero(np.bincount(group)).tolist():
-                key = (int(day.min()) + number // len(names), names[number % len(names)])
+                key = (first_day + number // len(names), names[number % len(names)])
                 if key[1] in intervals:
                     sums[key] += [of_kind[number] for of_kind in counts]
                     if intervals[key[1]] is None:
@@ -66,19 +82,29 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     )
 
 
-def _kinds(table: TableName, rows: pa.Table) -> tuple[Bools, ...]:
-    """Return which rows are of frames, of people, of pairs, records, and records with track ids."""
-    every, none = np.ones(rows.num_rows, dtype=np.bool_), np.zeros(rows.num_rows, dtype=np.bool_)
+def _counted(group: Ints, is_known: Bools | bool) -> Ints:
+    """Return how many known rows each group has."""
+    n_groups = int(group.max()) + 1
+    if isinstance(is_known, bool):
+        return np.bincount(group, minlength=n_groups) if is_known else np.zeros(n_groups, dtype=np.int64)
+    return np.bincount(group[is_known], minlength=n_groups)
 
-    def known(column: str) -> Bools:
+
+def _kinds(table: TableName, rows: pa.Table, noted: NotedColumns) -> tuple[Bools | bool, ...]:
+    """Return which rows are of frames, of people, of pairs, records, and records with track ids."""
+
+    def known(column: str) -> Bools | bool:
+        if column not in rows.column_names:
+            return noted.is_known(column)
         found: Bools = pc.is_valid(rows[column]).to_numpy()
         return found
 
     if table == "frames":
-        return every, known("n_persons"), known("n_pairs"), none, none
+        return True, known("n_persons"), known("n_pairs"), False, False
     if table == "observations":
-        return none, every, none, every, known("track_id")
-    return none, none, every, every, known("track_a") & known("track_b")
+        return False, True, False, True, known("track_id")
+    a, b = known("track_a"), known("track_b")
+    return False, False, True, True, a & b
 
 
 def _interval_ms(of_camera: int | None, instants: Sequence[Ints]) -> int:

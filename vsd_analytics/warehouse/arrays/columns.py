@@ -18,6 +18,8 @@ Columns = dict[str, NDArray[Any]]
 
 _DIGIT_BITS = 16
 _BLOCK = 250_000
+_RUN = 16
+"""Rows of a run at least, on average, for sorting runs to cost less than sorting rows."""
 NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
 
@@ -61,10 +63,37 @@ def packed_keys(*keys: NDArray[Any]) -> tuple[Ints | None, int]:
 
 
 def _order(packed: Ints, n_bits: int) -> Ints:
-    """Sort by 16 bits at a time, the lowest first: numpy sorts so short integers by counting, in linear time."""
+    """Sort runs of rows where these are long, as stored records are in order; else 16 bits at a time, the lowest first.
+
+    Numpy sorts so short integers by counting, in linear time.
+    """
+    for is_next in (packed[1:] < packed[:-1], packed[1:] != packed[:-1]):
+        n_runs = np.count_nonzero(is_next) + 1
+        if n_runs * _RUN <= len(packed) and (order := _order_of_runs(packed, is_next)) is not None:
+            return order
     order = np.argsort(packed.astype(np.uint16), kind="stable")  # a cast takes the lowest 16 bits
     for shift in range(_DIGIT_BITS, n_bits, _DIGIT_BITS):
         order = order[np.argsort((packed >> shift).astype(np.uint16)[order], kind="stable")]
+    return order
+
+
+def _order_of_runs(packed: Ints, is_next: Bools) -> Ints | None:
+    """Return the order of rows whose runs are each in order; None where two runs overlap.
+
+    Args:
+        packed: The keys.
+        is_next: Whether a run begins with the row after each row but the last.
+    """
+    starts = np.append(0, np.flatnonzero(is_next) + 1)
+    ends = ends_of(starts, len(packed))
+    runs = np.argsort(packed[starts], kind="stable")
+    first, last = packed[starts[runs]], packed[ends[runs] - 1]
+    # of two runs with one key in both, the rows would have to be merged, unless both have that key alone
+    if np.any((last[:-1] > first[1:]) | ((last[:-1] == first[1:]) & (first[:-1] != last[1:]))):
+        return None
+    n = (ends - starts)[runs]
+    order = np.arange(len(packed))
+    order += np.repeat(starts[runs] - (np.cumsum(n) - n), n)
     return order
 
 
@@ -113,6 +142,9 @@ def greatest(values: NDArray[Any], starts: Ints) -> NDArray[Any]:
 
 def summed(keys: Columns, values: Columns) -> Columns:
     """Return the sums of values by all combinations of keys that occur, in order of the keys."""
+    runs = starts_of(*keys.values())
+    if len(runs) * _RUN <= len(next(iter(keys.values()))):  # most records of a key follow each other
+        keys, values = take(keys, runs), {name: sums(v, runs) for name, v in values.items()}
     order, starts = grouped_by(*keys.values())
     return {**take(keys, order[starts]), **{name: sums(v[order], starts) for name, v in values.items()}}
 

@@ -130,10 +130,7 @@ def _place(
     away = np.abs(frames["ts_ms"][other] - frames["ts_ms"][frame])
     is_beside = (other == frame + frames_on) & (frames["camera_id"][other] == frames["camera_id"][frame])
     is_beside &= 2 * away <= n_half_intervals * records["interval_ms"][rows]
-    # of each frame, records are in order of tracks, those without one last
-    keys = located["_frame"] * (site.n_tracks + 1) + np.where(
-        located["track_id"] < 0, site.n_tracks, located["track_id"]
-    )
+    keys = located["_key"]
     at = np.flatnonzero(is_beside) if len(keys) else np.zeros(0, dtype=np.int64)
     of_side: list[Ints] = []
     for track in ("track_a", "track_b"):

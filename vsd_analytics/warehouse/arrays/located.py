@@ -65,8 +65,9 @@ def frame_of(instants: Columns, camera: Ints, ts_ms: Ints) -> Ints:
 
 
 def located(held: Held, site: SiteTables) -> Columns | None:
-    """Return `staging/located`, in order of camera, instant and member; `_frame` is the row of `instants`.
+    """Return `staging/located`, in order of camera, instant and member.
 
+    `_frame` is the row of `instants`, `_key` one number in order of frame and track, those without one last.
     None where a record has one floor coordinate without the other: only the query says what that means.
     """
     stored, frames = held["stored_observations"], held["instants"]
@@ -80,15 +81,16 @@ def located(held: Held, site: SiteTables) -> Columns | None:
         x, y = x.copy(), y.copy()
         x[projected], y[projected] = _projected(held["calibrations"], take(stored, projected), site)
     track = stored["track_id"]
-    last = np.where(track < 0, site.n_tracks, track)  # nulls last
-    rows = order_by(frame, last)
-    same = np.flatnonzero((np.diff(frame[rows]) == 0) & (np.diff(last[rows]) == 0))
-    if len(same):  # people without ids are numbered by place
+    key = frame * (site.n_tracks + 1)
+    key += np.where(track < 0, site.n_tracks, track)  # nulls last
+    rows = order_by(key)
+    ordered = key[rows]
+    if np.any(ordered[1:] == ordered[:-1]):  # people without ids are numbered by place
         places = (np.where(v == NULL, _AFTER_ALL, v) for v in (x, y))
         pixels = (np.where(np.isnan(v), np.inf, v) for v in (stored["u_px"], stored["v_px"]))
-        keys = (frame, last, *places, *pixels, stored["person"])
-        rows = np.lexsort(keys[::-1])
-    rows = rows[np.searchsorted(frame[rows], 0) :]  # without records of cameras that vsd.toml does not name
+        rows = np.lexsort((key, *places, *pixels, stored["person"])[::-1])
+    n_unknown = int(np.searchsorted(ordered, 0))  # records of cameras that vsd.toml does not name
+    rows, ordered = rows[n_unknown:], ordered[n_unknown:]
     frame, camera, ts, x, y = frame[rows], camera[rows], ts[rows], x[rows], y[rows]
     starts = starts_of(frame)
     first = np.repeat(starts, np.diff(starts, append=len(frame)))
@@ -102,6 +104,7 @@ def located(held: Held, site: SiteTables) -> Columns | None:
         "weight_ms": frames["weight_ms"][frame],
         "is_owned": site.floors.is_owned(camera, ts, x, y),
         "_frame": frame,
+        "_key": ordered,
     }
 
 

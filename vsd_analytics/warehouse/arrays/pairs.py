@@ -10,6 +10,10 @@ from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
 _CROWD = 40
+_NEAR_BITS = 6
+"""Bits that number the person after another one in a frame without a crowd."""
+_ROWS = 32_768
+"""Persons that are compared at once: their numbers fit into the cache of a core."""
 
 
 def pairs(held: Held, site: SiteTables) -> Columns | None:
@@ -24,8 +28,10 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
     ):
         return None
     located = held["located"]
-    placed = np.flatnonzero(located["x_mm"] != NULL)
-    frame, x, y = (located[c][placed] for c in ("_frame", "x_mm", "y_mm"))
+    frame, x, y = (located[c] for c in ("_frame", "x_mm", "y_mm"))
+    placed = np.flatnonzero(x != NULL)
+    if len(placed) < len(x):
+        frame, x, y = frame[placed], x[placed], y[placed]
     reach = int(site.params["pair_max_mm"])
     one, other, square = near(frame, x, y, reach)
     a, b = placed[np.minimum(one, other)], placed[np.maximum(one, other)]
@@ -68,19 +74,50 @@ def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
         y: Likewise.
         reach: Greatest distance.
     """
-    is_crowded = np.bincount(frame, minlength=1)[frame] > _CROWD
+    n_persons = np.bincount(frame, minlength=1)
+    if n_persons.max() <= _CROWD:
+        return _near_of_few(frame, x, y, reach)
+    is_crowded = n_persons[frame] > _CROWD
     few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
+    one, other, square = _near_of_few(frame[few], x[few], y[few], reach)
+    found = [(few[one], few[other], square)]
     many = many[order_by(frame[many], x[many])]
-    found: list[tuple[Ints, Ints, Ints]] = []
-    # up to 40 people are compared each with each; of more, those in a strip
-    for rows, of, along in ((few, frame[few], np.zeros_like(few)), (many, frame[many], x[many])):
-        for one, other in beside(of, along, reach):
-            a, b = rows[one], rows[other]
-            square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
-            is_near = np.flatnonzero(square <= reach * reach)
-            found.append((a[is_near], b[is_near], square[is_near]))
-    one, other, square = (np.concatenate([few[:0], *(f[i] for f in found)]) for i in range(3))
+    for one, other in beside(frame[many], x[many], reach):
+        a, b = many[one], many[other]
+        square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
+        is_near = np.flatnonzero(square <= reach * reach)
+        found.append((a[is_near], b[is_near], square[is_near]))
+    one, other, square = (np.concatenate(side) for side in zip(*found, strict=True))
     return one, other, square
+
+
+def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
+    """Do what `near` does for frames without a crowd, each person with each, in order of both.
+
+    Persons of a block are compared with those k rows on, k = 1, 2, ... while any two are of one frame.
+    """
+    found = [np.zeros(0, dtype=np.int64)]
+    for first in range(0, len(frame), _ROWS):
+        after = min(first + _ROWS + _CROWD, len(frame))
+        of, at_x, at_y = frame[first:after], x[first:after], y[first:after]
+        both: list[Ints] = []
+        for k in range(1, _CROWD):
+            n = min(_ROWS, len(of) - k)
+            is_same = of[:n] == of[k : n + k] if n > 0 else np.zeros(0, dtype=np.bool_)
+            if not is_same.any():
+                break
+            dx, dy = at_x[:n] - at_x[k : n + k], at_y[:n] - at_y[k : n + k]
+            dx *= dx
+            dy *= dy
+            dx += dy
+            is_same &= dx <= reach * reach
+            both.append((np.flatnonzero(is_same) + first << _NEAR_BITS) + k)
+        if both:
+            found.append(np.sort(np.concatenate(both)))
+    every = np.concatenate(found)
+    a = every >> _NEAR_BITS
+    b = a + (every & (1 << _NEAR_BITS) - 1)
+    return a, b, (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
 
 
 def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:

@@ -49,7 +49,10 @@ class Floors:
         found = np.full(len(camera), -1, dtype=np.int64)
         if not len(camera):
             return found
-        floor, first_ms, last_ms = self.of_camera[camera], ts_ms.min(), ts_ms.max()
+        first_ms, last_ms = ts_ms.min(), ts_ms.max()
+        if not any(from_ms <= last_ms and to_ms > first_ms for _, from_ms, to_ms, _ in self._spans):
+            return found
+        floor = self.of_camera[camera]
         is_known = (sum_x_mm > NULL // 2) & (sum_y_mm > NULL // 2) & (n > 0)
         side = np.maximum(n, 1) * self._cell_mm
         cx, cy = sum_x_mm // side, sum_y_mm // side
@@ -67,7 +70,8 @@ class Floors:
     def is_owned(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Bools:
         """Return whether a camera counts at each of its places itself: nobody else does, or the place is unknown."""
         owner = self.owner(camera, ts_ms, sum_x_mm, sum_y_mm, n)
-        is_owned: Bools = (owner < 0) | (owner == camera)
+        is_owned: Bools = owner < 0
+        is_owned |= owner == camera
         return is_owned
 
 

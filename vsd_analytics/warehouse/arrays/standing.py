@@ -1,4 +1,4 @@
-"""Facts of where people stood: `exposure`, `crowding`, `floor_cells` and `track_lives`."""
+"""Facts of where people stood: `exposure`, `crowding` and `track_lives`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from vsd_analytics.warehouse.arrays.columns import (
     Columns,
     Ints,
     ends_of,
-    grouped_by,
     order_by,
     starts_of,
     summed,
@@ -17,7 +16,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     take,
 )
 from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
+from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
 _QUARTER_MS, _HOUR_MS = 900_000, 3_600_000
 
@@ -61,53 +60,6 @@ def crowding(held: Held, site: SiteTables) -> Columns:
             "close_pair_ms": np.concatenate([no_pair, pairs["weight_ms"][close]]),
         },
     )
-
-
-def floor_cells(held: Held, site: SiteTables) -> Columns:
-    """Return `facts/floor_cells`."""
-    located, persons, pairs = held["located"], held["in_violation"], held["pairs"]
-    cell_mm = int(site.params["cell_mm"])
-    stood = np.flatnonzero(located["is_owned"] & (located["x_mm"] != NULL))
-    close = np.flatnonzero(persons["is_owned"] & (persons["x_mm"] != NULL))
-    is_met = (pairs["distance_mm"] < site.params["distance_mm"]) & pairs["is_owned"]
-    met = np.flatnonzero(is_met & (pairs["x_a_mm"] != NULL) & (pairs["x_b_mm"] != NULL))
-    sources = ((located, stood), (persons, close), (pairs, met))
-    camera, ts = (np.concatenate([of[c][rows] for of, rows in sources]) for c in ("camera_id", "ts_ms"))
-    cx, cy = (
-        np.concatenate(
-            [
-                located[f"{c}_mm"][stood] // cell_mm,
-                persons[f"{c}_mm"][close] // cell_mm,
-                (pairs[f"{c}_a_mm"][met] + pairs[f"{c}_b_mm"][met]) // (2 * cell_mm),
-            ]
-        )
-        for c in "xy"
-    )
-    bucket = bucket_of(ts, site)
-    hour = bucket // 4
-    keys = (hour, camera, bucket - 4 * hour, cx, cy)  # small numbers are sorted quickly
-    track = np.full(len(ts), -1, dtype=np.int64)
-    track[: len(stood)] = located["track_id"][stood]
-    order, firsts = grouped_by(*keys, track)
-    once = order[firsts]
-    starts = firsts[starts_of(*(key[once] for key in keys))]
-    is_new = np.zeros(len(ts), dtype=np.bool_)
-    is_new[firsts] = True
-    n = (len(stood), len(close), len(met))
-    what = np.repeat([0, 1, 2], n)[order]
-    weight = np.concatenate([located["weight_ms"][stood], persons["weight_ms"][close], np.zeros(n[2], dtype=np.int64)])[
-        order
-    ]
-    return {
-        **{c: k[order[starts]] for c, k in {"hour": hour, "camera_id": camera, "bucket_quarter": bucket}.items()},
-        **{c: k[order[starts]] for c, k in {"cx": cx, "cy": cy}.items()},
-        "person_records": sums(what == 0, starts),
-        "exposure_ms": sums(np.where(what == 0, weight, 0), starts),
-        "violation_persons": sums(what == 1, starts),
-        "violation_ms": sums(np.where(what == 1, weight, 0), starts),
-        "violation_records": sums(what == 2, starts),
-        "n_tracks": sums(is_new & (track[order] >= 0), starts),
-    }
 
 
 def track_lives(held: Held, site: SiteTables) -> Columns:

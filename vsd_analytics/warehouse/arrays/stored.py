@@ -14,6 +14,7 @@ from vsd_analytics.store.layout import Part
 from vsd_analytics.warehouse.arrays.columns import NULL, Columns
 from vsd_analytics.warehouse.arrays.held import ENUMS
 
+DAY_MS = 86_400_000
 UNUSED = ("quality", "distance_sd_mm")
 """Stored columns that no fact reads."""
 
@@ -36,8 +37,54 @@ def read_columns(part: Part, table: TableName, columns: Collection[str]) -> pa.T
     """Return some columns of a part, ids as dictionaries; columns that an older part lacks are unknown."""
     schema = _schema(table, columns)
     ids = [name for name in columns if name in ENUMS]
-    rows = pq.ParquetFile(part.path, read_dictionary=ids).read(columns=list(columns), use_threads=False)
+    with pq.ParquetFile(part.path, read_dictionary=ids) as file:
+        noted = NotedColumns(file.metadata)
+        rows = file.read(columns=[c for c in columns if not noted.is_empty(c)], use_threads=False)
     return pa.table({f.name: _column(rows, f) for f in schema}, schema=schema)
+
+
+class NotedColumns:
+    """What the footer of a part notes about its columns, so that a column with one answer need not be read.
+
+    Args:
+        metadata: The footer.
+    """
+
+    def __init__(self, metadata: pq.FileMetaData) -> None:
+        self.n_rows: int = metadata.num_rows
+        groups = [metadata.row_group(g) for g in range(metadata.num_row_groups)]
+        self._noted = {
+            name: [group.column(c).statistics for group in groups] for c, name in enumerate(metadata.schema.names)
+        }
+
+    @property
+    def day(self) -> int | None:
+        """The UTC day number of all records; None where it is not noted, or not one."""
+        noted = self._noted["ts"]
+        if any(s is None or not s.has_min_max for s in noted):
+            return None
+        days = {at.timestamp() * 1000 // DAY_MS for s in noted for at in (s.min, s.max)}
+        return int(days.pop()) if len(days) == 1 else None
+
+    def is_empty(self, column: str) -> bool:
+        """Return whether a column is unknown in every record, or not there."""
+        return self._n_unknown(column) == self.n_rows
+
+    def are_alike(self, column: str) -> bool:
+        """Return whether a column is known in every record, or in none."""
+        return self._n_unknown(column) in (0, self.n_rows)
+
+    def is_known(self, column: str) -> bool:
+        """Return whether a column whose records are alike is known."""
+        return self._n_unknown(column) == 0
+
+    def _n_unknown(self, column: str) -> int | None:
+        if column not in self._noted:
+            return self.n_rows  # an older part lacks it
+        noted = self._noted[column]
+        if any(s is None or not s.has_null_count for s in noted):
+            return None
+        return int(sum(s.null_count for s in noted))
 
 
 def _schema(table: TableName, columns: Collection[str]) -> pa.Schema:
@@ -78,7 +125,10 @@ def columns_of(rows: pa.Table, names: Mapping[str, pa.Array]) -> Columns:
     found: Columns = {}
     for column in rows.column_names:
         values = rows[column].combine_chunks() if rows.num_rows else rows[column]
-        if column in ENUMS:
+        if 0 < len(values) == values.null_count and column not in ENUMS:  # numbers without memory of their own
+            is_float = pa.types.is_floating(values.type)
+            found[column] = np.broadcast_to(np.nan if is_float else np.int64(NULL), len(values))
+        elif column in ENUMS:
             found[column] = _codes(rows[column], names[ENUMS[column]])
         elif column == "ts":
             found["ts_ms"] = rows[column].cast(pa.int64()).to_numpy()

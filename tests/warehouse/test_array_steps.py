@@ -1,0 +1,91 @@
+"""The short cuts of facts that are arrays: each gives what the longer way gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from vsd_analytics.bench.made_up_site import write_site
+from vsd_analytics.warehouse.arrays import floor_cells, pairs
+from vsd_analytics.warehouse.arrays.columns import order_by, summed
+from vsd_analytics.warehouse.arrays.stored import NotedColumns
+from vsd_analytics.warehouse.build import build
+
+
+@pytest.mark.parametrize("n_values", [1, 3, 50])
+@pytest.mark.parametrize("length", [1, 20, 400])
+def test_runs_are_in_the_order_of_their_rows(n_values: int, length: int) -> None:
+    rng = np.random.default_rng(n_values * 1000 + length)
+    of_run = rng.integers(0, n_values, 60)
+    equal = np.repeat(of_run, length)
+    rising = np.concatenate([np.sort(rng.integers(0, 40, length)) + 40 * run for run in of_run])
+    for key in (equal, rising, rng.permutation(equal)):
+        other = rng.integers(0, 2, len(key))
+        assert order_by(key).tolist() == np.argsort(key, kind="stable").tolist()
+        assert order_by(key, other).tolist() == np.lexsort((other, key)).tolist()
+        found = summed({"key": key}, {"n": np.ones(len(key), dtype=np.int64), "other": other})
+        there = np.unique(key)
+        assert found["key"].tolist() == there.tolist()
+        assert found["n"].tolist() == [int((key == k).sum()) for k in there]
+        assert found["other"].tolist() == [int(other[key == k].sum()) for k in there]
+
+
+def test_people_are_near_across_the_ends_of_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(7)
+    n_persons = np.append(rng.integers(1, 12, 80), [41, 3, 60, 40, 1])
+    frame = np.repeat(np.arange(len(n_persons)), n_persons)
+    x, y = rng.integers(0, 4000, (2, len(frame)))
+    expected = [
+        (a, b)
+        for f in range(len(n_persons))
+        for a in np.flatnonzero(frame == f).tolist()
+        for b in np.flatnonzero(frame == f).tolist()
+        if a < b and (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2 <= 1500**2
+    ]
+    for rows in (5, 64, 32_768):
+        monkeypatch.setattr(pairs, "_ROWS", rows)
+        one, other, square = pairs.near(frame, x, y, 1500)
+        found = sorted((min(p), max(p)) for p in zip(one.tolist(), other.tolist(), strict=True))
+        assert found == expected
+        assert square.tolist() == ((x[one] - x[other]) ** 2 + (y[one] - y[other]) ** 2).tolist()
+    few = frame < 80
+    one, other, _ = pairs.near(frame[few], x[few], y[few], 1500)
+    assert list(zip(one.tolist(), other.tolist(), strict=True)) == [p for p in expected if frame[p[0]] < 80]
+
+
+def test_cells_in_a_table_and_sorted_cells_are_the_same_fact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    for number, (room, n_sorted) in enumerate([(0, 30_000), (10**6, 30_000), (10**6, 100)]):
+        monkeypatch.setattr(floor_cells, "_ROOM", room)
+        monkeypatch.setattr(floor_cells, "_SORTED_AT_ONCE", n_sorted)
+        root = tmp_path / str(number)
+        root.mkdir()
+        site = write_site(root, n_records=6_000, n_cameras=3, open_h=2, interval_s=10)
+        build(site, facts=["floor_cells"])
+        (path,) = (root / "facts" / "floor_cells").rglob("*.parquet")
+        made.append(path.read_bytes())
+    assert pq.read_metadata(pa.BufferReader(made[0])).num_rows > 1000
+    assert made[0] == made[1] == made[2]
+
+
+def test_a_footer_says_which_columns_need_not_be_read(tmp_path: Path) -> None:
+    ts = pa.array([86_399_999, 1000], pa.timestamp("ms", "UTC"))
+    rows = pa.table({"ts": ts, "all": [1, 2], "some": [1, None], "none": pa.nulls(2, pa.int32())})
+
+    def noted(rows: pa.Table, **options: object) -> NotedColumns:
+        pq.write_table(rows, tmp_path / "rows.parquet", **options)
+        return NotedColumns(pq.read_metadata(tmp_path / "rows.parquet"))
+
+    whole = noted(rows)
+    assert whole.day == 0
+    assert [whole.are_alike(c) for c in ("all", "some", "none", "missing")] == [True, False, True, True]
+    assert [whole.is_known(c) for c in ("all", "none", "missing")] == [True, False, False]
+    assert [whole.is_empty(c) for c in ("all", "some", "none", "missing")] == [False, False, True, True]
+    assert noted(rows.set_column(0, "ts", pa.array([86_400_000, 1000], pa.timestamp("ms", "UTC")))).day is None
+    silent = noted(rows, write_statistics=False)
+    assert silent.day is None
+    assert not any(silent.are_alike(c) or silent.is_empty(c) for c in ("all", "some", "none"))
