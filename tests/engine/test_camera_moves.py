@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 from engine.simulated_people import SIZE, SimulatedCamera
 from engine.simulated_weeks import MONDAY_MS, simulate_week
-from engine.vsd_in_a_shop import Vsd, shop
+from engine.vsd_in_a_shop import Vsd, in_shop, write_shop
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.engine.camera_model import camera_of_homography
 from vsd_analytics.engine.camera_moves import HOUR_MS, CameraCheck, check_camera
 from vsd_analytics.engine.people import People
@@ -119,14 +122,21 @@ def write_week(folder: Path, tilt_deg: float) -> Path:
     return write_timed(folder / "week.csv", week(tilt_deg))
 
 
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a shop whose camera is calibrated from the people of two days. Tests work on copies."""
+    root = tmp_path_factory.mktemp("calibrated")
+    write_shop(root)
+    first = write_timed(root / "first.csv", simulate_week(CAMERA, seed=1, days=2))
+    assert run(cli, ["-C", str(root), "calibrate", "cam-1", "--from-people", str(first)]) == 0
+    return root
+
+
 @pytest.fixture
-def vsd(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
-    """Return a shop whose camera is calibrated from the people of two days."""
-    vsd = shop(tmp_path, capsys)
-    first = write_timed(tmp_path / "first.csv", simulate_week(CAMERA, seed=1, days=2))
-    code, _, err = vsd("calibrate", "cam-1", "--from-people", str(first))
-    assert code == 0, err
-    return vsd
+def vsd(calibrated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
+    """Return `vsd(words...)` in a copy of that shop."""
+    shutil.copytree(calibrated, tmp_path, dirs_exist_ok=True)
+    return in_shop(tmp_path, capsys)
 
 
 def test_check_of_a_moved_camera_prints_the_command_that_calibrates_it_anew(tmp_path: Path, vsd: Vsd) -> None:
@@ -167,14 +177,14 @@ def test_boxes_without_times_cannot_be_checked(tmp_path: Path, vsd: Vsd) -> None
 
 def test_engine_run_warns_of_a_move_and_messages_change_with_the_calibration(tmp_path: Path, vsd: Vsd) -> None:
     source, out = write_week(tmp_path, 3.0), tmp_path / "frames.jsonl"
-    run = ["engine", "run", str(source), "--camera", "cam-1", "--out", str(out)]
-    code, printed, err = vsd(*run, "--json")
+    engine_run = ["engine", "run", str(source), "--camera", "cam-1", "--out", str(out)]
+    code, printed, err = vsd(*engine_run, "--json")
     assert code == 0
     assert "W405" in err
     assert len(json.loads(printed)["moves"]) == 1
     command = err[err.index("vsd calibrate") :].split()
     vsd(*command[1:])
-    code, printed, err = vsd(*run, "--json")
+    code, printed, err = vsd(*engine_run, "--json")
     done = json.loads(printed)
     assert (code, err, done["moves"]) == (0, "", [])
     messages = [json.loads(line) for line in out.read_text().splitlines()]
@@ -188,10 +198,10 @@ def test_engine_run_warns_of_a_move_and_messages_change_with_the_calibration(tmp
 
 def test_weeks_on_both_sides_of_a_found_move_are_not_compared(tmp_path: Path, vsd: Vsd) -> None:
     source, out = write_week(tmp_path, 3.0), tmp_path / "frames.jsonl"
-    run = ["engine", "run", str(source), "--camera", "cam-1", "--out", str(out)]
-    _, _, err = vsd(*run)
+    engine_run = ["engine", "run", str(source), "--camera", "cam-1", "--out", str(out)]
+    _, _, err = vsd(*engine_run)
     assert vsd(*err[err.index("vsd calibrate") :].split()[1:])[0] == 0
-    vsd(*run)
+    vsd(*engine_run)
     lines = [json.loads(line) for line in out.read_text().splitlines()]
     is_later = [line["ts"] >= "2025-11-12T14" for line in lines]
     # the same messages without gaps: two days before the move, and the same weekdays of the next week after it

@@ -15,9 +15,19 @@ from vsd_analytics.engine.people import People
 Vsd = Callable[..., tuple[int, str, str]]
 
 
-def shop(folder: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
-    """Write vsd.toml of a camera of 1920 x 1080 pixels; return `vsd(words...)`: exit code, stdout, stderr."""
+def write_shop(folder: Path) -> None:
+    """Write vsd.toml of a camera of 1920 x 1080 pixels."""
     (folder / "vsd.toml").write_text(site_text(more="picture_px = [1920, 1080]\n"))
+
+
+def shop(folder: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
+    """Write such a shop; return `vsd(words...)`: exit code, stdout, stderr."""
+    write_shop(folder)
+    return in_shop(folder, capsys)
+
+
+def in_shop(folder: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
+    """Return `vsd(words...)` in a shop that is there."""
 
     def vsd(*words: str) -> tuple[int, str, str]:
         code = run(cli, ["-C", str(folder), "--now", "2026-11-20T12:00", *words])
