@@ -87,8 +87,8 @@ def _one_thread_for_a_query(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def no_day_files() -> Iterator[None]:
+@pytest.fixture(scope="module", autouse=True)
+def _no_day_files(request: pytest.FixtureRequest) -> Iterator[None]:
     """Let marts be computed without writing day files: a test with one report a store never reads them again.
 
     About a quarter of the processor time of such a test. Tests of the warehouse compare both ways.
@@ -96,7 +96,8 @@ def no_day_files() -> Iterator[None]:
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(Warehouse.__init__.__kwdefaults__, "uses_days", False)
+        if {"figures", "model"} & set(request.path.parts):
+            patch.setitem(Warehouse.__init__.__kwdefaults__, "uses_days", False)
         yield
 
 

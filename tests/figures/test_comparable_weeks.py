@@ -25,8 +25,6 @@ from vsd_analytics.warehouse.camera_days import hourly_inputs
 from vsd_analytics.warehouse.sealed import SealedRange
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
-pytestmark = pytest.mark.usefixtures("no_day_files")
-
 OLD, NEW = "2026-10-01T00:00:00+01:00", "2026-11-12T08:00:00+01:00"
 
 

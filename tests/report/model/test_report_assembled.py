@@ -19,8 +19,6 @@ from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
 
-pytestmark = pytest.mark.usefixtures("no_day_files")
-
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:
     """Counts that differ from day to day as real ones do."""

@@ -26,8 +26,6 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
-pytestmark = pytest.mark.usefixtures("no_day_files")
-
 TWO = ("cam-1", "cam-2")
 
 
