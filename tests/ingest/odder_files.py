@@ -274,6 +274,21 @@ ODDER: list[Odd] = [
         says="as Excel counts",
     ),
     Odd(
+        "days of Matlab",
+        text("a.csv", NAMES, rows(lambda s: [s.at.timestamp() / 86400 + 719529, *plain(s)[1:]])),
+        says="days of Matlab (datenum): (days - 719529) * 86400",
+    ),
+    Odd(
+        "Julian days",
+        text("a.csv", NAMES, rows(lambda s: [s.at.timestamp() / 86400 + 2440587.5, *plain(s)[1:]])),
+        says="Julian days: (days - 2440587.5) * 86400",
+    ),
+    Odd(
+        "people counted at a line",
+        text("a.csv", ["ts", "enter", "leave"], rows(lambda s: [s.at.isoformat(), s.track % 3, s.track % 2])),
+        says="has counts of people and no places",
+    ),
+    Odd(
         "dates of JavaScript",
         text("a.csv", NAMES, rows(lambda s: [f"{s.at:%a %b %d %Y %H:%M:%S} GMT+0000", *plain(s)[1:]])),
         says="not-a-time",

@@ -223,6 +223,11 @@ def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, in
 
 _ULTRALYTICS = frozenset({"name", "class", "confidence", "box"})
 """Columns of `to_csv` and `to_json` of its results."""
+_COUNTS = frozenset(
+    {"count", "counts", "enter", "entered", "entries", "exit", "exited", "exits", "in_count", "leave", "leaves"}
+    | {"line_in", "line_out", "occupancy", "out_count", "people_count", "person_count", "visitors"}
+)
+"""Columns of engines that count people at a line or in a room, and place nobody."""
 
 
 def _missing(
@@ -257,6 +262,15 @@ def _missing(
     is_pair = proposed is not None and "track_a" in proposed and "x_a_m" in proposed
     renames = dict(proposed or {}) if is_pair else completed(proposed or {}, ours or column, header, wanted=column)
     near = renames.get(ours or column)
+    counts = [n for n in shown if n.lower() in _COUNTS]
+    if column == "x_m" and counts and near not in shown:
+        return InputError(
+            f"{source.file_name} has counts of people and no places",
+            code="E203",
+            where=Where(source.name, header.line, header.text),
+            why=f"{counts[0][:40]!r} says how many people, and distances need the place of each; {found}",
+            fix="let the engine write a row for each person and frame: time, id, and metres or a box in pixels",
+        )
     at = header.text.find(near) + 1 if header.text and near else 0
     if header.line is None and header.text is not None:
         fix = f"name it in --columns: {column}, at its place in the order of the file's columns"

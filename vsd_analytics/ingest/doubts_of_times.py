@@ -237,6 +237,10 @@ def _years(case: Case) -> Iterator[Doubt]:
     written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
     if 20_000_000 < median < 80_000_000:
         fix = "they look like days since 1899, as Excel counts them: export them as text"
+    elif 720_000_000 < median < 760_000_000:
+        fix = "they look like days of Matlab (datenum): (days - 719529) * 86400 are seconds since 1970"
+    elif 2_440_000_000 < median < 2_480_000_000:
+        fix = "they look like Julian days: (days - 2440587.5) * 86400 are seconds since 1970"
     elif len(written) in (12, 14) and written.isdecimal():
         fix = f'--time-format "{"%Y%m%d%H%M%S" if len(written) == 14 else "%y%m%d%H%M%S"}"'
     elif written.isdecimal() and len(written) == 18:
