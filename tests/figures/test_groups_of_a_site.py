@@ -295,7 +295,7 @@ def test_ids_that_are_cut_are_not_applicable(tmp_path: Path) -> None:
             "not_measurable",
             "no positions",
         ),
-        ([Person(T0 + DAY * 3, "a", 0, 0)], "not_enough_data", "nothing was recorded"),
+        ([Person(T0 + DAY * 3, "a", 0, 0)], "not_enough_data", "nothing or too little was recorded"),
         ([Person(T0 + s * 1000, "a", s, 0) for s in range(5)], "not_enough_data", "1 ends"),
     ],
     ids=[

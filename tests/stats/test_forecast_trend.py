@@ -48,7 +48,7 @@ def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray
     assert [w.often is None for w in made] == [False, True, True, True, False]
     assert [reason_text(w.reason) for w in made[1:4]] == [
         "40% of the open hours were recorded, a rate needs 60%",
-        "nothing was recorded",
+        "nothing or too little was recorded",
         "closed all week",
     ]
     assert reason_text(why_no_trend(made)) == "a trend needs 3 recorded weeks, has 2"

@@ -85,7 +85,7 @@ def test_an_area_that_only_it_sees_is_unknown_and_not_zero(silent: WeekReport) -
     assert (far.counted, far.often.value, far.often.change, far.share, far.difference) == (None,) * 5
     assert far.close_share is not None
     assert far.close_share.value is None
-    assert reason_text(far.often.reason) == "nothing was recorded"
+    assert reason_text(far.often.reason) == "nothing or too little was recorded"
     seen = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", render_html(silent)))
     assert "Far – – – – – 0%" in seen
     queue = next(a for a in silent.areas if a.area_id == "queue")

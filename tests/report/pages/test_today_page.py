@@ -59,7 +59,7 @@ def test_a_day_without_a_usual_range_is_not_called_usual() -> None:
 def test_hours_that_were_not_recorded_are_a_dash_and_not_zero() -> None:
     yesterday, so_far = words("stopped").days
     assert (yesterday.value, so_far.value) == ("150", "–")
-    assert so_far.notes[0] == "No usual range: nothing was recorded."
+    assert so_far.notes[0] == "No usual range: nothing or too little was recorded."
 
 
 def test_small_counts_are_not_printed() -> None:

@@ -57,10 +57,11 @@ def beside_usual(often: str, position: str) -> page_model.WeekReport:
 
 
 def silent(n: int, report: page_model.WeekReport | None = None) -> page_model.WeekReport:
-    """Return a week in which so many of its cameras recorded nothing; None = a normal week of four."""
+    """Return a week of which so many cameras recorded nothing; None = a normal week of four."""
     report = report or pair("cannot_tell", "cannot_tell")
     cameras = tuple(
-        replace(c, is_silent=True, share=0.0) if i < n else c for i, c in enumerate(report.coverage.cameras)
+        replace(c, is_silent=True, share=0.0, recorded_h=0.0) if i < n else c
+        for i, c in enumerate(report.coverage.cameras)
     )
     return replace(report, coverage=replace(report.coverage, cameras=cameras))
 

@@ -263,7 +263,10 @@ def names_missing(said: Said, truth: Truth) -> bool | None:
     silent = truth.silent()
     if not silent or len(silent) == len(CAMERAS):
         return None
-    return bool({"headline.without", "headline.silent", "lead.camera_silent"} & said.keys)
+    return bool(
+        {"headline.without", "headline.silent", "headline.little", "lead.camera_silent", "lead.camera_little"}
+        & said.keys
+    )
 
 
 def all_seen(said: Said, truth: Truth) -> bool | None:
@@ -482,6 +485,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "headline.after": works,
     "headline.without": is_silent,
     "headline.silent": is_silent,
+    "headline.little": is_silent,
     "headline.too_incomplete": incomplete,
     "headline.empty": empty,
     "headline.few": few,
@@ -503,6 +507,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "lead.usual": usual_range,
     "lead.unusual": unusual,
     "lead.camera_silent": is_silent,
+    "lead.camera_little": is_silent,
     "lead.close_strong": same_share_of_time,
     "lead.close_clear": lead_close,
     "lead.close_same": lead_close,
@@ -576,6 +581,7 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "when.unusual_row*": unusual,
     "contributions.title": lead_clear,
     "trend.left_out": is_silent,
+    "trend.left_out_little": is_silent,
     "trend.one": is_first,
     "ledger.works": both_of(works, since_range),
     "ledger.moved": moved,

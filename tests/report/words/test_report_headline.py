@@ -153,6 +153,16 @@ def test_every_kind_of_headline_and_lead_names_a_camera_that_recorded_nothing(ca
     assert re.search(r"[^ ] Camera “Entrance” recorded nothing[^.]*\.$", lead)
 
 
+def test_a_camera_that_recorded_minutes_is_not_said_to_have_recorded_nothing() -> None:
+    nothing = silent(1, weeks.first_week())
+    cameras = (replace(nothing.coverage.cameras[0], recorded_h=0.03), *nothing.coverage.cameras[1:])
+    story = story_of(replace(nothing, coverage=replace(nothing.coverage, cameras=cameras)))
+    assert story.headline.endswith("; camera “Entrance” recorded too little to count")
+    lead = "".join(s.text for s in story.lead)
+    assert "Camera “Entrance” recorded too little to count" in lead
+    assert "nothing" not in lead
+
+
 def test_a_headline_of_a_week_compared_with_nothing_counts_many_silent_cameras() -> None:
     assert story_of(silent(3, weeks.first_week())).headline.endswith("; 3 of 4 cameras recorded nothing")
     assert story_of(silent(4, weeks.no_data())).headline == "We have no data for week 46"

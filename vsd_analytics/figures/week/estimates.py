@@ -104,13 +104,8 @@ def without_change(estimate: Estimate, reason: Reason) -> Estimate:
 
 def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
     level = rates.violation_rate_level(data.this, place, since=since, until=until)
-    is_silent = level is rates.NOT_RECORDED
-    if (
-        level.rate is None
-        and not is_silent
-        and level.state != "not_measurable"
-        and data.hours.recorded_s[:, data.week()].any()
-    ):
+    is_recorded = data.hours.recorded_s[place.cameras][:, data.week()].any()
+    if level.rate is None and level.state != "not_measurable" and is_recorded:
         why = Reason("level.hour_share", share=data.site.settings.partial_hour_share)
         return Estimate(value=None, state="not_enough_data", reason=why)
     if level.state == "not_measurable" or not is_compared:

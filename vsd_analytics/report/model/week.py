@@ -144,8 +144,13 @@ class WeekReport:
 
     @property
     def silent_cameras(self) -> tuple[CameraRecord, ...]:
-        """Return the cameras that recorded nothing, so that the page does not know the floor that only they see."""
+        """Return the cameras without an hour that counts: the page does not know the floor that only they see."""
         return tuple(c for c in self.coverage.cameras if c.is_silent)
+
+    @property
+    def is_little_recorded(self) -> bool:
+        """Return whether one of the silent cameras recorded minutes, so that "nothing" would be false."""
+        return any(c.recorded_h > 0 for c in self.silent_cameras)
 
     @property
     def has_history(self) -> bool:

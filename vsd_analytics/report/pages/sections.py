@@ -131,7 +131,8 @@ def trend(report: WeekReport) -> TrendView | None:
         notes += ahead.notes
     if found.left_out and panels and report.state != "no_data":
         cameras = terms.joined(terms.camera_name(c) for c in found.left_out)
-        notes.append(say("trend.left_out", plural=len(found.left_out), cameras=cameras))
+        key = "trend.left_out_little" if report.is_little_recorded else "trend.left_out"
+        notes.append(say(key, plural=len(found.left_out), cameras=cameras))
     marks = [
         (m.label, fmt.instant_short(m.at), f"{fmt.ended(m.text)} {m.area_name + '.' if m.area_name else ''}".strip())
         for m in found.marks

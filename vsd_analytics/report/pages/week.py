@@ -284,9 +284,10 @@ def _messages(report: WeekReport) -> str:
 
 
 def not_recorded(report: WeekReport) -> str:
-    """Return what hatched floor of a map means: no camera sees it, or the one that does recorded nothing."""
+    """Return what hatched floor of a map means: no camera sees it, or who does recorded nothing that counts."""
     cameras = terms.joined(terms.camera_name(c.name) for c in report.silent_cameras)
-    return say("where.no_recording", cameras=cameras) if cameras else say("where.no_camera")
+    key = "where.little_recording" if report.is_little_recorded else "where.no_recording"
+    return say(key, cameras=cameras) if cameras else say("where.no_camera")
 
 
 def _down(report: WeekReport) -> list[str]:

@@ -94,7 +94,8 @@ def _headline(report: WeekReport) -> tuple[str, str]:
     rule, text = abnormal
     if cameras:
         named = _cameras(report, cameras)
-        text = say("headline.silent", plural=len(cameras), headline=text, cameras=named)
+        key = "headline.little" if report.is_little_recorded else "headline.silent"
+        text = say(key, plural=len(cameras), headline=text, cameras=named)
     return rule, text
 
 
@@ -227,7 +228,8 @@ def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     cameras = report.silent_cameras
     if cameras and report.state != "no_data":
         named = terms.joined(terms.camera_name(c.name) for c in cameras)
-        missing = say("lead.camera_silent", plural=len(cameras), cameras=named)
+        key = "lead.camera_little" if report.is_little_recorded else "lead.camera_silent"
+        missing = say(key, plural=len(cameras), cameras=named)
         spans = [*_trimmed(spans), Span(text=f" {missing}")]
     return _trimmed(spans), notes
 
