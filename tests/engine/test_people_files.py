@@ -8,11 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsd_analytics.engine.people import FEET, MID_HIP, NECK, People
+from vsd_analytics.engine.people import (
+    BODY_25,
+    BODY_25B,
+    FEET,
+    MID_HIP,
+    NECK,
+    OPENPOSE_COCO_18,
+    OPENPOSE_MPI_15,
+    People,
+)
 from vsd_analytics.engine.people_files import read_people
 from vsd_analytics.errors import InputError, UsageError
 
-BODY = np.column_stack([np.arange(25) + 100.0, 200.0 + 10 * np.arange(25), np.full(25, 0.9)])
+DOWNWARDS = [0, *range(5, 19), 1, 2, 3, 4, *range(19, 25)]  # eyes and ears are above the rest of the body
+BODY = np.column_stack([np.arange(25) + 100.0, 200.0 + 10 * np.array(DOWNWARDS), np.full(25, 0.9)])
 COCO = np.column_stack([np.arange(17) + 100.0, 300.0 + 10 * np.arange(17), np.full(17, 0.9)])
 HALPE = np.column_stack([np.arange(26) + 100.0, 300.0 + 10 * np.arange(26), np.full(26, 0.9)])
 
@@ -219,3 +229,66 @@ def test_table_that_has_no_boxes_is_refused_in_words(text: str, code: str, says:
 def test_file_that_is_not_there_is_an_error_with_its_path(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nobody\.csv"):
         read_people(tmp_path / "nobody.csv")
+
+
+def test_two_videos_in_one_folder_are_refused_and_not_laid_over_each_other(tmp_path: Path) -> None:
+    folder = openpose(tmp_path / "joints", {12: [BODY]})
+    write(folder / "shop_000000000012_keypoints.json", {"people": []})
+    with pytest.raises(InputError, match="two files of joints are frame 12") as refused:
+        read_people(folder)
+    assert "folder of its own" in str(refused.value.fix)
+    assert "door_000000000012_keypoints.json" in str(refused.value.why)
+
+
+def test_one_id_for_two_persons_of_a_frame_is_no_track(tmp_path: Path) -> None:
+    person = {"keypoints": COCO.ravel().tolist(), "idx": 0}
+    both = [{**person, "image_id": "1.jpg"}, {**person, "image_id": "1.jpg"}, {**person, "image_id": "2.jpg"}]
+    assert read_people(write(tmp_path / "all.json", both)).track.tolist() == [None] * 3
+    assert read_people(write(tmp_path / "one.json", both[1:])).track.tolist() == ["0", "0"]
+
+
+def test_ids_and_frames_with_a_decimal_point_are_whole_numbers(tmp_path: Path) -> None:
+    person = {"image_id": 12.0, "keypoints": COCO.ravel().tolist(), "idx": [3.0]}
+    people = read_people(write(tmp_path / "found.json", [person]))
+    assert (people.frame.tolist(), people.track.tolist()) == ([12], ["3"])
+
+
+def test_frame_number_of_thirty_digits_and_scores_of_another_length_are_counted(tmp_path: Path) -> None:
+    flat = COCO.ravel().tolist()
+    long = {"image_id": "1" * 30 + ".jpg", "keypoints": flat}
+    short = {"image_id": 1, "keypoints": COCO[:, :2].tolist(), "keypoint_scores": [1.0, 1.0]}
+    people = read_people(write(tmp_path / "found.json", [long, short, {"image_id": 2, "keypoints": flat}]))
+    assert people.frame.tolist() == [2]
+    assert people.bad == {"person without a frame": 1, "person whose joints are no numbers": 1}
+
+
+def in_other_order(order: tuple[int, ...]) -> np.ndarray:  # type: ignore[type-arg]
+    """Return a body of BODY_25 in another skeleton's order; joints that BODY_25 lacks are not found."""
+    body = np.vstack([STANDING, np.zeros(3)])
+    return body[list(order)]
+
+
+STANDING = np.ones((25, 3))
+STANDING[:, 0] = 500 + np.arange(25)
+STANDING[:, 1] = np.repeat(
+    [110, 150, 190, 230, 150, 190, 230, 240, 300, 360, 240, 300, 360, 105, 108, 370],
+    [1, 2, 1, 1, 1, 1, 1, 2, 1, 1, 1, 1, 1, 2, 2, 6],
+)
+
+
+@pytest.mark.parametrize("order", [OPENPOSE_COCO_18, OPENPOSE_MPI_15, BODY_25B, BODY_25], ids=["18", "15", "25B", "25"])
+def test_other_models_of_openpose_give_the_same_body(order: tuple[int, ...], tmp_path: Path) -> None:
+    joints = read_people(openpose(tmp_path / "joints", {0: [in_other_order(order)]})).joints[0]
+    known = [i for i in order if i >= 0]
+    np.testing.assert_array_equal(joints[known], STANDING[known, :2])
+    assert np.isfinite(joints[[NECK, MID_HIP]]).all()
+    assert np.isfinite(joints).all(axis=1).sum() == len({*known, NECK, MID_HIP})
+
+
+def test_results_of_ultralytics_as_json_are_read(tmp_path: Path) -> None:
+    points = {"x": COCO[:, 0].tolist(), "y": COCO[:, 1].tolist(), "visible": COCO[:, 2].tolist()}
+    sides = {"x1": 90.0, "y1": 280.0, "x2": 140.0, "y2": 480.0}
+    write(tmp_path / "door_3.json", [{"name": "person", "class": 0, "box": sides, "keypoints": points, "track_id": 4}])
+    people = read_people(tmp_path)
+    assert (people.frame.tolist(), people.track.tolist(), people.box[0].tolist()) == ([3], ["4"], [90, 280, 140, 480])
+    np.testing.assert_array_equal(people.joints[0, 14], COCO[15, :2])

@@ -8,14 +8,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of
+from vsd_analytics.engine.people import N_JOINTS, Array, People, PeopleRows, from_body_25b, is_body_25b, joints_of
 from vsd_analytics.errors import InputError, Where
 
+LARGEST_FRAME = 2**62
+"""Longer runs of digits are names and no frame numbers."""
 NORMALISED_BELOW = 1.5
 """Coordinates that all lie below this are shares of the picture and no pixels."""
 
@@ -27,12 +30,23 @@ def read_joint_folder(folder: Path) -> People:
     without digits are numbered in their order.
 
     Raises:
-        InputError: No file of the folder can be used (E202), or joints are no pixels (E202).
+        InputError: No file of the folder can be used (E202), two files have one frame number, as those of two videos
+            do (E202), or joints are no pixels (E202).
     """
     rows = PeopleRows()
+    names: dict[int, str] = {}
     for index, path in enumerate(sorted(folder.glob("*.json"))):
-        found = re.findall(r"\d+", path.stem.removesuffix("_keypoints"))
-        number = int(found[-1]) if found else index
+        found = _last_number(path.stem.removesuffix("_keypoints"))
+        number = index if found is None else found
+        if number in names:
+            raise InputError(
+                f"two files of {folder.name} are frame {number}",
+                code="E202",
+                where=Where(str(folder)),
+                why=f"the last number in a name is the frame's: {names[number]} and {path.name}",
+                fix="give each video a folder of its own",
+            )
+        names[number] = path.name
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError, RecursionError):
@@ -82,6 +96,8 @@ def _checked(rows: PeopleRows, path: Path) -> People:
             "boxes",
         )
     people = rows.people()
+    if rows.n_joints == {N_JOINTS} and is_body_25b(people.joints):
+        people = replace(people, joints=from_body_25b(people.joints))
     known = people.joints[np.isfinite(people.joints)]
     if len(known) and np.abs(known).max() < NORMALISED_BELOW:
         raise InputError(
@@ -112,12 +128,26 @@ def _persons(content: Any) -> Iterator[tuple[int | None, Any]]:
 def _number(item: Mapping[str, Any]) -> int | None:
     """Return the frame number an object carries: a number, or the last digits of a file name."""
     for key in ("frame_id", "frame", "image_id", "image"):
-        value = item.get(key)
-        if isinstance(value, int) and not isinstance(value, bool):
+        value = _whole(item.get(key))
+        if isinstance(value, int) and abs(value) < LARGEST_FRAME:
             return value
-        if isinstance(value, str) and (found := re.findall(r"\d+", Path(value).stem)):
-            return int(found[-1])
+        if isinstance(value, str) and (found := _last_number(Path(value).stem)) is not None:
+            return found
     return None
+
+
+def _last_number(name: str) -> int | None:
+    """Return the last run of digits in a name, None where there is none or it is too long for a frame number."""
+    found = re.findall(r"[0-9]+", name)
+    number = int(found[-1]) if found and len(found[-1]) < 100 else None
+    return number if number is not None and number < LARGEST_FRAME else None
+
+
+def _whole(value: object) -> object:
+    """Return whole numbers written with a decimal point, as tools of arrays write them, as int; no bool."""
+    if isinstance(value, bool):
+        return None
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _add(rows: PeopleRows, persons: Iterator[tuple[int | None, Any]]) -> None:
@@ -128,14 +158,15 @@ def _add(rows: PeopleRows, persons: Iterator[tuple[int | None, Any]]) -> None:
         try:
             points, confidence = _points(person)
             box = _box(person)
+            joints = joints_of(points, confidence)
         except (TypeError, ValueError, KeyError, IndexError):
             rows.bad["person whose joints are no numbers"] += 1
             continue
-        joints = joints_of(points, confidence)
         if joints is None:
             rows.bad[f"skeleton of {len(points)} joints, which is not known"] += 1
             continue
         rows.add(number, track=_track(person), box=box, joints=joints)
+        rows.n_joints.add(len(points))
 
 
 def _points(person: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -145,6 +176,9 @@ def _points(person: Mapping[str, Any]) -> tuple[Array, Array]:
             np.asarray(person["keypoints"], dtype=np.float64).reshape(-1, 2),
             np.asarray(person["keypoint_scores"], dtype=np.float64).reshape(-1),
         )
+    if isinstance(columns := person.get("keypoints"), Mapping):  # ultralytics
+        points = np.column_stack([columns["x"], columns["y"]]).astype(np.float64)
+        return points, np.asarray(columns.get("visible", np.ones(len(points))), dtype=np.float64)
     flat = person["pose_keypoints_2d"] if "pose_keypoints_2d" in person else person["keypoints"]
     triples = np.asarray(flat, dtype=np.float64).reshape(-1, 3)
     return triples[:, :2], triples[:, 2]
@@ -155,6 +189,8 @@ def _box(person: Mapping[str, Any]) -> tuple[float, float, float, float] | None:
     given = person.get("bbox", person.get("box"))
     if given is None:
         return None
+    if isinstance(given, Mapping):  # ultralytics
+        return float(given["x1"]), float(given["y1"]), float(given["x2"]), float(given["y2"])
     values = np.asarray(given, dtype=np.float64).reshape(-1)[:4]
     left, top, right, bottom = (float(v) for v in values)
     return (left, top, right, bottom) if "bbox_score" in person else (left, top, left + right, top + bottom)
@@ -164,7 +200,7 @@ def _track(person: Mapping[str, Any]) -> object:
     """Return the track id, None where the tool did not track; OpenPose writes [-1] then."""
     for key in ("track_id", "idx", "id_", "person_id"):
         value = person.get(key)
-        value = value[0] if isinstance(value, list) and len(value) == 1 else value
+        value = _whole(value[0] if isinstance(value, list) and len(value) == 1 else value)
         if isinstance(value, int | str) and value not in {-1, ""}:
             return value
     return None

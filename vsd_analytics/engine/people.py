@@ -29,8 +29,15 @@ COCO_17: Final = (0, 16, 15, 18, 17, 5, 2, 6, 3, 7, 4, 12, 9, 13, 10, 14, 11)
 HALPE_26: Final = (*COCO_17, -1, 1, 8, 19, 22, 20, 23, 21, 24)
 """The same for HALPE: COCO's, top of the head (BODY_25 has none), neck, hip, big toes, small toes, heels."""
 BODY_25: Final = tuple(range(N_JOINTS))
+BODY_25B: Final = (*COCO_17, -1, -1, 19, 20, 21, 22, 23, 24)
+"""The same for OpenPose's BODY_25B: COCO's, upper neck and top of the head (BODY_25 has neither), toes and heels."""
+OPENPOSE_COCO_18: Final = (0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18)
+OPENPOSE_MPI_15: Final = (-1, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13, 14, -1)
+"""The same for OpenPose's MPI: its first joint is the top of the head, its last the chest."""
 SKELETONS: Final[Mapping[int, tuple[int, ...]]] = {
+    15: OPENPOSE_MPI_15,
     17: COCO_17,
+    18: OPENPOSE_COCO_18,
     25: BODY_25,
     26: HALPE_26,
     133: COCO_17,  # COCO whole body: its first 17, without face and hands
@@ -102,7 +109,7 @@ class People:
         return replace(some, frames=frames, ts_ms=self.ts_ms[low:high])
 
 
-def joints_of(points: Array, confidence: Array) -> Array | None:
+def joints_of(points: Array, confidence: Array, order: Sequence[int] | None = None) -> Array | None:
     """Return one person's joints in the order of BODY_25.
 
     A joint with confidence 0 or below, with both coordinates 0, or with a coordinate that is not finite is missing.
@@ -111,11 +118,12 @@ def joints_of(points: Array, confidence: Array) -> Array | None:
     Args:
         points: Pixels, shape (k, 2).
         confidence: Shape (k,).
+        order: BODY_25 index of each joint, -1 for none; None = by the number of joints.
 
     Returns:
         Shape (25, 2), NaN where missing; None for a number of joints that no known skeleton has.
     """
-    order = SKELETONS.get(len(points))
+    order = SKELETONS.get(len(points)) if order is None else order
     if order is None:
         return None
     is_missing = (confidence <= 0) | ~np.isfinite(confidence) | (points == 0).all(axis=1) | ~np.isfinite(points).all(1)
@@ -129,6 +137,26 @@ def joints_of(points: Array, confidence: Array) -> Array | None:
     return joints
 
 
+def is_body_25b(joints: Array) -> bool:
+    """Return whether skeletons read as BODY_25 are BODY_25B: joints 1 and 2 nearer to the nose than 15 and 16.
+
+    In BODY_25 these are neck and shoulder, and the eyes; in BODY_25B the eyes, and the ankles.
+
+    Args:
+        joints: Shape (n, 25, 2), NaN where missing.
+    """
+    away = np.linalg.norm(joints[:, [1, 2, 15, 16]] - joints[:, :1], axis=2)
+    known = away[np.isfinite(away).all(axis=1)]
+    return bool(len(known)) and bool(np.mean(known[:, :2].max(axis=1) < known[:, 2:].min(axis=1)) > 0.5)
+
+
+def from_body_25b(joints: Array) -> Array:
+    """Return skeletons of BODY_25B in the order of BODY_25, shape (n, 25, 2)."""
+    everywhere = np.ones(N_JOINTS)
+    turned = [found for one in joints if (found := joints_of(one, everywhere, order=BODY_25B)) is not None]
+    return np.array(turned).reshape(joints.shape)
+
+
 @dataclass
 class PeopleRows:
     """Collects persons and frames one by one; `people` makes arrays of them."""
@@ -139,6 +167,7 @@ class PeopleRows:
     joints: list[Array] = field(default_factory=list)
     frames: set[int] = field(default_factory=set)
     bad: Counter[str] = field(default_factory=Counter)
+    n_joints: set[int] = field(default_factory=set)
 
     def add(self, frame: int, *, track: object = None, box: Sequence[float] | None, joints: Array | None) -> None:
         """Add a person; one without a usable box or joint is counted as bad."""
@@ -154,6 +183,8 @@ class PeopleRows:
     def people(self) -> People:
         """Return what was added, in order of frames."""
         order = np.argsort(np.array(self.frame, dtype=np.int64), kind="stable")
+        if self._one_id_for_everybody():
+            self.track = [None] * len(self.track)
         track = np.empty(len(order), dtype=object)
         track[:] = self.track
         return People(
@@ -164,3 +195,7 @@ class PeopleRows:
             frames=np.array(sorted(self.frames | set(self.frame)), dtype=np.int64),
             bad=dict(self.bad),
         )
+
+    def _one_id_for_everybody(self) -> bool:
+        """Return whether several persons of a frame all have the only id there is: the tool did not track."""
+        return len(set(self.track)) == 1 and len(set(self.frame)) < len(self.frame)
