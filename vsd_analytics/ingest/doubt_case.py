@@ -24,7 +24,7 @@ class Doubt:
     """One thing that looks wrong.
 
     Attributes:
-        code: "W220" to "W228".
+        code: "W220" to "W228", or "W230".
         what: What was seen.
         why: Why it matters.
         fix: The option or line of vsd.toml that settles it.

@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.doubt_case import Doubt
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
+from vsd_analytics.store.imports import ImportLine, holdings, imports_of
+
+if TYPE_CHECKING:
+    from vsd_analytics.store.store import Store
+
+Content = list[list[str]]
+"""Name and hash of each file."""
 
 _SAYS_NOTHING = frozenset(
     {"is_sure", "is_only_camera", "camera_from_name", "profile", "line_max_bytes", "persons_max", "pairs_max"}
 )
 """Options that do not change how a record is read."""
+_CHOOSES_RECORDS = frozenset({"camera", "where", "is_only_camera", "pictures", "clocks"})
+"""Options by which a second import may bring other records of the same file, and cameras that vsd.toml got since."""
 
 
-def import_id(site: Site, source: Source, options: IngestOptions, *, kind: str) -> str:
+def import_id(site: Site, options: IngestOptions, content: Content, *, kind: str) -> str:
     """Return the id of an import, 16 hexadecimal digits.
 
     The same file that comes again, also under another name, is the same import. With other options, cameras or clocks
@@ -25,19 +36,66 @@ def import_id(site: Site, source: Source, options: IngestOptions, *, kind: str) 
 
     Args:
         site: The site; its cameras and pseudonym days are part of how a file is read.
-        source: A file, archive or folder.
         options: The completed options (`pipeline.with_site`).
+        content: `content_of` the file, archive or folder.
         kind: Name of the adapter.
     """
     read = {f.name: getattr(options, f.name) for f in dataclasses.fields(options) if f.name not in _SAYS_NOTHING}
     cameras = sorted((c.camera_id, *sorted(c.engine_ids)) for c in site.cameras)
-    how = [kind, read, cameras, site.timezone, site.day_starts_min, _content(source.path)]
+    how = [kind, read, cameras, site.timezone, site.day_starts_min, content]
     if options.camera_from_name is not None:  # an import without it has the id that it always had
         how.append(options.camera_from_name)
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 
-def _content(path: Path) -> list[list[str]]:
+def content_id(content: Content) -> str:
+    """Return a hash of a file's bytes, or of the names and bytes of a folder's files, whatever its own name is."""
+    return durable.digest(msgspec.json.encode(content))
+
+
+def reading_id(options: IngestOptions, *, kind: str) -> str:
+    """Return a hash of how a file is read: its columns, units and clock, and not which of its records are read.
+
+    Args:
+        options: The completed options.
+        kind: Name of the adapter.
+    """
+    left_out = _SAYS_NOTHING | _CHOOSES_RECORDS | {"map", "site_map"}
+    read = {f.name: getattr(options, f.name) for f in dataclasses.fields(options) if f.name not in left_out}
+    how = [kind, read, {**options.site_map, **options.map}, sorted(set(options.clocks.values()))]
+    return durable.digest(msgspec.json.encode(how, order="deterministic"))
+
+
+def doubt_of_earlier_reading(store: Store, source: Source, reading: str) -> Doubt | None:
+    """Return the doubt of a file whose records are stored already, read in another way: W230.
+
+    Each record would be stored a second time at another hour or place, because it differs from the first.
+
+    Args:
+        store: The store. Imports that were taken back raise no doubt, nor do those without a stored record.
+        source: The file that is about to be imported.
+        reading: Its `reading_id`.
+    """
+    earlier = [line for line in imports_of(store.root).values() if line.content and not line.is_taken_back]
+    if all(line.reading == reading for line in earlier):
+        return None
+    content = content_id(content_of(source.path))
+    other = [line for line in earlier if line.content == content and line.reading != reading]
+    held = holdings(store) if other else {}
+    stored: ImportLine | None = next((line for line in reversed(other) if line.id in held), None)
+    if stored is None:
+        return None
+    n_records = sum(held[stored.id].n_records.values())
+    return Doubt(
+        "W230",
+        f"the same file is stored already, read in another way: import {stored.id}, {n_records:,} records",
+        "with another clock, unit or column each person would be stored twice",
+        f"take the first import back with `vsd purge --import {stored.id}`, and import again",
+        is_sure=True,
+    )
+
+
+def content_of(path: Path) -> Content:
     """Return the names of a folder's files with the hashes of their bytes; a single file has no name."""
     if not path.is_dir():
         return [["", durable.file_digest(path)]]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
-from vsd_analytics.ingest.import_identity import import_id
+from vsd_analytics.ingest.import_identity import content_id, content_of, doubt_of_earlier_reading, import_id, reading_id
 from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.late_look import LateLook
 from vsd_analytics.ingest.limits import within_bounds
@@ -179,7 +179,7 @@ def ingest(
                 result = SourceResult(source.name, options.format or "", error=error)
             else:
                 result = _Ingest(
-                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
+                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing, store
                 ).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
@@ -212,6 +212,7 @@ class _Ingest:
     on_card: Callable[[SourceResult], None] | None
     run_number: int
     differing_cameras: frozenset[str]
+    stored: Store
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -254,13 +255,16 @@ class _Ingest:
         """Note the source in the list of imports, before anything of it is stored, and return its id; "" = dry run."""
         if self.is_dry_run:
             return ""
-        found = import_id(self.site, self.source, self.options, kind=result.format)
+        content = content_of(self.source.path)
+        found = import_id(self.site, self.options, content, kind=result.format)
         line = ImportLine(
             id=found,
             at=self.now.astimezone(UTC),
             run=self.run_number,
             source=self.source.name.encode("utf-8", "backslashreplace").decode(),
             format=result.format,
+            content=content_id(content),
+            reading=reading_id(self.options, kind=result.format),
         )
         note_import(self.site.root / "store", line)
         result.import_id = found
@@ -307,6 +311,8 @@ class _Ingest:
             differing_cameras=differing,
             now=self.now,
         )
+        again = doubt_of_earlier_reading(self.stored, self.source, reading_id(self.options, kind=reader.name))
+        card = card if again is None else replace(card, doubts=(*card.doubts, again))
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
         if self.on_card is not None:

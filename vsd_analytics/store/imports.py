@@ -39,6 +39,8 @@ class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
         source: Name of the file as given.
         format: Adapter that read it.
         is_taken_back: The line says that the import was taken back.
+        content: A hash of the file's bytes; "" in lines of earlier versions.
+        reading: A hash of how it was read: columns, units, clock.
     """
 
     id: str
@@ -47,6 +49,8 @@ class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     source: str = ""
     format: str = ""
     is_taken_back: bool = False
+    content: str = ""
+    reading: str = ""
 
 
 @dataclass

@@ -1,0 +1,100 @@
+"""A file whose records are stored already, and that comes again with another clock or column."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+
+Vsd = Callable[..., tuple[int, str]]
+
+TOML = """\
+[site]
+id = "shop"
+name = "Shop"
+timezone = "UTC"
+[[floor]]
+id = "f"
+name = "Floor"
+[[camera]]
+id = "door"
+name = "Door"
+floor = "f"
+"""
+"""A site of one camera."""
+
+
+@pytest.fixture
+def shop(tmp_path: Path) -> Path:
+    (tmp_path / "vsd.toml").write_text(TOML)
+    rows = [
+        f"2026-03-02 10:{i // 60:02d}:{i % 60:02d},{p},{1 + 0.1 * (i % 30) + p:.2f},{2.5 + p:.2f}"
+        for i in range(1200)
+        for p in (1, 2)
+    ]
+    (tmp_path / "day.csv").write_text("time,track_id,x_m,y_m\n" + "\n".join(rows) + "\n")
+    return tmp_path
+
+
+@pytest.fixture
+def vsd(shop: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
+    def call(*words: str) -> tuple[int, str]:
+        code = run(cli, ["-C", str(shop), *words])
+        return code, "".join(capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def imported(shop: Path, vsd: Vsd) -> Vsd:
+    return lambda *words: vsd("ingest", str(shop / "day.csv"), "--map", "ts=time", *words)
+
+
+def n_persons(shop: Path) -> int:
+    return sum(pq.read_metadata(path).num_rows for path in (shop / "store" / "observations").rglob("*.parquet"))
+
+
+def test_same_file_by_another_clock_is_refused_and_not_stored_twice(shop: Path, vsd: Vsd, imported: Vsd) -> None:
+    assert imported()[0] == 0
+    code, says = imported("--zone", "Europe/Berlin")
+    assert code == 2
+    assert "E211" in says
+    assert "W230" in says
+    assert n_persons(shop) == 2400
+    assert "W230" in vsd("check", str(shop / "day.csv"), "--map", "ts=time", "--zone", "Europe/Berlin")[1]
+
+
+def test_after_a_purge_of_the_first_import_it_is_stored(shop: Path, vsd: Vsd, imported: Vsd) -> None:
+    imported()
+    first = imported("--zone", "Europe/Berlin")[1].split("--import ")[1][:16]
+    code, says = vsd("purge", "--import", first, "--force")
+    assert code == 0, says
+    code, says = imported("--zone", "Europe/Berlin")
+    assert (code, "W230" in says) == (0, False), says
+    assert n_persons(shop) == 2400
+
+
+def test_user_who_is_sure_stores_it_again(shop: Path, vsd: Vsd, imported: Vsd) -> None:
+    imported()
+    imported("--zone", "Europe/Berlin", "--yes")
+    assert n_persons(shop) == 4800
+
+
+def test_same_file_is_recognised_where_vsd_toml_has_the_columns(shop: Path, vsd: Vsd, imported: Vsd) -> None:
+    imported()
+    (shop / "vsd.toml").write_text(TOML + '[ingest.map]\nts = "time"\n')
+    code, says = vsd("ingest", str(shop / "day.csv"))
+    assert (code, "W230" in says) == (0, False), says
+    assert n_persons(shop) == 2400
+
+
+def test_other_rows_of_a_file_raise_no_doubt(shop: Path, vsd: Vsd, imported: Vsd) -> None:
+    imported("--where", "track_id=1")
+    code, says = imported("--where", "track_id=2")
+    assert (code, "W230" in says) == (0, False), says
+    assert n_persons(shop) == 2400
