@@ -330,6 +330,41 @@ def test_results_of_ultralytics_for_one_picture_are_refused_with_the_way_that_wo
     assert "save_txt=True" in (error.fix or "")
 
 
+@pytest.mark.parametrize(
+    ("kinds", "codes", "is_note"),
+    [
+        (["Face", None], ["W222"], [False]),
+        ([None], ["W222"], [False]),
+        (["Car"], ["W222"], [True]),
+        (["Human", None], [], []),
+    ],
+)
+def test_camera_that_classifies_nobody_as_a_person_is_warned_of(
+    root: Path, kinds: list[str | None], codes: list[str], is_note: list[bool]
+) -> None:
+    seen = [
+        {
+            "bounding_box": {"left": 0.1 * n, "right": 0.1 * n + 0.05, "top": 0.3, "bottom": 0.4},
+            "timestamp": f"2025-11-10T09:00:{second:02d}.454206Z",
+            "track_id": f"030deaa3-{n}",
+            **({} if kind is None else {"class": {"score": 0.75, "type": kind}}),
+        }
+        for second in range(20)
+        for n, kind in enumerate(kinds)
+    ]
+    frame = [
+        {"frame": {"observations": [o for o in seen if o["timestamp"] == at], "operations": [], "timestamp": at}}
+        for at in sorted({str(o["timestamp"]) for o in seen})
+    ]
+    read_in = read(root, "a.jsonl", b"\n" + lines(frame), size_px=SIZE).sources[0]
+    assert read_in.format == "axis-scene"
+    assert read_in.card is not None
+    found = [d for d in read_in.card.doubts if d.code == "W222"]
+    assert [d.code for d in found] == codes
+    assert [d.is_note for d in found] == is_note
+    assert len(stored(root)["frames"]) == 20, "an empty frame is a frame"
+
+
 def test_a_person_whose_parent_is_zero_is_a_part_of_nothing(root: Path) -> None:
     """Some cameras write `Parent="0"` for every object, with the class twice and boxes in pixels."""
     document = (

@@ -17,9 +17,8 @@ from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of
 from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
+from vsd_analytics.ingest.reasons import NO_CLASS, NOT_A_PERSON
 
-OTHERS = "not a person"
-UNKNOWN = "object without a class"
 _EMPTY = frozenset({"channel_id", "timestamp", "detections", "track_events"})
 _EDGE = 1.5
 """Boxes reach a little beyond the picture; further out they are no shares of it."""
@@ -45,7 +44,7 @@ class AxisScene(JsonMessages):
         at = instant_of(frame.get("timestamp"))
         channel = frame.get("channel_id", message.get("channel_id"))
         frames.check_view(None if channel is None else f"channel {channel}")
-        seen, others = [], {OTHERS: 0, UNKNOWN: 0}
+        seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0}
         for found in [*listed(frame, "observations"), *listed(frame, "detections")]:
             if not isinstance(found, dict):
                 raise BadRowError("bad-message", f"an observation is {str(found)[:40]!r}")
@@ -57,7 +56,7 @@ class AxisScene(JsonMessages):
                 width, height = size_of(options, None)
                 seen.append(SeenPerson(track, None, ((left + right) / 2 * width, bottom * height)))
             else:
-                others[OTHERS if kind else UNKNOWN] += 1
+                others[NOT_A_PERSON if kind else NO_CLASS] += 1
         frames.add(None, at, seen, line=number)
         frames.dropped.update(others)
 

@@ -22,8 +22,8 @@ from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, insta
 from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed, text
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
+from vsd_analytics.ingest.reasons import NOT_A_PERSON
 
-OTHERS = "not a person"
 CROSSINGS = "a crossing of a line or zone"
 UNPLACED = "a person whose place the event does not give"
 _MARKS = (("sourceInfo", "detections"), ("sourceInfo", "metadataType"), ("inferences", "inferenceId"))
@@ -80,7 +80,7 @@ class AzureSpatialAnalysis(JsonMessages):
             foot = _foot(detection, size, options, camera) if floor is None else None
             seen.append(SeenPerson(None, floor, foot))
         frames.add(camera, at, seen, line=number)
-        frames.dropped[OTHERS] += n_others
+        frames.dropped[NOT_A_PERSON] += n_others
 
 
 def _is_person(detection: Mapping[str, Any]) -> bool:
@@ -112,7 +112,7 @@ def _take_inferences(message: Mapping[str, Any], frames: FrameRows, options: Ing
     seen = []
     for entity, more in _entities(message):
         if text(inner(entity, "tag"), "value").lower() != "person":
-            frames.dropped[OTHERS] += 1
+            frames.dropped[NOT_A_PERSON] += 1
             continue
         point = {"x": more.get("centerGroundPointX"), "y": more.get("centerGroundPointY")}
         floor = _ground({"centerGroundPoint": point}) if options.coordinates != "image" else None

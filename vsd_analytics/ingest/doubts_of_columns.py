@@ -11,6 +11,7 @@ import numpy as np
 
 from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, quoted
+from vsd_analytics.ingest.reasons import NO_CLASS, NOT_A_PERSON
 from vsd_analytics.ingest.telling_names import (
     GONE,
     OBJECTS,
@@ -231,6 +232,21 @@ def _confidences(case: Case) -> Iterator[Doubt]:
             )
 
 
+def _nobody(case: Case) -> Iterator[Doubt]:
+    """W222: objects in view, and none of them is a person."""
+    n_other, n_unknown = (case.sample.n_dropped[reason] for reason in (NOT_A_PERSON, NO_CLASS))
+    if case.sample.n or n_other + n_unknown < ROWS_MIN:
+        return
+    found = [f"{n_other:,} of another class"] * bool(n_other) + [f"{n_unknown:,} without a class"] * bool(n_unknown)
+    yield Doubt(
+        "W222",
+        f"{n_other + n_unknown:,} objects were in view, {' and '.join(found)}, and none is a person",
+        "its hours would count as recorded, with nobody in view",
+        "if people were there: let the camera or engine classify persons, not only moving objects or faces",
+        is_note=not n_unknown,
+    )
+
+
 def _others_in_a_row(case: Case) -> Iterator[Doubt]:
     """W228: columns of a second person in each row, and files that are not read."""
     if case.head is None:
@@ -312,6 +328,7 @@ COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _states,
     _weak,
     _confidences,
+    _nobody,
     _others_in_a_row,
     _ids,
 )

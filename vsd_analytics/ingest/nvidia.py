@@ -19,10 +19,10 @@ from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed, text
 from vsd_analytics.ingest.raw import BadRowError
+from vsd_analytics.ingest.reasons import NOT_A_PERSON
 from vsd_analytics.ingest.telling_names import PERSON
 
 CLUSTERS = "cluster of the engine"
-OTHERS = "not a person"
 _CLASS_KEYS = ("person", "vehicle", "bike", "roadsign", "face", "product", "pose")
 """Keys that say what an object of the full payload is."""
 
@@ -53,7 +53,7 @@ class Nvidia(JsonMessages):
             else:
                 n_others += 1
         frames.add(camera, at, seen, line=number)
-        frames.dropped[OTHERS] += n_others
+        frames.dropped[NOT_A_PERSON] += n_others
         clusters = listed(inner(message, "socialDistancing"), "clusters")
         frames.dropped[CLUSTERS] += len(clusters)
 

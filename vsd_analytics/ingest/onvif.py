@@ -22,9 +22,9 @@ from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, So
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, instant_of
 from vsd_analytics.ingest.picture_sizes import size_of
 from vsd_analytics.ingest.raw import BadRowError
+from vsd_analytics.ingest.reasons import NO_CLASS, NOT_A_PERSON, PART_OF_A_PERSON
 
 READ_BYTES = 1 << 16
-OTHERS, UNKNOWN, PARTS = "not a person", "object without a class", "part of a person"
 PERSONS = frozenset({"human", "humanbody", "person", "pedestrian"})
 _NO_PARENT = frozenset({None, "", "0"})
 """What cameras write as `Parent` of an object that is a part of nothing."""
@@ -238,15 +238,15 @@ class _Reader:
                 raise self._wrong
             assert self._at is not None
             self._frames.check_view(self._view)
-            seen, others = [], {OTHERS: 0, UNKNOWN: 0, PARTS: 0}
+            seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0, PART_OF_A_PERSON: 0}
             for each in self._objects:
                 kind = self._kind(each)
                 if each.parent is not None:
-                    others[PARTS] += 1
+                    others[PART_OF_A_PERSON] += 1
                 elif kind in PERSONS:
                     seen.append(SeenPerson(each.object_id, None, self._foot(each)))
                 else:
-                    others[OTHERS if kind else UNKNOWN] += 1
+                    others[NOT_A_PERSON if kind else NO_CLASS] += 1
             self._frames.add(self._camera, self._at, seen, line=self.n_frames)
             self._frames.dropped.update(others)
         except BadRowError as bad:

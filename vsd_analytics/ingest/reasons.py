@@ -14,6 +14,15 @@ TOO_MANY: Final = "too-many"
 UNKNOWN_FIELD: Final = "unknown field"
 """What a frame message has beside the fields of its format; it is left out and counted."""
 
+NOT_A_PERSON: Final = "not a person"
+"""An object of another class, left out and counted."""
+
+NO_CLASS: Final = "object without a class"
+"""An object that the engine did not classify, left out and counted."""
+
+PART_OF_A_PERSON: Final = "part of a person"
+"""An object that belongs to a person who is an object too; it is left out and counted."""
+
 FIXES: Final[Mapping[str, str]] = {
     "bad-box": "map the sides as they are: left,top,right,bottom or left,top,width,height; leave out empty boxes",
     "bad-xml": "look at the document: it was cut off, or it is not XML; export it again",
