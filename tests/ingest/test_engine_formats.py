@@ -225,6 +225,58 @@ def test_message_that_cannot_be_true_is_quarantined_with_its_reason(
     assert set(result.n_rejected) == {reason}
 
 
+def test_person_who_cannot_be_used_does_not_cost_the_others_of_the_frame(root: Path) -> None:
+    messages = nvidia(METRES)
+    at = next(k for k, people in enumerate(METRES) if len(people) > 2)
+    spoiled = json.loads(json.dumps(messages[at]))
+    spoiled["objects"][0]["info"]["footLocation3D"] = "nan,1"
+    result = read(root, "a.jsonl", lines([*messages[:at], spoiled, *messages[at + 1 :]])).sources[0]
+    assert result.n_rejected == {"not-a-number": 1}
+    assert (len(stored(root)["observations"]), len(stored(root)["frames"])) == (N_PERSONS - 1, N_FRAMES)
+    read(root, "b.jsonl", lines([messages[at]]))
+    assert len(stored(root)["observations"]) == N_PERSONS, (
+        "the message comes again whole: only the missing person is new"
+    )
+
+
+def test_frame_without_a_person_who_can_be_used_is_no_empty_frame(root: Path) -> None:
+    messages = nvidia(METRES)
+    at = next(k for k, people in enumerate(METRES) if len(people) > 2)
+    for found in messages[at]["objects"][:-1]:
+        found["info"]["footLocation3D"] = "nan,1"
+    result = read(root, "a.jsonl", lines(messages)).sources[0]
+    assert result.n_rejected == {"not-a-number": 1}
+    assert len(stored(root)["frames"]) == N_FRAMES - 1
+
+
+def test_person_of_onvif_in_a_cropped_picture_or_outside_the_picture_does_not_cost_the_frame(root: Path) -> None:
+    def seen(number: int, kind: str, *sides: float) -> str:
+        box = " ".join(f'{n}="{s}"' for n, s in zip(("left", "top", "right", "bottom"), sides, strict=True))
+        types = f"<tt:ClassCandidate><tt:Type>{kind}</tt:Type><tt:Likelihood>0.5</tt:Likelihood></tt:ClassCandidate>"
+        kinds = f'<tt:Class>{types}<tt:Type Likelihood="0.53">{kind}</tt:Type></tt:Class>'
+        shape = f"<tt:Shape><tt:BoundingBox {box}/></tt:Shape>"
+        return f'<tt:Object ObjectId="{number}"><tt:Appearance>{shape}{kinds}</tt:Appearance></tt:Object>'
+
+    objects = [
+        seen(1, "Human", 600, 100, 680, 480),
+        seen(2, "Head", 620, 100, 660, 150),
+        seen(3, "Face", 625, 110, 655, 150),
+        seen(4, "Human", 0, 0, 0, 0),
+        seen(5, "Human", 90_000, 100, 90_010, 480),
+    ]
+    scale = f'<tt:Translate x="-1.0" y="1.0"/><tt:Scale x="{2 / SIZE[0]:.9f}" y="{-2 / SIZE[1]:.9f}"/>'
+    frame = f"<tt:Transformation>{scale}</tt:Transformation>{''.join(objects)}"
+    document = (
+        '<tt:MetadataStream xmlns:tt="http://www.onvif.org/ver10/schema"><tt:VideoAnalytics>'
+        f'<tt:Frame UtcTime="2025-11-10T09:00:00Z">{frame}</tt:Frame></tt:VideoAnalytics></tt:MetadataStream>'
+    )
+    result = read(root, "a.xml", document.encode()).sources[0]
+    assert [(r["track_id"], r["u_px"], r["v_px"]) for r in stored(root)["observations"]] == [("1", 640.0, 480.0)]
+    left_out = {"not a person": 2, "person in a cropped picture, without a box": 1}
+    assert {reason: n for reason, n in result.n_dropped.items() if n} == left_out
+    assert result.n_rejected == {"out-of-range": 1}
+
+
 def test_engines_own_position_is_asked_for_by_coordinates(root: Path) -> None:
     read(root, "a.jsonl", lines(nvidia(METRES)), coordinates="image")
     assert {(r["x_mm"], r["u_px"], r["v_px"]) for r in stored(root)["observations"]} == {(None, 120.0, 200.0)}

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, ClassVar
 
 from vsd_analytics.ingest.adapter import IngestOptions, Source
@@ -51,14 +52,18 @@ class AxisScene(JsonMessages):
             track = id_of(found.get("object_track_id", found.get("track_id")))
             kind = frames.kind_of(track, _kind(found))
             if kind == "human":
-                box = inner(found, "bounding_box")
-                left, right, bottom = (_share(box.get(side)) for side in ("left", "right", "bottom"))
-                width, height = size_of(options, None)
-                seen.append(SeenPerson(track, None, ((left + right) / 2 * width, bottom * height)))
+                seen.append(frames.person(partial(_person, track, found, options)))
             else:
                 others[NOT_A_PERSON if kind else NO_CLASS] += 1
         frames.add(None, at, seen, line=number)
         frames.dropped.update(others)
+
+
+def _person(track: str | None, found: Mapping[str, Any], options: IngestOptions) -> SeenPerson:
+    box = inner(found, "bounding_box")
+    left, right, bottom = (_share(box.get(side)) for side in ("left", "right", "bottom"))
+    width, height = size_of(options, None)
+    return SeenPerson(track, None, ((left + right) / 2 * width, bottom * height))
 
 
 def _is_empty_frame(source: Source) -> bool:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any, ClassVar
 
 from vsd_analytics.config.file_columns import METRES
@@ -76,9 +77,8 @@ class AzureSpatialAnalysis(JsonMessages):
             if not _is_person(detection):
                 n_others += 1
                 continue
-            floor = _ground(detection) if is_calibrated and options.coordinates != "image" else None
-            foot = _foot(detection, size, options, camera) if floor is None else None
-            seen.append(SeenPerson(None, floor, foot))
+            is_floor = is_calibrated and options.coordinates != "image"
+            seen.append(frames.person(partial(_person, detection, is_floor, size, options, camera)))
         frames.add(camera, at, seen, line=number)
         frames.dropped[NOT_A_PERSON] += n_others
 
@@ -115,9 +115,9 @@ def _take_inferences(message: Mapping[str, Any], frames: FrameRows, options: Ing
             frames.dropped[NOT_A_PERSON] += 1
             continue
         point = {"x": more.get("centerGroundPointX"), "y": more.get("centerGroundPointY")}
-        floor = _ground({"centerGroundPoint": point}) if options.coordinates != "image" else None
-        foot = _foot({"rectangle": inner(entity, "box")}, None, options, options.camera) if floor is None else None
-        seen.append(SeenPerson(None, floor, foot))
+        found = {"centerGroundPoint": point, "rectangle": inner(entity, "box")}
+        is_floor = options.coordinates != "image"
+        seen.append(frames.person(partial(_person, found, is_floor, None, options, options.camera)))
     frames.add(options.camera, _EPOCH + timedelta(seconds=ticks / _TICKS_HZ), seen, line=number)
 
 
@@ -127,6 +127,13 @@ def _entities(message: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], dict
             raise BadRowError("bad-message", f"an inference is {str(inference)[:40]!r}")
         if text(inference, "type") == "entity":
             yield inner(inference, "entity"), inner(inference, "extensions")
+
+
+def _person(
+    found: Mapping[str, Any], is_floor: bool, own: Size | None, options: IngestOptions, camera: str | None
+) -> SeenPerson:
+    floor = _ground(found) if is_floor else None
+    return SeenPerson(None, floor, _foot(found, own, options, camera) if floor is None else None)
 
 
 def _ground(found: Mapping[str, Any]) -> tuple[float, float] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -58,6 +58,9 @@ class FrameRows:
     def _clear(self) -> None:
         self._frames: list[tuple[str | None, int, str | None, int, int]] = []  # camera, ms, zone, persons, line
         self._seen: list[SeenPerson] = []
+        self._numbers: list[int] = []  # of each person within the frame
+        self._of_frame: list[int] = []
+        self._wrong: dict[str, list[str]] = {}
         self._rejected: list[Rejected] = []
         self.dropped: Counter[str] = Counter()
         self.n_rows = 0
@@ -67,12 +70,34 @@ class FrameRows:
         self.n_rows += 1 + len(record) // 256  # bad records stay in memory whole
         self._rejected.append(rejected(line, reason=reason, detail=detail, record=record))
 
-    def add(self, camera: str | None, at: datetime, seen: Sequence[SeenPerson], *, line: int) -> None:
+    def person(self, read: Callable[[], SeenPerson]) -> SeenPerson | None:
+        """Return one person of the next frame; None where that person cannot be used, which `wrong_persons` names."""
+        try:
+            return read()
+        except BadRowError as bad:
+            reason, detail = bad.args
+            self._wrong.setdefault(reason, []).append(detail)
+            return None
+
+    def wrong_persons(self) -> list[tuple[str, str]]:
+        """Return reason and detail of the persons that could not be used since the last call, once for each reason."""
+        found = [(r, d[0] if len(d) == 1 else f"{d[0]}; {len(d)} persons of the frame") for r, d in self._wrong.items()]
+        self._wrong = {}
+        return found
+
+    def add(self, camera: str | None, at: datetime, seen: Sequence[SeenPerson | None], *, line: int) -> None:
         """Add one frame, also one without people.
 
+        Persons are numbered as the engine lists them, also past one who cannot be used (None): when the frame comes
+        again with that person, the others are recognised.
+
         Raises:
-            BadRowError: It has more people than `persons_max`; nothing of it is added.
+            BadRowError: It has more people than `persons_max`, or people and none who can be used; nothing of it is
+                added, because it would count as a frame without people.
         """
+        usable = [(number, person) for number, person in enumerate(seen) if person is not None]
+        if seen and not usable and (wrong := self.wrong_persons()):
+            raise BadRowError(*wrong[0])
         if len(seen) > self._options.persons_max:
             raise BadRowError(TOO_MANY, too_many_people(len(seen), self._options))
         camera = self._options.camera if camera is None else camera
@@ -85,7 +110,9 @@ class FrameRows:
             period_ms = self._options.period_s * 1000
             ts_ms = int(math.floor(ts_ms / period_ms) * period_ms)
         self._frames.append((camera, ts_ms, zone, len(seen), line))
-        self._seen += seen
+        self._of_frame += [len(self._frames) - 1] * len(usable)
+        self._numbers += [number for number, _ in usable]
+        self._seen += [person for _, person in usable]
         self.n_rows += 1 + len(seen)
 
     def kind_of(self, track: str | None, kind: str) -> str:
@@ -131,12 +158,11 @@ class FrameRows:
         if self._frames:
             tables["frames"] = raw_table("frames", **shared, n_persons=n_persons)
         if self._seen:
-            of_row = pa.array(np.repeat(np.arange(len(n_persons)), n_persons))
-            first_of_frame = np.repeat(np.cumsum(n_persons) - n_persons, n_persons)
+            of_row = pa.array(self._of_frame, pa.int64())
             tables["observations"] = raw_table(
                 "observations",
                 **{name: values.take(of_row) for name, values in shared.items()},
-                person=np.arange(len(self._seen)) - first_of_frame,
+                person=np.array(self._numbers, dtype=np.int64),
                 track=[s.track for s in self._seen],
                 x_m=[None if s.floor_m is None else s.floor_m[0] for s in self._seen],
                 y_m=[None if s.floor_m is None else s.floor_m[1] for s in self._seen],

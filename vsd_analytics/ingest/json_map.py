@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import islice
 from typing import Any, ClassVar, Final
 
@@ -62,7 +63,7 @@ class JsonMap(JsonMessages):
         at = _instant(paths.of(message, "ts"), options.time_format)
         found = _persons(message, paths.persons)
         chosen = [(key, person) for key, person in found if all(_holds(c, person) for c in paths.where)]
-        seen = [_seen(paths, key, person, options, camera) for key, person in chosen]
+        seen = [frames.person(partial(_seen, paths, key, person, options, camera)) for key, person in chosen]
         frames.add(camera, at, seen, line=number)
         if len(found) > len(chosen):
             frames.dropped[LEFT_OUT] += len(found) - len(chosen)

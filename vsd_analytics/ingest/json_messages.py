@@ -49,8 +49,11 @@ class JsonMessages(ABC):
                 else:
                     try:
                         self.take(message, frames, options, number)
+                        wrong = frames.wrong_persons()
                     except BadRowError as bad:
-                        reason, detail = bad.args
+                        frames.wrong_persons()  # the whole message is named once
+                        wrong = [bad.args]
+                    for reason, detail in wrong:
                         frames.reject(number, reason, detail, record)
                 if frames.n_rows >= BATCH_ROWS:
                     yield frames.batch(done, first_line="")

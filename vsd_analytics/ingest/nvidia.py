@@ -49,7 +49,7 @@ class Nvidia(JsonMessages):
         for found in [message["object"]] if is_full else listed(message, "objects"):
             kind, person = _minimal(found) if isinstance(found, str) else _whole(found, options)
             if kind.lower() in PERSON:
-                seen.append(person())
+                seen.append(frames.person(person))
             else:
                 n_others += 1
         frames.add(camera, at, seen, line=number)

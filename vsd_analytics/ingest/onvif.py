@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from typing import IO, Any
 from xml.parsers import expat
 
@@ -26,6 +27,8 @@ from vsd_analytics.ingest.reasons import NO_CLASS, NOT_A_PERSON, PART_OF_A_PERSO
 
 READ_BYTES = 1 << 16
 PERSONS = frozenset({"human", "humanbody", "person", "pedestrian"})
+NO_BOX = "person in a cropped picture, without a box"
+_SIDES = ("left", "top", "right", "bottom")
 _NO_PARENT = frozenset({None, "", "0"})
 """What cameras write as `Parent` of an object that is a part of nothing."""
 _END = re.compile(rb"</(?:[\w.-]+:)?MetadataStream\s*>")
@@ -40,7 +43,12 @@ class _Object:
     object_id: str | None
     parent: str | None
     kinds: list[tuple[float, str]] = field(default_factory=list)
-    box: tuple[float, float, float, float] | None = None
+    box: dict[str, str] | None = None
+
+    @property
+    def is_pictured_only(self) -> bool:
+        """Return whether all sides of the box are 0, as cameras write beside a cropped picture (`ImageRef`)."""
+        return self.box is not None and all(self.box.get(side, "").strip("0.") == "" for side in _SIDES)
 
 
 class Onvif:
@@ -182,7 +190,7 @@ class _Reader:
         elif tag in ("Translate", "Scale"):
             self._guarded(lambda: setattr(self, f"_{tag.lower()}", _numbers(attributes, "x", "y")))
         elif tag == "BoundingBox" and self._objects and self._objects[-1].box is None:
-            self._guarded(lambda: self._box(attributes))
+            self._objects[-1].box = attributes
         elif tag == "Class":
             self._is_class = True
         elif tag == "Type" and self._is_class:
@@ -199,10 +207,6 @@ class _Reader:
     def _instant(self, text: str | None) -> datetime:
         at = instant_of(text)
         return at.replace(tzinfo=UTC) if at.tzinfo is None and self._options.zone is None else at
-
-    def _box(self, attributes: dict[str, str]) -> None:
-        left, top, right, bottom = _numbers(attributes, "left", "top", "right", "bottom")
-        self._objects[-1].box = (left, top, right, bottom)
 
     def _characters(self, data: str) -> None:
         if self._text is not None:
@@ -238,25 +242,33 @@ class _Reader:
                 raise self._wrong
             assert self._at is not None
             self._frames.check_view(self._view)
-            seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0, PART_OF_A_PERSON: 0}
+            seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0, PART_OF_A_PERSON: 0, NO_BOX: 0}
             for each in self._objects:
                 kind = self._kind(each)
                 if each.parent is not None:
                     others[PART_OF_A_PERSON] += 1
+                elif kind in PERSONS and each.is_pictured_only:
+                    others[NO_BOX] += 1
                 elif kind in PERSONS:
-                    seen.append(SeenPerson(each.object_id, None, self._foot(each)))
+                    seen.append(self._frames.person(partial(self._person, each)))
                 else:
                     others[NOT_A_PERSON if kind else NO_CLASS] += 1
             self._frames.add(self._camera, self._at, seen, line=self.n_frames)
             self._frames.dropped.update(others)
+            wrong = self._frames.wrong_persons()
         except BadRowError as bad:
-            reason, detail = bad.args
+            self._frames.wrong_persons()  # the whole frame is named once
+            wrong = [bad.args]
+        for reason, detail in wrong:
             self._frames.reject(self.n_frames, reason, detail, f"frame {self._at} with {len(self._objects)} objects")
         self._clear()
 
     def _kind(self, each: _Object) -> str:
         """Return the class of an object: the most likely of this frame, else that of an earlier one; "" = unknown."""
         return self._frames.kind_of(each.object_id, max(each.kinds)[1] if each.kinds else "")
+
+    def _person(self, each: _Object) -> SeenPerson:
+        return SeenPerson(each.object_id, None, self._foot(each))
 
     def _foot(self, each: _Object) -> tuple[float, float]:
         """Return the bottom centre of an object's box in pixels, right and down."""
@@ -266,7 +278,7 @@ class _Reader:
         is_transformed = (scale_x, scale_y) != (1.0, 1.0)
         own = (round(2 / abs(scale_x)), round(2 / abs(scale_y))) if is_transformed and scale_x and scale_y else None
         width, height = size_of(self._options, self._camera, own=own)
-        left, top, right, bottom = each.box
+        left, top, right, bottom = _numbers(each.box, *_SIDES)
         x = (left + right) / 2 * scale_x + move_x
         y = min(top * scale_y + move_y, bottom * scale_y + move_y)  # vendors differ in which way y goes
         if not (abs(x) <= 1.5 and abs(y) <= 1.5):
