@@ -24,8 +24,8 @@ _SAYS_NOTHING = frozenset(
     {"is_sure", "is_only_camera", "camera_from_name", "profile", "line_max_bytes", "persons_max", "pairs_max"}
 )
 """Options that do not change how a record is read."""
-_CHOOSES_RECORDS = frozenset({"camera", "where", "is_only_camera", "pictures", "clocks"})
-"""Options by which a second import may bring other records of the same file, and cameras that vsd.toml got since."""
+_CHOOSES_RECORDS = frozenset({"camera", "where", "is_only_camera", "pictures", "clocks", "engine"})
+"""Options by which a second import may bring other records of the same file, new cameras, and names."""
 
 
 def import_id(site: Site, options: IngestOptions, content: Content, *, kind: str) -> str:
@@ -66,17 +66,19 @@ def reading_id(options: IngestOptions, *, kind: str) -> str:
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 
-def doubt_of_earlier_reading(store: Store, source: Source, reading: str) -> Doubt | None:
+def doubt_of_earlier_reading(site: Site, store: Store, source: Source, reading: str) -> Doubt | None:
     """Return the doubt of a file whose records are stored already, read in another way: W230.
 
-    Each record would be stored a second time at another hour or place, because it differs from the first.
+    Records at other times would be stored a second time. Records at the same times are second deliveries: their first
+    places would stay.
 
     Args:
-        store: The store. Imports that were taken back raise no doubt, nor do those without a stored record.
+        site: The site, whose list of imports counts.
+        store: Its store. Imports that were taken back raise no doubt, nor do those without a stored record.
         source: The file that is about to be imported.
         reading: Its `reading_id`.
     """
-    earlier = [line for line in imports_of(store.root).values() if line.content and not line.is_taken_back]
+    earlier = [line for line in imports_of(site.root / "store").values() if line.content and not line.is_taken_back]
     if all(line.reading == reading for line in earlier):
         return None
     content = content_id(content_of(source.path))
@@ -89,7 +91,7 @@ def doubt_of_earlier_reading(store: Store, source: Source, reading: str) -> Doub
     return Doubt(
         "W230",
         f"the same file is stored already, read in another way: import {stored.id}, {n_records:,} records",
-        "with another clock, unit or column each person would be stored twice",
+        "with another clock everybody would be stored twice; with another unit or column the first places would stay",
         f"take the first import back with `vsd purge --import {stored.id}`, and import again",
         is_sure=True,
     )

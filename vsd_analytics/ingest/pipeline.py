@@ -311,7 +311,9 @@ class _Ingest:
             differing_cameras=differing,
             now=self.now,
         )
-        again = doubt_of_earlier_reading(self.stored, self.source, reading_id(self.options, kind=reader.name))
+        again = doubt_of_earlier_reading(
+            self.site, self.stored, self.source, reading_id(self.options, kind=reader.name)
+        )
         card = card if again is None else replace(card, doubts=(*card.doubts, again))
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
