@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.doubt_case import Doubt
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import durable
+from vsd_analytics.store import Store, durable
 from vsd_analytics.store.imports import ImportLine, holdings, imports_of
-
-if TYPE_CHECKING:
-    from vsd_analytics.store.store import Store
 
 Content = list[list[str]]
 """Name and hash of each file."""
@@ -66,15 +62,14 @@ def reading_id(options: IngestOptions, *, kind: str) -> str:
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 
-def doubt_of_earlier_reading(site: Site, store: Store, source: Source, reading: str) -> Doubt | None:
+def doubt_of_earlier_reading(site: Site, source: Source, reading: str) -> Doubt | None:
     """Return the doubt of a file whose records are stored already, read in another way: W230.
 
     Records at other times would be stored a second time. Records at the same times are second deliveries: their first
     places would stay.
 
     Args:
-        site: The site, whose list of imports counts.
-        store: Its store. Imports that were taken back raise no doubt, nor do those without a stored record.
+        site: The site. Imports that were taken back raise no doubt, nor do those without a stored record.
         source: The file that is about to be imported.
         reading: Its `reading_id`.
     """
@@ -83,7 +78,7 @@ def doubt_of_earlier_reading(site: Site, store: Store, source: Source, reading: 
         return None
     content = content_id(content_of(source.path))
     other = [line for line in earlier if line.content == content and line.reading != reading]
-    held = holdings(store) if other else {}
+    held = holdings(Store(site.root / "store", site_id=site.site_id)) if other else {}
     stored: ImportLine | None = next((line for line in reversed(other) if line.id in held), None)
     if stored is None:
         return None

@@ -179,7 +179,7 @@ def ingest(
                 result = SourceResult(source.name, options.format or "", error=error)
             else:
                 result = _Ingest(
-                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing, store
+                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
                 ).run()
             days |= result.days.keys()
             result.notes += _far_off(result.days, among=days)
@@ -212,7 +212,6 @@ class _Ingest:
     on_card: Callable[[SourceResult], None] | None
     run_number: int
     differing_cameras: frozenset[str]
-    stored: Store
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -311,9 +310,7 @@ class _Ingest:
             differing_cameras=differing,
             now=self.now,
         )
-        again = doubt_of_earlier_reading(
-            self.site, self.stored, self.source, reading_id(self.options, kind=reader.name)
-        )
+        again = doubt_of_earlier_reading(self.site, self.source, reading_id(self.options, kind=reader.name))
         card = card if again is None else replace(card, doubts=(*card.doubts, again))
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
