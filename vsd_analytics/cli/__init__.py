@@ -19,7 +19,7 @@ from vsd_analytics.version import VERSION
 
 COMMANDS = (
     *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
-    *("listen", "alarms"),
+    *("listen", "node", "alarms"),
     *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
     *("compare", "plan", "selfcheck", "forecast"),
     *("today", "report", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor"),

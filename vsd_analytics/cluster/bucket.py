@@ -23,7 +23,8 @@ from vsd_analytics.store.published import link_name
 
 CURRENT = "current.json"
 _ENVIRONMENT = "check AWS_ENDPOINT_URL, AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and the name of the bucket"
-_REFUSED = ("PreconditionFailed", "ConditionalRequestConflict", "412", "409")
+_CONNECT_S = 10
+REFUSED = ("PreconditionFailed", "ConditionalRequestConflict", "412", "409")
 
 
 class Bucket(Protocol):
@@ -42,24 +43,26 @@ class Bucket(Protocol):
         """Remove an object."""
 
 
-def client() -> Bucket:
+def client(what: str = "--publish") -> Bucket:
     """Return a client with the credentials and the endpoint of the environment (`AWS_...`).
+
+    Args:
+        what: What needs it, for messages.
 
     Raises:
         UsageError: E101, boto3 is not installed, or the environment names no usable endpoint.
     """
     try:
         import boto3
+        from botocore.config import Config
     except ImportError as error:
-        raise UsageError(
-            "--publish needs more packages", why=str(error), fix="pip install 'vsd-analytics[s3]'"
-        ) from None
+        raise UsageError(f"{what} needs more packages", why=str(error), fix="pip install 'vsd-analytics[s3]'") from None
     try:
-        made: Bucket = boto3.client("s3")
+        made: Bucket = boto3.client("s3", config=Config(connect_timeout=_CONNECT_S))
     except Exception as error:
-        if not (isinstance(error, ValueError) or _is_of_client(error)):
+        if not (isinstance(error, ValueError) or is_of_client(error)):
             raise
-        raise UsageError("--publish cannot use the environment", why=str(error), fix=_ENVIRONMENT) from None
+        raise UsageError(f"{what} cannot use the environment", why=str(error), fix=_ENVIRONMENT) from None
     return made
 
 
@@ -95,7 +98,7 @@ def _publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket) -> int:
     bucket, prefix = place(url)
     before = _tag(s3, bucket, f"{prefix}/{CURRENT}")
     wanted = {f"{prefix}/{name}/{link_name(path)}": path for name, of in files.items() for path in of}
-    there = _keys(s3, bucket, f"{prefix}/")
+    there = keys(s3, bucket, f"{prefix}/")
     missing = sorted(wanted.keys() - there)
     for key in missing:
         s3.put_object(Bucket=bucket, Key=key, Body=wanted[key].read_bytes())
@@ -105,7 +108,7 @@ def _publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket) -> int:
     try:
         s3.put_object(Bucket=bucket, Key=f"{prefix}/{CURRENT}", Body=text, **condition)
     except Exception as error:
-        if _code(error) not in _REFUSED:
+        if code_of(error) not in REFUSED:
             raise
         raise StoreError(
             f"another build published to {url} meanwhile",
@@ -114,7 +117,7 @@ def _publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket) -> int:
             fix="run the same command again",
         ) from None
     # another build that ended just before may have removed what is wanted here after the list of what is there was read
-    for key in sorted(wanted.keys() - _keys(s3, bucket, f"{prefix}/")):
+    for key in sorted(wanted.keys() - keys(s3, bucket, f"{prefix}/")):
         s3.put_object(Bucket=bucket, Key=key, Body=wanted[key].read_bytes())
     for key in sorted(there - wanted.keys() - {f"{prefix}/{CURRENT}"}):
         s3.delete_object(Bucket=bucket, Key=key)
@@ -127,7 +130,7 @@ def _refusals(url: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if not _is_of_client(error):
+        if not is_of_client(error):
             raise
         raise StoreError(
             f"{url} cannot be published to",
@@ -137,13 +140,14 @@ def _refusals(url: str) -> Iterator[None]:
         ) from None
 
 
-def _is_of_client(error: Exception) -> bool:
+def is_of_client(error: Exception) -> bool:
     """Tell whether the client of S3 raised an error: no answer, no credentials, or a refusal."""
     modules = {cls.__module__.partition(".")[0] for cls in type(error).__mro__}
     return bool(modules & {"botocore", "boto3", "s3transfer"})
 
 
-def _keys(s3: Bucket, bucket: str, prefix: str) -> set[str]:
+def keys(s3: Bucket, bucket: str, prefix: str) -> set[str]:
+    """Return the keys that begin with a prefix."""
     found, more = set[str](), dict[str, str]()
     while True:
         page = s3.list_objects_v2(Bucket=bucket, Prefix=prefix, **more)
@@ -158,12 +162,12 @@ def _tag(s3: Bucket, bucket: str, key: str) -> str | None:
     try:
         return str(s3.get_object(Bucket=bucket, Key=key)["ETag"])
     except Exception as error:
-        if _code(error) in ("NoSuchKey", "404"):
+        if code_of(error) in ("NoSuchKey", "404"):
             return None
         raise
 
 
-def _code(error: Exception) -> str:
+def code_of(error: Exception) -> str:
     """Return the code of an error of boto3; "" of another one."""
     answer = getattr(error, "response", None)
     return str(answer.get("Error", {}).get("Code", "")) if isinstance(answer, dict) else ""

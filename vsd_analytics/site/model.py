@@ -287,6 +287,19 @@ class Broker:
     is_home_assistant: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class ExchangeRoute:
+    """Where nodes hand on what they acknowledged, and the store of the site receives it.
+
+    Attributes:
+        place: Absolute path of a folder, or `s3://BUCKET/FOLDER`.
+        node: Name of this node, which hands on; None = this project is the site's store, which receives.
+    """
+
+    place: str
+    node: str | None = None
+
+
 MailTls = Literal["starttls", "tls", "none"]
 
 
@@ -393,6 +406,7 @@ class Site:
         own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of other settings lie
             beside theirs.
         broker: `[mqtt]`; None = no live source.
+        exchange: `[exchange]`; None = all records come to this project directly.
         alarms: `[[alarm]]`, in the order of the file.
         alarm_delivery: `[alarms]`.
         engine: `[engine]`; None = nothing is known of the engine's error.
@@ -417,6 +431,7 @@ class Site:
     areas: tuple[Area, ...] = ()
     fixtures: tuple[Fixture, ...] = ()
     broker: Broker | None = None
+    exchange: ExchangeRoute | None = None
     alarms: tuple[AlarmRule, ...] = ()
     alarm_delivery: AlarmDelivery = field(default_factory=AlarmDelivery)
     engine: EngineError | None = None
@@ -438,6 +453,16 @@ class Site:
     def with_own_settings(self) -> Site:
         """Return the site with the settings of vsd.toml in force."""
         return self if self.own_settings is None else replace(self, settings=self.own_settings, own_settings=None)
+
+    @property
+    def node(self) -> str | None:
+        """Return the name of the node that this project is; None = it is a site's own store."""
+        return None if self.exchange is None else self.exchange.node
+
+    @property
+    def acknowledged(self) -> Path:
+        """Return the folder of the spool that records go to: `outbox` of a node, else `store`."""
+        return self.root / ("store" if self.node is None else "outbox")
 
     @property
     def zone(self) -> ZoneInfo:
