@@ -15,6 +15,7 @@ import json
 import secrets
 from dataclasses import dataclass
 from datetime import date, timedelta
+from functools import lru_cache
 from pathlib import Path
 
 from vsd_analytics.errors import StoreError, Where
@@ -22,7 +23,7 @@ from vsd_analytics.store.durable import publish
 
 FILE = "chain.json"
 FIRST_DAY = date(1970, 1, 1)
-_FAR_DAY = date(2200, 1, 1)
+_FAR_DAY = date(2100, 1, 1)
 _STATE_BYTES = 32
 
 
@@ -46,10 +47,7 @@ class DayChain:
 
     def from_day(self, day: date) -> DayChain:
         """Return the chain that begins on a later day; itself where it begins on that day or after it."""
-        state = self.state
-        for _ in range((day - self.day).days):
-            state = _derived(state, b"vsd next day")
-        return DayChain(max(day, self.day), state)
+        return DayChain(max(day, self.day), _state_after(self.state, (day - self.day).days))
 
     def mark(self) -> str:
         """Return a text that is the same for all machines with this secret, however much of it they have forgotten.
@@ -105,6 +103,13 @@ def write_chain(folder: Path, chain: DayChain) -> None:
 def day_after(day: date) -> date:
     """Return the next date."""
     return day + timedelta(days=1)
+
+
+@lru_cache(maxsize=16)
+def _state_after(state: bytes, n_days: int) -> bytes:
+    for _ in range(n_days):
+        state = _derived(state, b"vsd next day")
+    return state
 
 
 def _derived(state: bytes, purpose: bytes) -> bytes:
