@@ -158,13 +158,7 @@ class BucketExchange:
     def read(self, name: str) -> bytes | None:
         """Return the bytes of an object; None where there is none."""
         with self._refusals():
-            try:
-                body = self._s3.get_object(Bucket=self._bucket, Key=self._key(name))["Body"]
-                return bytes(body.read())
-            except Exception as error:
-                if bucket.code_of(error) in ("NoSuchKey", "404"):
-                    return None
-                raise
+            return bucket.content(self._s3, self._bucket, self._key(name))
 
     def add(self, name: str, data: bytes) -> None:
         """Write an object by one conditional write: of two writers at a time the first one wins."""
