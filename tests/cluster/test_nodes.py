@@ -33,10 +33,11 @@ from vsd_analytics.cluster.handing_on import HandedOn, hand_on
 from vsd_analytics.cluster.joining import invitation, join
 from vsd_analytics.cluster.receiving import Received, receive
 from vsd_analytics.doctor.nodes import examine_exchange
-from vsd_analytics.errors import StoreError
+from vsd_analytics.errors import DiskError, StoreError
+from vsd_analytics.live import folding
 from vsd_analytics.retention.purge import Terms, forget_keys, purge_older
 from vsd_analytics.retention.purge_import import purge_import
-from vsd_analytics.store import Store, outbox, quarantine
+from vsd_analytics.store import Store, durable, outbox, quarantine
 from vsd_analytics.store.imports import imports_of
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.secrets import DayKeys
@@ -180,6 +181,56 @@ def test_many_segments_become_few_files_and_what_was_sent_is_not_packed_again(wo
 def _rows(path: Path):  # type: ignore[no-untyped-def]
 
     return pq.ParquetFile(path).read()
+
+
+def test_a_node_whose_disk_is_full_lets_go_of_what_the_site_has(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared(world)
+    put(world)
+    send(world)
+    take(world)
+
+    def full(_root: Path) -> int:
+        raise DiskError("the disk is full", code="E304")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(outbox, "make_ready", full)
+        with pytest.raises(DiskError):
+            send(world)
+    assert outbox.ready(world.site("north").acknowledged) == []
+
+
+def test_on_a_full_disk_what_came_is_made_ready_as_it_is(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(world)
+    root = world.site("north").acknowledged
+    frames = _rows(next(p for p in outbox.ready(root) if p.parent.name == "frames"))
+    store = Store(root, site_id="shop")
+    store.append("frames", frames, engines=["engine 1"])
+    store.append("frames", frames, engines=["engine 2"])
+
+    def full(*_: object, **__: object) -> None:
+        raise DiskError("the disk is full", code="E304")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(durable, "publish", full)
+        assert store.fold().n_to_hand_on == 2
+    prepared(world)
+    send(world)
+    assert take(world).fold.n_new == 2
+
+
+def test_the_process_that_folds_beside_a_listener_makes_ready_on_a_node(
+    world: World, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(world)
+    root = world.site("north").acknowledged
+    ready = outbox.ready(root)
+    frames = _rows(next(p for p in ready if p.parent.name == "frames"))
+    Store(root, site_id="shop").append("frames", frames, engines=["engine 1"])
+    assert folding.main([str(root), "shop", "0"]) == 0
+    assert json.loads(capsys.readouterr().out)["n_new"] == 0
+    assert len(outbox.ready(root)) == len(ready) + 1
+    assert outbox.n_waiting(root) == len(ready) + 1
+    assert not (root / "frames").exists(), "a node has no parts"
 
 
 def test_a_file_damaged_on_its_way_is_sent_again(world: World) -> None:

@@ -1,7 +1,7 @@
 """A node hands on what it acknowledged, and lets go of a file only when the site has a receipt for it.
 
-One round: make ready what came, forget the days that the site forgot, let go of what has a receipt, write what is
-missing at the place. It can stop anywhere: what was written twice is counted once by the fold of the site.
+One round: make ready what came, let go of what has a receipt, write what is missing at the place, forget the days that
+the site forgot. It can stop anywhere: what was written twice is counted once by the fold of the site.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def hand_on(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
     assert site.exchange is not None
     assert site.node is not None
     root, node = site.acknowledged, site.node
-    damaged = _made_ready(site)
+    refused = _made_ready(site)
     with reaching(site.exchange.place):
         notice = site_notice(exchange, site)
         if notice is None:
@@ -75,7 +75,6 @@ def hand_on(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
         if site.settings.pseudonyms and not notice.mark:
             raise unusable(site.exchange.place, "the site has made no secret there yet; at the site: vsd node receive")
         _refuse_other_secret(site, notice)
-        n_forgotten = _forget(DayKeys(site.root / "secrets"), notice.closed())
         receipts = set(exchange.names(f"{RECEIPTS}/{node}/"))
         there = set(exchange.names(f"{NODES}/{node}/"))
         n_written = n_received = 0
@@ -89,7 +88,7 @@ def hand_on(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
             elif name not in there:
                 data = path.read_bytes()
                 if durable.digest(data) != path.stem:
-                    damaged = damaged or _damaged(path)
+                    refused = refused or _damaged(path)
                     continue
                 exchange.add(name, data)
                 n_written += 1
@@ -100,20 +99,24 @@ def hand_on(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
         for name in sorted(receipts):
             if name.rpartition("/")[2] not in held:
                 exchange.remove(name)
+        n_forgotten = _forget(DayKeys(site.root / "secrets"), notice.closed())
         n_waiting = outbox.n_waiting(root)
         about = NodeNotice(node, now.astimezone(UTC), n_waiting, VERSION)
         exchange.replace(f"{NODES}/{node}/{ABOUT_NODE}", msgspec.json.encode(about))
-    if damaged is not None:
-        raise damaged
+    if refused is not None:
+        raise refused
     return HandedOn(n_written, n_received, n_waiting, n_forgotten)
 
 
 def _made_ready(site: Site) -> VsdError | None:
-    """Make ready what came; return the error of a damaged file, which must not hold up the others."""
+    """Make ready what came; return the error of a damaged file or a full disk.
+
+    Neither may hold up the rest: letting go of what the site has is what makes room.
+    """
     try:
         Store(site.acknowledged, site_id=site.site_id).fold()
     except StoreError as error:
-        if error.code != "E302":
+        if error.code not in ("E302", "E304"):
             raise
         return error
     return None
