@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from vsd_analytics.cluster.receiving import Received
-    from vsd_analytics.site.model import ExchangeRoute
+    from vsd_analytics.site.routes import ExchangeRoute
 
 _every = click.option(
     "--every",

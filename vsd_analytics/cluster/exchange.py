@@ -24,7 +24,8 @@ import msgspec
 
 from vsd_analytics.cluster import bucket
 from vsd_analytics.errors import DiskError, StoreError, VsdError
-from vsd_analytics.site.model import ExchangeRoute, Site
+from vsd_analytics.site.model import Site
+from vsd_analytics.site.routes import ExchangeRoute
 from vsd_analytics.store import durable
 from vsd_analytics.store.secrets import ClosedDays
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from vsd_analytics.config.reader import ID_PATTERN, TableReader, suggest_id
-from vsd_analytics.site.model import ExchangeRoute
+from vsd_analytics.site.routes import ExchangeRoute
 
 _PLACE = '"/mnt/exchange"'
 

@@ -11,7 +11,8 @@ from vsd_analytics.doctor.finding import NEEDS_YOU, Finding
 from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.pseudonyms import keys_of
 from vsd_analytics.live.exchange_rounds import STOPPED, read_exchange_status
-from vsd_analytics.site.model import ExchangeRoute, Site
+from vsd_analytics.site.model import Site
+from vsd_analytics.site.routes import ExchangeRoute
 from vsd_analytics.store import outbox
 
 SILENT_S = 3600.0

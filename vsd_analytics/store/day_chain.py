@@ -43,7 +43,7 @@ class DayChain:
         """Return the key of a site day (32 bytes); None of a day before the first."""
         if day < self.day:
             return None
-        return _derived(self.from_day(day).state, b"vsd day key")
+        return _derived(self.from_day(day).state, b"day key")
 
     def from_day(self, day: date) -> DayChain:
         """Return the chain that begins on a later day; itself where it begins on that day or after it."""
@@ -54,7 +54,7 @@ class DayChain:
 
         It comes from the state of a day far ahead, so it tells nothing of the days before.
         """
-        return hashlib.blake2b(b"", key=self.from_day(_FAR_DAY).state, person=b"vsd mark", digest_size=8).hexdigest()
+        return hashlib.blake2b(b"", key=self.from_day(_FAR_DAY).state, person=b"mark", digest_size=8).hexdigest()
 
     def as_dict(self) -> dict[str, str]:
         """Return what the file holds."""
@@ -108,7 +108,7 @@ def day_after(day: date) -> date:
 @lru_cache(maxsize=16)
 def _state_after(state: bytes, n_days: int) -> bytes:
     for _ in range(n_days):
-        state = _derived(state, b"vsd next day")
+        state = _derived(state, b"next day")
     return state
 
 
