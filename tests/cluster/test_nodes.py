@@ -183,6 +183,26 @@ def _rows(path: Path):  # type: ignore[no-untyped-def]
     return pq.ParquetFile(path).read()
 
 
+def test_a_site_that_cannot_store_writes_no_receipt(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    prepared(world)
+    put(world)
+    send(world)
+    publish = durable.publish
+
+    def full(path: Path, data: bytes, **options: bool) -> None:
+        if "live" in path.parts:
+            raise DiskError("the disk is full", code="E304")
+        publish(path, data, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(durable, "publish", full)
+        with pytest.raises(DiskError):
+            take(world)
+    assert list((world.root / "place").glob("receipts/*/*")) == []
+    assert send(world).n_received == 0
+    assert take(world).fold.n_new == 2
+
+
 def test_a_node_whose_disk_is_full_lets_go_of_what_the_site_has(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     prepared(world)
     put(world)
