@@ -1,7 +1,8 @@
 """Kills `vsd build --publish` again and again, against a real S3-compatible server on this machine (moto).
 
 After every kill a reader opens what `current.json` names, through `pyarrow.fs`: always the facts of one build, whole.
-After the last run the totals are those of the project. Run it with
+After the last run the totals are those of the project. Then the records are published too, and a project that fetches
+them must have the same files and facts. Run it with
 
     python tests/cluster/prove_bucket.py --kills 12
 
@@ -14,6 +15,7 @@ import argparse
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -53,6 +55,12 @@ def stored(project: Path) -> Totals:
     return {fact: sum(pq.read_metadata(p).num_rows for p in paths) for fact, paths in files.items()}
 
 
+def files(project: Path) -> dict[str, bytes]:
+    """Return the files of records of a project."""
+    found = (project / "store").rglob("*.parquet")
+    return {str(path.relative_to(project)): path.read_bytes() for path in found}
+
+
 def main() -> int:
     """Print what was found."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -64,6 +72,7 @@ def main() -> int:
     os.environ |= {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}", **access}
     server = start(sys.executable, "-m", "moto.server", "-p", str(port))
     n_wrong = n_old = n_new = 0
+    is_fetched = False
     try:
         wait_for(port)
         import boto3
@@ -98,10 +107,16 @@ def main() -> int:
                 subprocess.run(command, check=True, capture_output=True)
                 n_wrong += published(port) != new
                 old = new
+            subprocess.run([*command, "--records"], check=True, capture_output=True)
+            with tempfile.TemporaryDirectory() as reader:
+                shutil.copy(project / "vsd.toml", reader)
+                subprocess.run([*command[:4], reader, "fetch", URL], check=True, capture_output=True)
+                is_fetched = files(Path(reader)) == files(project) and stored(Path(reader)) == stored(project)
     finally:
         kill(server)
     print(f"{given.kills} kills: {n_old} left the old build, {n_new} the new one, {n_wrong} wrong")
-    return int(n_wrong > 0)
+    print(f"a project that fetched the records has their bytes and the rows of facts: {'yes' if is_fetched else 'NO'}")
+    return int(n_wrong > 0 or not is_fetched)
 
 
 if __name__ == "__main__":

@@ -160,7 +160,7 @@ def test_a_bucket_that_cannot_be_reached_is_an_error_for_people() -> None:
         def get_object(self, *, Bucket: str, Key: str) -> dict[str, Any]:
             raise exceptions.EndpointConnectionError(endpoint_url="http://127.0.0.1:9")
 
-    with pytest.raises(StoreError, match="cannot be published to") as caught:
+    with pytest.raises(StoreError, match="cannot be used") as caught:
         publish({}, URL, Away())
     assert caught.value.code == "E318"
     assert "127.0.0.1:9" in str(caught.value.why)

@@ -35,6 +35,8 @@ smtp = "mail.example.org"
 from = "reports@example.org"
 [engine]
 precision = 0.9
+[exchange]
+place = "/mnt/exchange"
 [[area]]
 id = "queue"
 name = "Queue"

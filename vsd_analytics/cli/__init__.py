@@ -19,8 +19,8 @@ from vsd_analytics.version import VERSION
 
 COMMANDS = (
     *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
-    *("listen", "alarms"),
-    *("build", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
+    *("listen", "node", "alarms"),
+    *("build", "fetch", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
     *("compare", "plan", "selfcheck", "forecast"),
     *("today", "report", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor"),
     *("bench", "explain"),

@@ -57,7 +57,7 @@ def imports(project: Project, is_all: bool, as_json: bool) -> None:
 
 def _text(project: Project, import_id: str, line: ImportLine | None, holding: Holding) -> str:
     at = "unknown time" if line is None else line.at.astimezone(project.site.zone).isoformat(" ", "minutes")[:16]
-    source = "unknown file" if line is None else f"{line.source}  [{line.format}]"
+    source = "unknown file" if line is None else f"{_from(line)}{line.source}  [{line.format}]"
     parts = [f"{count(holding.n_records.total(), 'record')}"]
     days = _days(project, holding)
     if days:
@@ -70,12 +70,17 @@ def _text(project: Project, import_id: str, line: ImportLine | None, holding: Ho
     return f"{import_id[:_SHOWN_DIGITS]}  {at}  {source}  {'; '.join(parts)}"
 
 
+def _from(line: ImportLine) -> str:
+    return f"node {line.node}: " if line.node else ""
+
+
 def _as_dict(project: Project, import_id: str, line: ImportLine | None, holding: Holding) -> dict[str, Any]:
     return {
         "id": import_id,
         "at": None if line is None else line.at.isoformat(),
         "source": None if line is None else line.source,
         "format": None if line is None else line.format,
+        "node": None if line is None else line.node or None,
         "records": dict(holding.n_records),
         "belonging_to_others": holding.n_again,
         "days": _days(project, holding),

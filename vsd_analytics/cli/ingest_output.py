@@ -92,7 +92,8 @@ def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
     n_new = result.fold.n_new
     n_known = sum(c.n_known for c in tables.values())
     n_second = sum(c.n_second for c in tables.values())
-    parts = [f"{count(n_new, 'new record')} stored"]
+    n_ready = result.fold.n_to_hand_on
+    parts = [f"{count(n_ready, 'record')} to hand on" if n_ready else f"{count(n_new, 'new record')} stored"]
     parts += [f"{n_known:,} {'was' if n_known == 1 else 'were'} known already"] if n_known else []
     parts += [f"{count(n_second, 'second sighting')} left out"] if n_second else []
     parts += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []

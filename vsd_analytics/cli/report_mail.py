@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from email.message import EmailMessage
 
     from vsd_analytics.report.send.sent_mails import Week
-    from vsd_analytics.site.model import MailRoute
+    from vsd_analytics.site.routes import MailRoute
 
 FOLDER = "mail"
 """Below the project, not among the reports: these may be published, and mails hold addresses."""

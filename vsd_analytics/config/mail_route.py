@@ -8,7 +8,7 @@ from typing import Final, get_args
 from urllib.parse import urlsplit
 
 from vsd_analytics.config.reader import REFUSED, TableReader
-from vsd_analytics.site.model import MailRoute, MailTls
+from vsd_analytics.site.routes import MailRoute, MailTls
 
 PORTS: Final[dict[MailTls, int]] = {"starttls": 587, "tls": 465, "none": 25}
 ADDRESS_MAX_CHARS: Final = 254

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
 from vsd_analytics.config.engine_error import read_engine
+from vsd_analytics.config.exchange import read_exchange
 from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
 from vsd_analytics.config.mail_route import read_base_url, read_chromium, read_mail
 from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
@@ -145,6 +146,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     fixtures = read_fixtures(root, floors=floors, timezone=timezone)
     broker = read_broker(root)
     engine = read_engine(root)
+    exchange = read_exchange(root)
     mail = read_mail(root)
     alarms = read_alarms(root, areas=areas, cameras=cameras)
     sources = read_sources(root, cameras=cameras)
@@ -164,6 +166,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         areas=areas,
         fixtures=fixtures,
         broker=broker,
+        exchange=exchange,
         alarms=alarms,
         alarm_delivery=delivery,
         engine=engine,

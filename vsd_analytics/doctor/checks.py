@@ -13,6 +13,7 @@ from pathlib import Path
 
 from vsd_analytics.config import FILE, find_project, load_site
 from vsd_analytics.doctor.finding import Finding
+from vsd_analytics.doctor.nodes import examine_exchange
 from vsd_analytics.errors import ConfigError, VsdError
 from vsd_analytics.report.pages.pdf import find_chromium
 from vsd_analytics.settings import SETTINGS, Settings
@@ -115,8 +116,10 @@ def _project(
             yield Finding(problem.where.file if problem.where else FILE, "needs you", place + problem.what, problem.fix)
         return
     yield Finding(FILE, "ok", f"site {site.site_id!r}: {len(site.floors)} floor(s), {len(site.cameras)} camera(s)")
-    yield _store(site)
+    if site.node is None:
+        yield _store(site)
     yield from _far_off(site)
+    yield from examine_exchange(site, now=now)
     yield _disk(site)
     yield _pseudonyms(site)
     yield from _watch(site)

@@ -22,6 +22,7 @@ from vsd_analytics.ingest.late_look import LateLook
 from vsd_analytics.ingest.limits import within_bounds
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.profile_camera import with_named_camera
+from vsd_analytics.ingest.pseudonyms import keys_of
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.recognise import find_adapter
@@ -34,7 +35,6 @@ from vsd_analytics.site.model import Site, SourceProfile
 from vsd_analytics.store import FoldResult, Store
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
-from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
 
 if TYPE_CHECKING:
@@ -162,8 +162,8 @@ def ingest(
         DiskError: E304 to E306, the disk refused; what was acknowledged before stays.
     """
     with_site(site, options)  # a mistake in the options is one of all files
-    store = store or Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
-    keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
+    store = store or Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
+    keys = None if is_dry_run else keys_of(site)
     normaliser = Normaliser(site, now=now, keys=keys)
     sources = [Source(path, settings=site.settings, shown=(shown or {}).get(path)) for path in paths]
     earlier = (line.source for line in imports_of(site.root / "store").values() if not line.is_taken_back)
@@ -265,7 +265,8 @@ class _Ingest:
             content=content_id(content),
             reading=reading_id(self.options, kind=result.format),
         )
-        note_import(self.site.root / "store", line)
+        for folder in dict.fromkeys((self.site.root / "store", self.site.acknowledged)):
+            note_import(folder, line)
         result.import_id = found
         return found
 

@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Container
 from datetime import date, datetime, timedelta
 
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.ingest.instants import QUARTER_MS
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.day_chain import read_chain
 from vsd_analytics.store.secrets import DayKeys, pseudonym
 
 NAMES_MAX = 500_000
+
+
+def keys_of(site: Site) -> DayKeys | None:
+    """Return the keys that name the tracks of a project; None where it keeps the engine's ids.
+
+    Raises:
+        StoreError: E320, the project is a node and has not joined its site: its own keys would give people a second
+            pseudonym.
+    """
+    if not site.settings.pseudonyms:
+        return None
+    folder = site.root / "secrets"
+    if site.node is not None and read_chain(folder) is None:
+        raise StoreError(
+            f"the node {site.node!r} has not joined its site",
+            code="E320",
+            where=Where(str(folder)),
+            why="with keys of its own, a person that two nodes see would count twice",
+            fix="at the site: vsd node invite --out join.json; carry the file here; then: vsd node join join.json",
+        )
+    return DayKeys(folder)
 
 
 class Pseudonyms:
@@ -58,7 +81,11 @@ class Pseudonyms:
         ]
         return pa.array(names, pa.string()).take(pa.array(of_row))
 
-    def of_days(self, ts_ms: np.ndarray, days: Collection[date]) -> np.ndarray:
+    def days(self, ts_ms: np.ndarray) -> set[date]:
+        """Return the site days of some instants (UTC milliseconds)."""
+        return {self._site_day(q) for q in np.unique(ts_ms // QUARTER_MS).tolist()}
+
+    def of_days(self, ts_ms: np.ndarray, days: Container[date]) -> np.ndarray:
         """Return which instants (UTC milliseconds) belong to one of some site days."""
         quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
         return np.array([self._site_day(q) in days for q in quarters.tolist()], dtype=bool)[of_row]

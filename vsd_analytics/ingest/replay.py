@@ -17,6 +17,7 @@ import msgspec
 from vsd_analytics.errors import DiskError, VsdError
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected
 from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.pseudonyms import keys_of
 from vsd_analytics.ingest.quarantine_reader import Rereader, how_read
 from vsd_analytics.ingest.quarantine_writer import SourceReading, entry_of, matches
 from vsd_analytics.schema import TABLES, TableName
@@ -97,8 +98,8 @@ def replay(
     reread = Rereader(site, options)
     if not folder.is_dir():
         return result
-    keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms and not is_dry_run else None
-    store = Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
+    keys = None if is_dry_run else keys_of(site)
+    store = Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
     attempt = _Attempt(site, reread, keys, now, None if is_dry_run else store, result)
     if not is_dry_run:
         result.waiting = store.fold()

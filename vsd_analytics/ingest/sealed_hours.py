@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,10 @@ import pyarrow as pa
 
 from vsd_analytics.ingest.pseudonyms import Pseudonyms
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.day_chain import FILE as CHAIN
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.seals import FOLDER, DaySeal, Seals
-from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.secrets import ClosedDays, DayKeys
 
 FORGOTTEN = "forgotten-day"
 
@@ -32,15 +32,16 @@ class ClosedTimes:
         self._known: object = None
         self._sealed_days: frozenset[int] = frozenset()
         self._read: dict[int, DaySeal | None] = {}
-        self._forgotten: frozenset[date] = frozenset()
+        self._forgotten = ClosedDays()
 
     def refresh(self) -> None:
         """Read the seals and forgotten days again if a purge has changed them since the last call."""
-        known = (_changed(self._seals.folder), _changed(self._keys.forgotten_path))
+        files = (self._seals.folder, self._keys.forgotten_path, self._keys.folder / CHAIN)
+        known = tuple(map(_changed, files))
         if known != self._known:
             self._sealed_days = frozenset(self._seals.days())
             self._read.clear()
-            self._forgotten = self._keys.forgotten()
+            self._forgotten = self._keys.closed()
             self._known = known
 
     @property

@@ -15,13 +15,13 @@ from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.frames import MessageRows
 from vsd_analytics.ingest.normalise import Normaliser
 from vsd_analytics.ingest.pipeline import with_site
+from vsd_analytics.ingest.pseudonyms import keys_of
 from vsd_analytics.ingest.quarantine_writer import SourceReading
 from vsd_analytics.ingest.raw import rejected
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.mapped import MappedReader, mapped_readers
 from vsd_analytics.schema import TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store.secrets import DayKeys
 
 RETAINED = "the broker stored this copy (retain flag), so its age is unknown: publish frames without the retain flag"
 EMPTY = "the message is empty"
@@ -63,7 +63,7 @@ class Preparer:
 
     def __init__(self, site: Site, *, now: datetime, readers: Sequence[MappedReader] | None = None) -> None:
         self._options = with_site(site, IngestOptions())
-        keys = DayKeys(site.root / "secrets") if site.settings.pseudonyms else None
+        keys = keys_of(site)
         self._normaliser = Normaliser(site, now=now, keys=keys)
         self._readers = mapped_readers(site) if readers is None else readers
         self.n_messages = 0

@@ -102,7 +102,7 @@ class Listener:
         self.status = Status(started=clock())
         self._clock, self._observers, self._report = clock, observers, report
         self._fold_every_s, self._status_every_s, self._linger_s = fold_every_s, status_every_s, linger_s
-        self._store = Store(site.root / "store", site_id=site.site_id)
+        self._store = Store(site.acknowledged, site_id=site.site_id)
         self._folding = Folding(self._store.root, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
         readers = mapped_readers(site)
         self._preparer = Preparer(site, now=clock(), readers=readers)

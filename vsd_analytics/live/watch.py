@@ -165,7 +165,7 @@ class _Watch:
 
     def __post_init__(self) -> None:
         settings = self.site.settings
-        self.store = GatheringStore(self.site.root / "store", site_id=self.site.site_id, ballast_mb=settings.ballast_mb)
+        self.store = GatheringStore(self.site.acknowledged, site_id=self.site.site_id, ballast_mb=settings.ballast_mb)
         self.pending: list[tuple[Waiting, SourceResult]] = []  # ingested, not yet durable
         self.seen: dict[Waiting, float] = {}  # files and when each was first seen as it is
         self.held: dict[Waiting, float] = {}  # files that cannot be read or moved now, and when to try again

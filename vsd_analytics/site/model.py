@@ -9,6 +9,7 @@ from typing import Final, Literal, get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.settings import Settings, Value
+from vsd_analytics.site.routes import ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
 Language = Literal["en", "it"]
@@ -287,37 +288,6 @@ class Broker:
     is_home_assistant: bool = False
 
 
-MailTls = Literal["starttls", "tls", "none"]
-
-
-@dataclass(frozen=True, slots=True)
-class MailRoute:
-    """How the weekly mail is sent: by an SMTP server, or by a mail program of this machine.
-
-    Attributes:
-        sender: Address it comes from.
-        to: Addresses it goes to.
-        smtp: Name or address of the server; None = `sendmail`.
-        port: TCP port of the server.
-        tls: "starttls" (encrypted before anything is said), "tls" (from the first byte), "none" (no login then).
-        user: None = no login; the password is never in vsd.toml: see `password_file`.
-        password_file: File outside the project with the password on its first line; the environment's
-            VSD_MAIL_PASSWORD wins.
-        ca_file: Certificates to trust; None = the system's.
-        sendmail: Program that takes a mail on its standard input; None = `smtp`.
-    """
-
-    sender: str
-    to: tuple[str, ...] = ()
-    smtp: str | None = None
-    port: int = 587
-    tls: MailTls = "starttls"
-    user: str | None = None
-    password_file: Path | None = None
-    ca_file: Path | None = None
-    sendmail: Path | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class EngineError:
     """The measurement error of the site's engine, as the site states it: from a data sheet or a check by hand.
@@ -393,6 +363,7 @@ class Site:
         own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of other settings lie
             beside theirs.
         broker: `[mqtt]`; None = no live source.
+        exchange: `[exchange]`; None = all records come to this project directly.
         alarms: `[[alarm]]`, in the order of the file.
         alarm_delivery: `[alarms]`.
         engine: `[engine]`; None = nothing is known of the engine's error.
@@ -417,6 +388,7 @@ class Site:
     areas: tuple[Area, ...] = ()
     fixtures: tuple[Fixture, ...] = ()
     broker: Broker | None = None
+    exchange: ExchangeRoute | None = None
     alarms: tuple[AlarmRule, ...] = ()
     alarm_delivery: AlarmDelivery = field(default_factory=AlarmDelivery)
     engine: EngineError | None = None
@@ -438,6 +410,16 @@ class Site:
     def with_own_settings(self) -> Site:
         """Return the site with the settings of vsd.toml in force."""
         return self if self.own_settings is None else replace(self, settings=self.own_settings, own_settings=None)
+
+    @property
+    def node(self) -> str | None:
+        """Return the name of the node that this project is; None = it is a site's own store."""
+        return None if self.exchange is None else self.exchange.node
+
+    @property
+    def acknowledged(self) -> Path:
+        """Return the folder of the spool that records go to: `outbox` of a node, else `store`."""
+        return self.root / ("store" if self.node is None else "outbox")
 
     @property
     def zone(self) -> ZoneInfo:

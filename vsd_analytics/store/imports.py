@@ -41,6 +41,7 @@ class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
         is_taken_back: The line says that the import was taken back.
         content: A hash of the file's bytes; "" in lines of earlier versions.
         reading: A hash of how it was read: columns, units, clock.
+        node: Node that read it; "" = this project.
     """
 
     id: str
@@ -51,6 +52,7 @@ class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     is_taken_back: bool = False
     content: str = ""
     reading: str = ""
+    node: str = ""
 
 
 @dataclass

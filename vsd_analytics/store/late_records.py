@@ -30,7 +30,9 @@ def is_late(rows: pa.Table, seals: Seals) -> pa.Array:
     return pa.array(np.array(is_sealed, dtype=bool)[of_row])
 
 
-def to_quarantine(folder: Path, table: TableName, rows: pa.Table, *, segment: Path) -> None:
+def to_quarantine(
+    folder: Path, table: TableName, rows: pa.Table, *, source: str, reason: str = SEALED, detail: str = _DETAIL
+) -> None:
     """Put rows of one segment into quarantine, durably; a second time changes nothing.
 
     The entries get no instant of arrival, so they cannot be replayed. A replay would replace their track ids, which
@@ -39,10 +41,10 @@ def to_quarantine(folder: Path, table: TableName, rows: pa.Table, *, segment: Pa
     for start in range(0, rows.num_rows, _CHUNK):
         held = [
             quarantine.QuarantineEntry(
-                source=f"store/live/{table}/{segment.name}",
+                source=source,
                 line=line,
-                reason=SEALED,
-                detail=_DETAIL,
+                reason=reason,
+                detail=detail,
                 text=", ".join(f"{c}={v}" for c, v in row.items())[:_TEXT_CHARS],
                 table=table,
                 row=_raw(row),

@@ -1,7 +1,8 @@
 """The secret key of each site day that turns track ids into pseudonyms; the keys are outside the store.
 
-There is one random key per site day in `<project>/secrets/<YYYY-MM-DD>.key`. While it exists, a record that is
-delivered again gets the same track id and is recognised. Destroying it makes the pseudonyms irreversible.
+There is one key per site day in `<project>/secrets/<YYYY-MM-DD>.key`. While it exists, a record that is delivered again
+gets the same track id and is recognised. Destroying it makes the pseudonyms irreversible. Keys are random; those of a
+site with nodes come from one secret that all of them hold (`store.day_chain`).
 """
 
 from __future__ import annotations
@@ -13,15 +14,42 @@ import json
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 from vsd_analytics.errors import StoreError, Where
+from vsd_analytics.store.day_chain import DayChain, day_after, new_chain, read_chain, write_chain
 from vsd_analytics.store.durable import fsync_dir, make_dirs, publish, remove, sweep_temporaries, temporary
 
 KEY_BYTES = 32
 _KEY = re.compile(r"^(\d{4}-\d{2}-\d{2})\.key$")
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedDays:
+    """Site days that get no key (again).
+
+    Attributes:
+        days: Days whose keys were destroyed.
+        before: Days before this one without a key were forgotten with a later day, because a chain has no gaps; None =
+            there is no chain.
+        held: Days before it that have a key.
+    """
+
+    days: frozenset[date] = frozenset()
+    before: date | None = None
+    held: frozenset[date] = frozenset()
+
+    def __contains__(self, day: object) -> bool:
+        return day in self.days or (isinstance(day, date) and self._is_before(day))
+
+    def __bool__(self) -> bool:
+        return bool(self.days)
+
+    def _is_before(self, day: date) -> bool:
+        return self.before is not None and day < self.before and day not in self.held
 
 
 class DayKeys:
@@ -67,8 +95,57 @@ class DayKeys:
                 fix="restore it from a backup; without it a day could get a second key and count twice",
             ) from None
 
+    def closed(self) -> ClosedDays:
+        """Return the days that get no key: forgotten ones, and those that a chain can no longer give.
+
+        Raises:
+            StoreError: E303, a file is damaged.
+        """
+        chain, days = read_chain(self.folder), self.forgotten()
+        before = None if chain is None else chain.day
+        return ClosedDays(days, before, frozenset(d for d in self.days() if before is not None and d < before))
+
+    def chain(self) -> DayChain:
+        """Return the secret that this site shares with its nodes; make it when there is none.
+
+        Days that have a key keep it.
+        """
+        with self._alone():
+            found = read_chain(self.folder)
+            if found is None:
+                forgotten = self.forgotten()
+                found = new_chain(day_after(max(forgotten))) if forgotten else new_chain()
+                write_chain(self.folder, found)
+            return found
+
+    def join(self, chain: DayChain, keys: Mapping[date, bytes], forgotten: Iterable[date]) -> None:
+        """Take over the secret of a site: its chain, the keys of days that have one of their own, and forgotten days.
+
+        Raises:
+            StoreError: E320, this project has another chain or another key of a day already.
+        """
+        with self._alone():
+            own = read_chain(self.folder)
+            here = {d: (self.folder / f"{d.isoformat()}.key").read_bytes() for d in self.days()}
+            later = max(chain.day, chain.day if own is None else own.day)
+            is_other = own is not None and own.from_day(later) != chain.from_day(later)
+            other = [d for d, key in here.items() if key != keys.get(d, chain.key(d))]
+            if is_other or other:
+                raise StoreError(
+                    "this project has other keys than the site already",
+                    code="E320",
+                    where=Where(str(self.folder)),
+                    why="records named by other keys would give one person two pseudonyms",
+                    fix="make the node in a new folder: copy vsd.toml there, then vsd node join FILE",
+                )
+            for day, key in keys.items():
+                self.put(day, key)
+            write_chain(self.folder, chain.from_day(later))
+        if days := set(forgotten):
+            self.forget(days)
+
     def forget(self, days: Iterable[date]) -> None:
-        """Destroy the keys of site days for good."""
+        """Destroy the keys of site days for good; a chain then begins after the last of them."""
         with self._alone():
             # the list first: after a crash in between, a day without a key must not get a second one
             sweep_temporaries(self.folder)
@@ -77,6 +154,8 @@ class DayKeys:
             for day in every:
                 self._known.pop(day, None)
                 remove(self.folder / f"{day.isoformat()}.key")
+            if every and (chain := read_chain(self.folder)) is not None and chain.day <= every[-1]:
+                write_chain(self.folder, chain.from_day(day_after(every[-1])))
             fsync_dir(self.folder)
 
     @contextlib.contextmanager
@@ -104,7 +183,7 @@ class DayKeys:
                 fsync_dir(self.folder)  # its maker may have been killed before it synced the folder
             else:
                 with self._alone():
-                    if day in self.forgotten():
+                    if day in self.closed():
                         raise StoreError(
                             f"the key of {day} was destroyed",
                             code="E303",
@@ -112,7 +191,9 @@ class DayKeys:
                             why="with another key, records of that day would not be recognised and would count twice",
                             fix="do not ingest records of that day",
                         )
-                    self.put(day, secrets.token_bytes(KEY_BYTES))
+                    chain = read_chain(self.folder)
+                    derived = None if chain is None else chain.key(day)
+                    self.put(day, derived or secrets.token_bytes(KEY_BYTES))
             key = path.read_bytes()
             if len(key) != KEY_BYTES:
                 raise StoreError(

@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.errors import DiskError, StoreError, VsdError, Where, disk_error
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.store import ballast, durable, late_records, quarantine, removal
+from vsd_analytics.store import ballast, durable, late_records, outbox, quarantine, removal
 from vsd_analytics.store.layout import HOUR_MS, Part, list_days, list_parts, segment_paths, unit_folder
 from vsd_analytics.store.new_rows import new_rows
 from vsd_analytics.store.owners import OWNER, owned_by
@@ -67,11 +67,13 @@ class FoldResult:
         tables: Counts by table.
         hours: UTC hour numbers that gained a part.
         is_ballast_spent: The disk was full, and the fold released the ballast to get space (W304).
+        n_to_hand_on: Records of a node that were made ready for the site's store; a node folds nothing.
     """
 
     tables: Mapping[TableName, TableCounts] = field(default_factory=dict)
     hours: frozenset[int] = frozenset()
     is_ballast_spent: bool = False
+    n_to_hand_on: int = 0
 
     @property
     def n_new(self) -> int:
@@ -88,7 +90,7 @@ class Store:
     """The three tables of one site.
 
     Args:
-        root: The store folder (`<project>/store`).
+        root: The store folder (`<project>/store`), or the outbox of a node.
         site_id: The site's id, the Hive folder of its parts.
         ballast_mb: Ballast that a fold reserves when there is space, in megabytes; 0 removes it, None leaves it.
     """
@@ -121,7 +123,7 @@ class Store:
         return int(rows.num_rows)
 
     def fold(self, *, on_rows: Callable[[int], None] | None = None) -> FoldResult:
-        """Move the spool into parts.
+        """Move the spool into parts; on a node make it ready to be handed on (`store.outbox`).
 
         Args:
             on_rows: Called with the number of spool rows done, for a progress bar.
@@ -135,6 +137,9 @@ class Store:
         """
         if not self.root.is_dir() or self._has_nothing_to_do():
             return FoldResult()
+        if self.root.name == outbox.FOLDER:
+            with durable.exclusive(self.root / ".lock"):
+                return FoldResult(n_to_hand_on=outbox.make_ready(self.root))
         while True:
             # an unfinished removal needs `.purge.lock`, which comes before `.lock` in the order of locks: finish it
             # outside, and look again inside, because another purge may have begun in between
@@ -279,7 +284,8 @@ class Store:
             mask = late_records.is_late(rows, seals)
             if not pc.any(mask).as_py():
                 continue
-            late_records.to_quarantine(self.root.parent / quarantine.FOLDER, table, rows.filter(mask), segment=path)
+            late, source = rows.filter(mask), f"store/live/{table}/{path.name}"
+            late_records.to_quarantine(self.root.parent / quarantine.FOLDER, table, late, source=source)
             rest = rows.filter(pc.invert(mask))
             n_late += rows.num_rows - rest.num_rows
             left.pop()

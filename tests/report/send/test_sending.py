@@ -19,7 +19,7 @@ from report import sample_weeks as weeks
 from vsd_analytics.errors import MailError
 from vsd_analytics.report.pages.mail import as_bytes, make_mail
 from vsd_analytics.report.send.mail_server import PASSWORD_VARIABLE, password_of, send
-from vsd_analytics.site.model import MailRoute
+from vsd_analytics.site.routes import MailRoute
 
 controller = pytest.importorskip("aiosmtpd.controller", reason="aiosmtpd is not installed")
 smtp = pytest.importorskip("aiosmtpd.smtp")

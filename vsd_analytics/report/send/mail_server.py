@@ -21,7 +21,7 @@ from typing import Final
 
 from vsd_analytics.errors import MailError
 from vsd_analytics.report.pages.mail import as_bytes
-from vsd_analytics.site.model import MailRoute
+from vsd_analytics.site.routes import MailRoute
 
 PASSWORD_VARIABLE: Final = "VSD_MAIL_PASSWORD"
 TIMEOUT_S: Final = 60.0

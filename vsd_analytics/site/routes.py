@@ -1,0 +1,51 @@
+"""Where a project sends things: the weekly mail, and the records of a node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeRoute:
+    """Where nodes hand on what they acknowledged, and the store of the site receives it.
+
+    Attributes:
+        place: Absolute path of a folder, or `s3://BUCKET/FOLDER`.
+        node: Name of this node, which hands on; None = this project is the site's store, which receives.
+    """
+
+    place: str
+    node: str | None = None
+
+
+MailTls = Literal["starttls", "tls", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class MailRoute:
+    """How the weekly mail is sent: by an SMTP server, or by a mail program of this machine.
+
+    Attributes:
+        sender: Address it comes from.
+        to: Addresses it goes to.
+        smtp: Name or address of the server; None = `sendmail`.
+        port: TCP port of the server.
+        tls: "starttls" (encrypted before anything is said), "tls" (from the first byte), "none" (no login then).
+        user: None = no login; the password is never in vsd.toml: see `password_file`.
+        password_file: File outside the project with the password on its first line; the environment's
+            VSD_MAIL_PASSWORD wins.
+        ca_file: Certificates to trust; None = the system's.
+        sendmail: Program that takes a mail on its standard input; None = `smtp`.
+    """
+
+    sender: str
+    to: tuple[str, ...] = ()
+    smtp: str | None = None
+    port: int = 587
+    tls: MailTls = "starttls"
+    user: str | None = None
+    password_file: Path | None = None
+    ca_file: Path | None = None
+    sendmail: Path | None = None
