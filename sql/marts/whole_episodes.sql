@@ -19,8 +19,10 @@
 --   is_violation      it lasted at least episode_min_s: what reports call a violation
 --   is_owned          false where no record counts: another camera sees the place better
 -- steps:
---   members  rank 1 is the camera that counts the episode; first_rank and last_rank find the member that saw its start and its end
---   whole    members that own no record are left out where another member owns one, so that no record counts twice
+--   members  camera episodes that another camera saw as well; rank 1 is the camera that counts the episode; first_rank and last_rank
+--            find the member that saw its start and its end
+--   whole    members that own no record are left out where another member owns one, so that no record counts twice; most episodes
+--            were seen by one camera alone and need no ranks, which would take most of the time
 -- assumes: counting violations needs no more than this; groups and areas, which cost far more, are joined in episodes and violations
 with members as (
     select
@@ -41,19 +43,19 @@ with members as (
         e.min_distance_mm,
         e.sum_distance_mm,
         e.is_owned,
-        coalesce(shared_episodes.first, e.number) as episode,
+        shared_episodes.first as episode,
         row_number() over (
-            partition by coalesce(shared_episodes.first, e.number) order by e.is_owned desc, e.n_records desc, e.number asc
+            partition by shared_episodes.first order by e.is_owned desc, e.n_records desc, e.number asc
         ) as rank,
         row_number() over (
-            partition by coalesce(shared_episodes.first, e.number), e.is_owned order by e.from_ms - e.before_ms asc, e.number asc
+            partition by shared_episodes.first, e.is_owned order by e.from_ms - e.before_ms asc, e.number asc
         ) as first_rank,
         row_number() over (
-            partition by coalesce(shared_episodes.first, e.number), e.is_owned order by e.to_ms + e.after_ms desc, e.number asc
+            partition by shared_episodes.first, e.is_owned order by e.to_ms + e.after_ms desc, e.number asc
         ) as last_rank,
-        bool_or(e.is_owned) over (partition by coalesce(shared_episodes.first, e.number)) as any_owned
+        bool_or(e.is_owned) over (partition by shared_episodes.first) as any_owned
     from camera_episodes as e
-    left join shared_episodes on e.number = shared_episodes.number
+    inner join shared_episodes on e.number = shared_episodes.number
 ),
 
 whole as (
@@ -77,6 +79,23 @@ whole as (
     from members
     where is_owned = any_owned
     group by episode
+    union all
+    select
+        camera_id,
+        track_a,
+        track_b,
+        from_ms as started_ms,
+        to_ms as ended_ms,
+        to_ms + after_ms - from_ms + before_ms as duration_ms,
+        not knows_start or not knows_end as is_cut,
+        n_records,
+        x2_mm / nullif(2 * n_located, 0) as x_mm,
+        y2_mm / nullif(2 * n_located, 0) as y_mm,
+        min_distance_mm,
+        sum_distance_mm / n_measured as mean_distance_mm,
+        is_owned
+    from camera_episodes
+    where number not in (select number from shared_episodes)
 )
 
 select

@@ -11,7 +11,7 @@ import pytest
 
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.warehouse.arrays import floor_cells, pairs
-from vsd_analytics.warehouse.arrays.columns import order_by, summed
+from vsd_analytics.warehouse.arrays.columns import counted, order_by, summed
 from vsd_analytics.warehouse.arrays.stored import NotedColumns
 from vsd_analytics.warehouse.build import build
 
@@ -32,6 +32,19 @@ def test_runs_are_in_the_order_of_their_rows(n_values: int, length: int) -> None
         assert found["key"].tolist() == there.tolist()
         assert found["n"].tolist() == [int((key == k).sum()) for k in there]
         assert found["other"].tolist() == [int(other[key == k].sum()) for k in there]
+
+
+@pytest.mark.parametrize("n_keys", [60, 10**9])
+def test_keys_in_a_table_and_sorted_keys_are_counted_alike(n_keys: int) -> None:
+    rng = np.random.default_rng(n_keys)
+    some, others = rng.choice(n_keys, 20), rng.choice(n_keys, 40)
+    both = np.concatenate([some, others])
+    weights = rng.integers(0, 10**12, len(both))
+    keys, (n_some, n_others, added) = counted(n_keys, (some, None), (others, None), (both, weights))
+    assert keys.tolist() == np.unique(both).tolist()
+    assert n_some.tolist() == [int((some == k).sum()) for k in keys]
+    assert n_others.tolist() == [int((others == k).sum()) for k in keys]
+    assert added.tolist() == [int(weights[both == k].sum()) for k in keys]
 
 
 def test_people_are_near_across_the_ends_of_blocks(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, make_site, p
 
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 from vsd_analytics.store import Store
+from vsd_analytics.warehouse.arrays import held
 from vsd_analytics.warehouse.arrays.columns import NULL, beside, grouped_by, order_by, rounded
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -149,6 +150,7 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
 @example(Scene(2, n_people=60, step_ms=20_000, pace=0.0, opens_at_half_past=True))
 @example(Scene(3, sends_pixels=True, sends_pairs=True, falling_numbers=True, share_with_ids=0.7))
 @example(Scene(5, sends_persons=False, sends_pairs=True))
+@example(Scene(6, sends_pairs=True, has_beats=False, share_lost=0.0))
 @settings(max_examples=3, deadline=None)
 def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
     expected, found = both(scene)
@@ -163,6 +165,14 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
             "walk_cells",
             "track_ends",
         }
+
+
+def test_facts_of_people_and_pairs_with_ids_need_no_query(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(6, n_people=4, sends_pairs=True)
+    site = site_of(scene, tmp_path)
+    put(site, records_of(scene))
+    monkeypatch.setattr(held, "connect", lambda **_: pytest.fail("a query runs"))
+    assert facts_of(site, by_queries=False)["pairs"].num_rows > 0
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-(2**40), 2**40), st.booleans())))

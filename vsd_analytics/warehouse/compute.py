@@ -16,7 +16,7 @@ from vsd_analytics.warehouse.arrays.batch import Batch
 from vsd_analytics.warehouse.arrays.camera_days import camera_days as days_of_cameras
 from vsd_analytics.warehouse.arrays.held import ENUMS, Held
 from vsd_analytics.warehouse.arrays.stored import columns_of, id_names, read_records
-from vsd_analytics.warehouse.dimensions import camera_table, params, register_quarters, register_site
+from vsd_analytics.warehouse.dimensions import camera_table, params, quarters, register_site, site_relations
 from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
 from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.input_fingerprint import dependencies
@@ -30,7 +30,6 @@ Parts = Mapping[TableName, Sequence[Part]]
 
 PAIRS = "pairs"
 """The fact with a row for almost every record, which most others are computed from."""
-_WITH_CAMERAS = ("cameras", "calibrations", "owner_cells", "camera_days")
 
 
 def day_facts(site: Site, parts: Parts, *, by_queries: bool = False) -> pa.Table:
@@ -85,31 +84,27 @@ def hour_facts(
     computed, inputs = dependencies(facts)
     margin_ms = reach_ms(params(site), camera_days.to_pylist())
     spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
+    around = quarters(first_hour=first_hour - 1, last_hour=last_hour + 1)
+    small = {**site_relations(site), "quarters": around, "camera_days": camera_days}
     yielded = set[str]()  # before DuckDB failed: a second try computes them again but must not yield them twice
     for is_careful in (False, True):
         name = ""
         try:
-            with connect(is_careful=is_careful) as con:
-                register_site(con, site)
-                register_quarters(con, first_hour=first_hour - 1, last_hour=last_hour + 1)
-                con.register("_camera_days", camera_days)
-                con.execute("create temp table camera_days as select * from _camera_days")
-                name = "stored records"
-                held = _load(con, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans)
+            name = "stored records"
+            with _load(small, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans, is_careful) as held:
                 batch = None if is_careful or by_queries else Batch(held, params(site))
                 order = [r for r in relations("staging", "facts").values() if r.name in computed]
                 for number, relation in enumerate(order):
                     name = relation.name
                     is_array = False
                     if name == PAIRS and pairs:
-                        held.publish(())
-                        _read_fact(con, relation, pairs, *spans)
+                        _read_fact(held.con, relation, pairs, *spans)
                     elif batch is None or not (is_array := batch.computes(relation)):
                         held.publish(relation.reads)
-                        create(con, relation)
+                        create(held.con, relation)
                     if name in facts and name not in yielded:
                         hours = (first_hour, last_hour)
-                        yield relation, held.table(relation, *hours) if is_array else _rows(con, relation, *hours)
+                        yield relation, held.table(relation, *hours) if is_array else _rows(held.con, relation, *hours)
                         yielded.add(name)
                     if relation.layer == "facts" and name != PAIRS:
                         held.forget(name)
@@ -149,14 +144,18 @@ def _read_fact(
 
 
 def _load(
-    con: duckdb.DuckDBPyConnection, tables: Sequence[TableName], parts: Parts, first_ms: int, after_ms: int
+    small: Mapping[str, pa.Table],
+    tables: Sequence[TableName],
+    parts: Parts,
+    first_ms: int,
+    after_ms: int,
+    is_careful: bool,
 ) -> Held:
-    """Return the stored records in [first_ms, after_ms), and make the ids of all tables enums."""
+    """Return the stored records in [first_ms, after_ms) beside the small tables; the ids of all are enums."""
     records = {table: read_records(table, parts[table], first_ms, after_ms) for table in tables}
-    every = " union ".join(f"select camera_id from {relation}" for relation in _WITH_CAMERAS)
-    cameras = (camera for (camera,) in con.execute(every).fetchall())
-    names = id_names(records, cameras)
-    held = Held(con, names, _WITH_CAMERAS)
+    with_cameras = (rows["camera_id"] for rows in small.values() if "camera_id" in rows.column_names)
+    names = id_names(records, (camera for column in with_cameras for camera in column.unique().to_pylist()))
+    held = Held(small, names, is_careful=is_careful)
     for table, rows in records.items():
         held.add_stored(f"stored_{table}", rows, columns_of(rows, names))
     return held

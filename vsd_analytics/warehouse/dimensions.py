@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from functools import cache, lru_cache
@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from vsd_analytics.settings import DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
+from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
 from vsd_analytics.site.model import Calibration, Camera, Floor, Point, Site
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _param(name: str, value: Any) -> tuple[str, int | float]:
     stem, _, unit = name.rpartition("_")
     if unit in ("m", "s"):
         return f"{stem}_m{unit}", round(value * 1000)
-    return name, value if isinstance(DEFAULTS.values[name], int) else float(value)
+    return name, value if isinstance(BY_NAME[name].default, int) else float(value)
 
 
 def bucket_quarters(site: Site) -> int:
@@ -128,23 +128,44 @@ def _has_whole_hours(timezone: str) -> bool:
     return all(o is not None and o % timedelta(hours=1) == timedelta() for o in offsets)
 
 
-def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
-    """Create `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
-    _create(con, "params", pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}))
-    _create(con, "cameras", camera_table(site))
-    _create(con, "calibrations", _calibration_table(site))
-    _create(con, "owner_cells", owner_cells(site))
+def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Table]:
+    """Return `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
     areas = [(a.area_id, i, a.name, a.floor_id, a.is_door, a.served_in) for i, a in enumerate(site.areas)]
-    _create(con, "areas", _table(_AREAS, areas))
-    _create(con, "area_cells", area_cells(site))
-    _create(con, "visit_cells", _cells_of(site, areas_with_stays(site)))
-    _create(con, "count_cells", _cells_of(site, areas_with_counts(site)))
-    _create(con, "count_floors", _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]))
+    cells = area_cells(site)
+    return {
+        "params": pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}),
+        "cameras": camera_table(site),
+        "calibrations": _calibration_table(site),
+        "owner_cells": owner_cells(site),
+        "areas": _table(_AREAS, areas),
+        "area_cells": cells,
+        "visit_cells": _of_areas(cells, areas_with_stays(site)),
+        "count_cells": _of_areas(cells, areas_with_counts(site)),
+        "count_floors": _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]),
+    }
+
+
+def quarters(*, first_hour: int, last_hour: int) -> pa.Table:
+    """Return the relation `quarters`: every UTC quarter-hour number of the hours in [first_hour, last_hour]."""
+    return pa.table({"quarter": np.arange(first_hour * 4, last_hour * 4 + 4, dtype="int64")})
+
+
+def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
+    """Create `site_relations`."""
+    create_tables(con, site_relations(site, heat_cell_m=heat_cell_m))
 
 
 def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
-    """Create `quarters`: every UTC quarter-hour number of the hours in [first_hour, last_hour]."""
-    _create(con, "quarters", pa.table({"quarter": np.arange(first_hour * 4, last_hour * 4 + 4, dtype="int64")}))
+    """Create `quarters`."""
+    create_tables(con, {"quarters": quarters(first_hour=first_hour, last_hour=last_hour)})
+
+
+def create_tables(con: duckdb.DuckDBPyConnection, tables: Mapping[str, pa.Table]) -> None:
+    """Create tables of the names and rows given."""
+    for name, rows in tables.items():
+        con.register(f"_{name}", rows)
+        con.execute(f"create or replace temp table {name} as select * from _{name}")
+        con.unregister(f"_{name}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,11 +300,10 @@ def areas_with_counts(site: Site) -> frozenset[str]:
     return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
 
 
-def _cells_of(site: Site, area_ids: Collection[str]) -> pa.Table:
+def _of_areas(cells: pa.Table, area_ids: Collection[str]) -> pa.Table:
     """Return the rows of `area_cells` of some areas."""
     import pyarrow.compute as pc
 
-    cells = area_cells(site)
     return cells.filter(pc.is_in(cells["area_id"], pa.array(sorted(area_ids), pa.string())))
 
 
@@ -375,9 +395,3 @@ def calibration_rows(camera: Camera) -> Sequence[tuple[Any, ...]]:
 def _table(schema: pa.Schema, rows: list[tuple[Any, ...]]) -> pa.Table:
     columns = list(zip(*rows, strict=True)) if rows else [()] * len(schema)
     return pa.table([pa.array(c, type=f.type) for c, f in zip(columns, schema, strict=True)], schema=schema)
-
-
-def _create(con: duckdb.DuckDBPyConnection, name: str, table: pa.Table) -> None:
-    con.register(f"_{name}", table)
-    con.execute(f"create or replace temp table {name} as select * from _{name}")
-    con.unregister(f"_{name}")

@@ -93,7 +93,7 @@ class Batch:
     def computes(self, relation: Relation) -> bool:
         """Compute a relation as arrays; False where its query has to run. All that it reads was computed."""
         asked = [name for name in relation.reads if name in _ASKED]
-        if asked and not any(len(values) for name in asked for values in self._held[name].values()):
+        if asked and not any(self._held.small[name].num_rows for name in asked):
             self._held.add(relation.name, relation.columns, none_of(relation))
             return True
         compute = COMPUTED.get(relation.name) if self._is_on else None

@@ -20,6 +20,8 @@ _DIGIT_BITS = 16
 _BLOCK = 250_000
 _RUN = 16
 """Rows of a run at least, on average, for sorting runs to cost less than sorting rows."""
+_ROOM = 4
+"""Numbers a row may take of a table with a place for every key; where it is more, keys are sorted."""
 NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
 
@@ -147,6 +149,24 @@ def summed(keys: Columns, values: Columns) -> Columns:
         keys, values = take(keys, runs), {name: sums(v, runs) for name, v in values.items()}
     order, starts = grouped_by(*keys.values())
     return {**take(keys, order[starts]), **{name: sums(v[order], starts) for name, v in values.items()}}
+
+
+def counted(n: int, *series: tuple[Ints, Ints | None]) -> tuple[Ints, list[Ints]]:
+    """Return the keys that occur, in order, and of each series how often each occurs, or the sum of its weights.
+
+    Keys are counted in a table with a place for every key, where that needs few numbers for each row.
+
+    Args:
+        n: Keys are at least 0 and less than this.
+        series: Keys, and a weight for each; None = 1. A key that only a series with weights has is left out.
+    """
+    every = np.arange(n) if n <= _ROOM * sum(len(keys) for keys, _ in series) else None
+    if every is None:
+        every = distinct(np.concatenate([keys for keys, _ in series]))
+        series = tuple((np.searchsorted(every, keys), weights) for keys, weights in series)
+    found = [np.bincount(keys, weights, minlength=len(every)).astype(np.int64, copy=False) for keys, weights in series]
+    used = np.flatnonzero(sum(of for of, (_, weights) in zip(found, series, strict=True) if weights is None))
+    return every[used], [of[used] for of in found]
 
 
 def beside(group: Ints, x: Ints, reach: int) -> Iterator[tuple[Ints, Ints]]:

@@ -23,7 +23,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     starts_of,
 )
 from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
+from vsd_analytics.warehouse.arrays.site_tables import BucketRuns, SiteTables, numbered
 
 _ROOM = 4
 """Numbers a record may take of a table with every cell; where it is more, records are sorted."""
@@ -35,27 +35,18 @@ class _Places:
     """Where some records are, in order of camera and instant, or of hour, camera and instant.
 
     Attributes:
-        starts: First row of each run of one camera and time bucket.
-        camera_id, bucket: Camera and first quarter of the time bucket, of each run.
+        runs: Their runs of one camera and time bucket.
         cx, cy: Cell of each record.
     """
 
-    starts: Ints
-    camera_id: Ints
-    bucket: Ints
+    runs: BucketRuns
     cx: Ints
     cy: Ints
 
     @classmethod
     def of(cls, records: Columns, cx: Ints, cy: Ints, site: SiteTables) -> _Places:
         """Return where records are, given camera and instant of each and its cell."""
-        bucket = bucket_of(records["ts_ms"], site)
-        starts = starts_of(records["camera_id"], bucket)
-        return cls(starts, records["camera_id"][starts].astype(np.int64), bucket[starts], cx, cy)
-
-    def each(self, of_run: Ints) -> Ints:
-        """Return a number of each record, given one of each run."""
-        return np.repeat(of_run, np.diff(self.starts, append=len(self.cx)))
+        return cls(BucketRuns.of(records["camera_id"], records["ts_ms"], site), cx, cy)
 
 
 def floor_cells(held: Held, site: SiteTables) -> Columns:
@@ -79,7 +70,7 @@ def floor_cells(held: Held, site: SiteTables) -> Columns:
         "violation_persons": counts[1],
         "violation_ms": _added(close["weight_ms"], numbers[1], n),
         "violation_records": counts[2],
-        "n_tracks": _n_tracks(numbers[0], stood["track_id"], people[0].starts, n, site.n_tracks),
+        "n_tracks": _n_tracks(numbers[0], stood["track_id"], people[0].runs.starts, n, site.n_tracks),
     }
     used = np.flatnonzero(counts[0] + counts[1] + counts[2])
     return found if len(used) == n else {name: values[used] for name, values in found.items()}
@@ -102,7 +93,7 @@ def _added(values: Ints, at: Ints, n: int) -> Ints:
 
 def _numbered(places: list[_Places]) -> tuple[list[Ints], Columns]:
     """Return the number of the cell of each record, and camera, bucket and place of all cells, in order of the fact."""
-    groups, cameras, buckets = _groups(places)
+    groups, cameras, buckets = numbered([of.runs for of in places])
     if not len(cameras):
         return [of.cx for of in places], dict.fromkeys(("camera_id", "bucket_quarter", "cx", "cy"), cameras)
     n_cameras = int(cameras.max()) + 1
@@ -118,7 +109,7 @@ def _numbered(places: list[_Places]) -> tuple[list[Ints], Columns]:
     for of, group in zip(places, groups, strict=True):
         number = of.cx * height
         number += of.cy
-        number += of.each(at_zero[group])
+        number += of.runs.each(at_zero[group])
         numbers.append(number)
     group = np.repeat(np.arange(len(cameras)), n_cells)
     camera = cameras[group]
@@ -126,31 +117,18 @@ def _numbered(places: list[_Places]) -> tuple[list[Ints], Columns]:
     return numbers, {"camera_id": camera, "bucket_quarter": buckets[group], "cx": x + x0[camera], "cy": y + y0[camera]}
 
 
-def _groups(places: list[_Places]) -> tuple[list[Ints], Ints, Ints]:
-    """Return the number of camera and bucket of each run, and the camera and bucket of each number.
-
-    Numbers are in order of hour, camera and quarter.
-    """
-    camera, bucket = (np.concatenate([getattr(of, c) for of in places]) for c in ("camera_id", "bucket"))
-    order, starts = grouped_by(bucket // 4, camera, bucket)
-    number = np.empty(len(order), dtype=np.int64)
-    number[order] = run_of(starts, len(order))
-    at = order[starts]
-    return np.split(number, np.cumsum([len(of.starts) for of in places])[:-1]), camera[at], bucket[at]
-
-
 def _extents(places: list[_Places], column: str, n_cameras: int) -> tuple[Ints, Ints]:
     """Return the least cell of each camera along one axis, and how many there are up to the greatest."""
     low, high = np.full(n_cameras, 2**40, dtype=np.int64), np.full(n_cameras, -(2**40), dtype=np.int64)
     for of in places:
-        np.minimum.at(low, of.camera_id, least(getattr(of, column), of.starts))
-        np.maximum.at(high, of.camera_id, greatest(getattr(of, column), of.starts))
+        np.minimum.at(low, of.runs.camera_id, least(getattr(of, column), of.runs.starts))
+        np.maximum.at(high, of.runs.camera_id, greatest(getattr(of, column), of.runs.starts))
     return low, np.maximum(high - low + 1, 0)
 
 
 def _sorted(places: list[_Places], groups: list[Ints], cameras: Ints, buckets: Ints) -> tuple[list[Ints], Columns]:
     """Do what `_numbered` does, with numbers for those cells only that have records."""
-    group = np.concatenate([of.each(own) for of, own in zip(places, groups, strict=True)])
+    group = np.concatenate([of.runs.each(own) for of, own in zip(places, groups, strict=True)])
     cx, cy = (np.concatenate([getattr(of, c) for of in places]) for c in ("cx", "cy"))
     order, starts = grouped_by(group, cx, cy)
     number = np.empty(len(order), dtype=np.int64)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +12,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.arrays.columns import NULL, Columns
+from vsd_analytics.warehouse.dimensions import create_tables
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 if TYPE_CHECKING:
@@ -33,22 +37,43 @@ _INT32 = frozenset(
 
 
 class Held:
-    """Relations of one batch.
+    """Relations of one batch. Use it as a context manager: it holds a connection from the first query on.
 
     Args:
-        con: The connection with the small tables of the site.
+        small: The small tables of the site and of the batch, by name.
         names: Names by enum type, in order.
-        with_cameras: Those of the small tables that have cameras.
+        is_careful: Run joins in the order they are written (`store.duck.connect`).
     """
 
     def __init__(
-        self, con: duckdb.DuckDBPyConnection, names: Mapping[str, pa.Array], with_cameras: Iterable[str]
+        self, small: Mapping[str, pa.Table], names: Mapping[str, pa.Array], *, is_careful: bool = False
     ) -> None:
-        self._con, self._names, self._with_cameras = con, names, tuple(with_cameras)
+        self.small, self._names, self._is_careful = small, names, is_careful
         self._columns: dict[str, Columns] = {}
         self._unpublished: dict[str, tuple[str, ...]] = {}
         self._stored: dict[str, pa.Table] = {}
-        self._has_enums = False
+
+    def __enter__(self) -> Held:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        if "con" in self.__dict__:
+            self.con.close()
+
+    @cached_property
+    def con(self) -> duckdb.DuckDBPyConnection:
+        """The connection, with the small tables. A batch without a query never opens it, which takes 40 ms."""
+        con = connect(is_careful=self._is_careful)
+        create_tables(con, self.small)
+        for enum, known in self._names.items():
+            create_tables(con, {f"_names_of_{enum}": pa.table({"id": known})})
+            con.execute(f"create type {enum} as enum (select id from _names_of_{enum})")
+            con.execute(f"create temp table {enum}s as select cast(id as {enum}) as id from _names_of_{enum}")
+            con.execute(f"drop table _names_of_{enum}")
+        for name, rows in self.small.items():
+            if "camera_id" in rows.column_names:
+                con.execute(f"alter table {name} alter camera_id type camera_name")
+        return con
 
     @property
     def n_names(self) -> dict[str, int]:
@@ -58,7 +83,8 @@ class Held:
     def __getitem__(self, name: str) -> Columns:
         """Return the columns of a relation, read from DuckDB where it is a table there only."""
         if name not in self._columns:
-            self._columns[name] = self._read(self._con.sql(f"select * from {name}").to_arrow_table())
+            rows = self.small[name] if name in self.small else self.con.sql(f"select * from {name}").to_arrow_table()
+            self._columns[name] = self._read(rows)
         return self._columns[name]
 
     def add(self, name: str, columns: Iterable[str], rows: Columns) -> None:
@@ -85,9 +111,7 @@ class Held:
         return name in self._columns
 
     def publish(self, names: Iterable[str]) -> None:
-        """Create the tables of those relations that are arrays only, for queries that read them, and the enum types."""
-        if not self._has_enums:
-            self._create_enums()
+        """Create the tables of those relations that are arrays only, for queries that read them."""
         for name in names:
             if name in self._stored:
                 self._create(
@@ -118,21 +142,11 @@ class Held:
         """Return the names of an enum type, in order."""
         return self._names[enum]
 
-    def _create_enums(self) -> None:
-        self._has_enums = True
-        for enum, known in self._names.items():
-            self._con.register(f"_{enum}", pa.table({"id": known}))
-            self._con.execute(f"create type {enum} as enum (select id from _{enum})")
-            self._con.execute(f"create temp table {enum}s as select cast(id as {enum}) as id from _{enum}")
-            self._con.unregister(f"_{enum}")
-        for relation in self._with_cameras:
-            self._con.execute(f"alter table {relation} alter camera_id type camera_name")
-
     def _create(self, name: str, rows: pa.Table, expression: Callable[[str], str]) -> None:
-        self._con.register(f"_{name}", rows)
+        self.con.register(f"_{name}", rows)
         columns = ", ".join(map(expression, rows.column_names))
-        self._con.execute(f"create temp table {name} as select {columns} from _{name}")
-        self._con.unregister(f"_{name}")
+        self.con.execute(f"create temp table {name} as select {columns} from _{name}")
+        self.con.unregister(f"_{name}")
 
     def _read(self, table: pa.Table) -> Columns:
         found = {}

@@ -74,7 +74,7 @@ def located(held: Held, site: SiteTables) -> Columns | None:
     if np.any((stored["x_mm"] == NULL) != (stored["y_mm"] == NULL)):
         return None
     camera, ts = stored["camera_id"], stored["ts_ms"]
-    frame = _frames_in_order(frames, camera, ts)
+    frame = frames_in_order(frames, camera, ts)
     x, y = stored["x_mm"], stored["y_mm"]
     projected = np.flatnonzero((x == NULL) & ~np.isnan(stored["u_px"]))
     if len(projected):
@@ -108,7 +108,7 @@ def located(held: Held, site: SiteTables) -> Columns | None:
     }
 
 
-def _frames_in_order(frames: Columns, camera: Ints, ts: Ints) -> Ints:
+def frames_in_order(frames: Columns, camera: Ints, ts: Ints) -> Ints:
     """Return the row of `instants` of each record; stored records of a frame follow each other, so few are searched."""
     starts = starts_of(camera, ts)
     found = frame_of(frames, camera[starts], ts[starts])

@@ -1,12 +1,22 @@
-"""`pairs` of engines that report people only: who is within `pair_max_m` of whom."""
+"""`pairs`: who is within `pair_max_m` of whom, as an engine sent it, else from the places of people."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns, Ints, beside, grouped_by, order_by, run_of, take
+from vsd_analytics.warehouse.arrays.columns import (
+    NULL,
+    Columns,
+    Ints,
+    beside,
+    distinct,
+    grouped_by,
+    order_by,
+    run_of,
+    take,
+)
 from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of
+from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of, frames_in_order
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
 _CROWD = 40
@@ -17,19 +27,37 @@ _ROWS = 32_768
 
 
 def pairs(held: Held, site: SiteTables) -> Columns | None:
-    """Return `facts/pairs`, in order of hour, camera, instant and members; None where an engine reports pairs itself.
+    """Return `facts/pairs`, in order of hour, camera, instant and members.
 
     `_frame` is the row of `instants`; `_a` and `_b` number the persons, `_row_a` and `_row_b` are rows of `located`.
+    None where a pair was sent without track ids: only the query says who is who then.
     """
-    if (
-        "stored_pairs" not in held
-        or len(held["stored_pairs"]["ts_ms"])
-        or np.any(held["stored_frames"]["n_pairs"] != NULL)
-    ):
+    if "stored_pairs" not in held:
         return None
-    located = held["located"]
+    stored, frames, instants, located = (held[r] for r in ("stored_pairs", "stored_frames", "instants", "located"))
+    reported = np.flatnonzero(frames["n_pairs"] != NULL)
+    if not len(stored["ts_ms"]) and not len(reported):
+        return _derived(located, np.flatnonzero(located["x_mm"] != NULL), site)
+    if np.any(stored["track_a"] < 0) or np.any(stored["track_b"] < 0):
+        return None
+    is_reported = np.zeros(len(instants["ts_ms"]) + 1, dtype=np.bool_)  # the last one is of no frame
+    is_reported[frames_in_order(instants, *(frames[c][reported] for c in ("camera_id", "ts_ms")))] = True
+    sent_in = frames_in_order(instants, stored["camera_id"], stored["ts_ms"])
+    is_reported[sent_in] = True
+    others = np.flatnonzero((located["x_mm"] != NULL) & ~is_reported[located["_frame"]])
+    found = _derived(located, others, site), _sent(stored, sent_in, instants, located, site)
+    return with_rows({c: np.concatenate([of[c] for of in found]) for c in found[1]}, instants, located)
+
+
+def _derived(located: Columns, placed: Ints, site: SiteTables) -> Columns:
+    """Return the pairs of people whose engine reports no pairs.
+
+    Args:
+        located: The relation.
+        placed: Its rows of these people who have a place.
+        site: The tables of the site.
+    """
     frame, x, y = (located[c] for c in ("_frame", "x_mm", "y_mm"))
-    placed = np.flatnonzero(x != NULL)
     if len(placed) < len(x):
         frame, x, y = frame[placed], x[placed], y[placed]
     reach = int(site.params["pair_max_mm"])
@@ -63,6 +91,67 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
         "_row_a": a,
         "_row_b": b,
     }
+
+
+def _sent(stored: Columns, frame: Ints, instants: Columns, located: Columns, site: SiteTables) -> Columns:
+    """Return the pairs that engines sent with track ids; people who are in pairs only have negative numbers.
+
+    Args:
+        stored: The stored pairs.
+        frame: The row of `instants` of each, -1 for none.
+        instants: The relation.
+        located: The relation.
+        site: The tables of the site.
+    """
+    known = np.flatnonzero(frame >= 0)
+    frame, pairs = frame[known], take(stored, known)
+    keys = [frame * (site.n_tracks + 1) + pairs[track] for track in ("track_a", "track_b")]
+    people = distinct(np.concatenate(keys))
+    first = np.searchsorted(people, people // (site.n_tracks + 1) * (site.n_tracks + 1))
+    row = _rows_of(located["_key"], people)
+    member = np.where(row < 0, first - np.arange(len(people)) - 1, _at(located["member"], row))
+    is_near = (pairs["distance_mm"] != NULL) & (pairs["distance_mm"] <= site.params["pair_max_mm"])
+    near = np.flatnonzero(is_near)
+    frame, pairs = frame[near], take(pairs, near)
+    sides = [np.searchsorted(people, of_side[near]) for of_side in keys]
+    places = {}
+    for side, of_side in zip("ab", sides, strict=True):
+        for c in "xy":
+            own = pairs[f"{c}_{side}_mm"]
+            places[f"{c}_{side}_mm"] = np.where(own == NULL, _at(located[f"{c}_mm"], row[of_side]), own)
+    camera, ts = pairs["camera_id"], pairs["ts_ms"]
+    x, y = (places[f"{c}_a_mm"] + places[f"{c}_b_mm"] for c in "xy")
+    return {
+        "hour": ts // HOUR_MS,
+        "camera_id": camera,
+        "ts_ms": ts,
+        "member_a": member[sides[0]],
+        "member_b": member[sides[1]],
+        "track_a": pairs["track_a"],
+        "track_b": pairs["track_b"],
+        **places,
+        "distance_mm": pairs["distance_mm"],
+        "weight_ms": instants["weight_ms"][frame],
+        "is_owned": site.floors.is_owned(camera, ts, x, y, 2),
+        "is_derived": np.zeros(len(frame), dtype=np.bool_),
+        "_frame": frame,
+    }
+
+
+def _rows_of(keys: Ints, wanted: Ints) -> Ints:
+    """Return the row of each wanted key, -1 for none; keys are in order."""
+    rows = np.searchsorted(keys, wanted)
+    rows[rows == len(keys)] = -1
+    rows[_at(keys, rows) != wanted] = -1
+    return rows
+
+
+def _at(values: Ints, rows: Ints) -> Ints:
+    """Return values of some rows, NULL for row -1."""
+    found = np.full(len(rows), NULL, dtype=np.int64)
+    is_there = rows >= 0
+    found[is_there] = values[rows[is_there]]
+    return found
 
 
 def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
@@ -121,9 +210,9 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
 
 
 def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
-    """Return pairs that a query computed in the order and with the further columns of those that are arrays."""
-    frame = frame_of(instants, pairs["camera_id"], pairs["ts_ms"])
-    order = order_by(pairs["hour"], frame, pairs["member_a"], pairs["member_b"])
+    """Return pairs that come in any order in the order, and with the further columns, of `pairs`."""
+    frame = pairs["_frame"] if "_frame" in pairs else frame_of(instants, pairs["camera_id"], pairs["ts_ms"])
+    order = order_by(pairs["hour"], frame, pairs["member_a"], pairs["member_b"], pairs["distance_mm"])
     pairs, frame = take(pairs, order), frame[order]
     member = np.concatenate([pairs["member_a"], pairs["member_b"]])
     low = int(member.min()) if len(member) else 0

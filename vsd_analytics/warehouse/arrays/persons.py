@@ -11,6 +11,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     NULL,
     Columns,
     Ints,
+    counted,
     grouped_by,
     order_by,
     run_of,
@@ -20,7 +21,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     take,
 )
 from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of
+from vsd_analytics.warehouse.arrays.site_tables import BucketRuns, SiteTables, bucket_of, numbered
 
 _LAST = 2**62
 _QUARTER_MS = 900_000
@@ -95,7 +96,7 @@ def _least_id(ids: Ints, person: Ints, n: int) -> Ints:
 
 
 def distance_times(held: Held, site: SiteTables) -> Columns:
-    """Return `facts/distance_times`."""
+    """Return `facts/distance_times`, counted in a table that has a place for every distance of a camera and bucket."""
     pairs = held["pairs"]
     every = np.arange(len(pairs["_a"]))
     person = np.concatenate([pairs["_a"], pairs["_b"]])
@@ -103,17 +104,34 @@ def distance_times(held: Held, site: SiteTables) -> Columns:
     nearest = _least(np.tile(pairs["distance_mm"], 2), person, n)
     numbers = np.flatnonzero(nearest < _LAST)
     persons = _people(held, every, numbers, site)
-    none, no_person = np.zeros(len(every), dtype=np.int64), np.zeros(len(numbers), dtype=np.int64)
-    both = {
-        "camera_id": (pairs["camera_id"], persons["camera_id"]),
-        "ts_ms": (pairs["ts_ms"], persons["ts_ms"]),
-        "distance_mm": (pairs["distance_mm"], nearest[numbers]),
-        "n_pairs": (pairs["is_owned"], no_person),
-        "n_sent": (pairs["is_owned"] & ~pairs["is_derived"], no_person),
-        "nearest_ms": (none, np.where(persons["is_owned"], persons["weight_ms"], 0)),
+    runs = [BucketRuns.of(of["camera_id"], of["ts_ms"], site) for of in (pairs, persons)]
+    groups, cameras, buckets = numbered(runs)
+    distances = pairs["distance_mm"], nearest[numbers]
+    width = max((int(of.max()) + 1 for of in distances if len(of)), default=1)
+    of_pair, of_person = (
+        of.each(group) * width + distance for of, group, distance in zip(runs, groups, distances, strict=True)
+    )
+    owned = np.flatnonzero(pairs["is_owned"])
+    sent = owned[~pairs["is_derived"][owned]]
+    weights = np.where(persons["is_owned"], persons["weight_ms"], 0)
+    keys, (_, n_pairs, n_sent, _, nearest_ms) = counted(
+        len(cameras) * width,
+        (of_pair, None),
+        (of_pair[owned], None),
+        (of_pair[sent], None),
+        (of_person, None),
+        (of_person, weights),
+    )
+    group = keys // width
+    return {
+        "hour": buckets[group] // 4,
+        "camera_id": cameras[group],
+        "bucket_quarter": buckets[group],
+        "distance_mm": keys - group * width,
+        "n_pairs": n_pairs,
+        "n_sent": n_sent,
+        "nearest_ms": nearest_ms,
     }
-    rows = {name: np.concatenate(sides) for name, sides in both.items()}
-    return _in_buckets(rows, site, ("distance_mm",), ("n_pairs", "n_sent", "nearest_ms"))
 
 
 def neighbour_times(held: Held, site: SiteTables) -> Columns:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Bools, Columns, Ints
+from vsd_analytics.warehouse.arrays.columns import NULL, Bools, Columns, Ints, grouped_by, run_of, starts_of
 
 DAY_MS = 86_400_000
 
@@ -146,3 +146,45 @@ def bucket_of(ts_ms: Ints, site: SiteTables) -> Ints:
     quarters = int(site.params["bucket_quarters"])
     found: Ints = ts_ms // (900_000 * quarters) * quarters
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class BucketRuns:
+    """Runs of records of one camera and time bucket, given records in order of camera and instant within an hour.
+
+    Attributes:
+        n: Number of records.
+        starts: First record of each run.
+        camera_id, bucket: Camera and first quarter of the time bucket, of each run.
+    """
+
+    n: int
+    starts: Ints
+    camera_id: Ints
+    bucket: Ints
+
+    @classmethod
+    def of(cls, camera_id: NDArray[Any], ts_ms: Ints, site: SiteTables) -> BucketRuns:
+        """Return the runs of records, given camera and instant of each."""
+        frames = starts_of(camera_id, ts_ms)
+        bucket = bucket_of(ts_ms[frames], site)
+        runs = starts_of(camera_id[frames], bucket)
+        starts = frames[runs]
+        return cls(len(ts_ms), starts, camera_id[starts].astype(np.int64), bucket[runs])
+
+    def each(self, of_run: Ints) -> Ints:
+        """Return a number of each record, given one of each run."""
+        return np.repeat(of_run, np.diff(self.starts, append=self.n))
+
+
+def numbered(runs: Sequence[BucketRuns]) -> tuple[list[Ints], Ints, Ints]:
+    """Return the number of camera and bucket of each run, and the camera and bucket of each number.
+
+    Numbers are in order of hour, camera and quarter.
+    """
+    camera, bucket = (np.concatenate([getattr(of, c) for of in runs]) for c in ("camera_id", "bucket"))
+    order, starts = grouped_by(bucket // 4, camera, bucket)
+    number = np.empty(len(order), dtype=np.int64)
+    number[order] = run_of(starts, len(order))
+    at = order[starts]
+    return np.split(number, np.cumsum([len(of.starts) for of in runs])[:-1]), camera[at], bucket[at]

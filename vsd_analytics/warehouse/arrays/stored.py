@@ -135,7 +135,8 @@ def columns_of(rows: pa.Table, names: Mapping[str, pa.Array]) -> Columns:
         elif pa.types.is_floating(rows.schema.field(column).type):
             found[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
         else:
-            found[column] = rows[column].cast(pa.int64()).fill_null(NULL).to_numpy()
+            whole = rows[column].cast(pa.int64())
+            found[column] = (whole.fill_null(NULL) if whole.null_count else whole).to_numpy()
     return found
 
 
