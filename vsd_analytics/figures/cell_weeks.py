@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from vsd_analytics.figures.cell_hours import CellHours, camera_hours, cells_of, ends_of, on_grid
 from vsd_analytics.figures.floor_days import Grid, grid_over
@@ -79,5 +80,5 @@ class CellWeeks:
                 found.append((start, end))
         return found
 
-    def _days(self) -> np.ndarray[tuple[int], np.dtype[np.datetime64]]:
-        return self._used["local_date"].to_numpy().astype("datetime64[D]")
+    def _days(self) -> NDArray[np.datetime64]:
+        return np.asarray(self._used["local_date"].to_numpy(), dtype="datetime64[D]")
