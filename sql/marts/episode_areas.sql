@@ -1,6 +1,5 @@
 -- name: marts/episode_areas
 -- One row per episode: the area in which most of its person-time in violation lies.
--- stored_by: local_date
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: episodes, camera_episodes, shared_episodes, episode_cells, area_cells, cameras
 -- columns:

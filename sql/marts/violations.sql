@@ -1,5 +1,6 @@
 -- name: marts/violations
 -- One row per violation: an episode of at least episode_min_s, counted once, whichever cameras saw it.
+-- stored_by: local_date
 -- grain: camera_id, started_ms, track_a, track_b
 -- reads: episodes, episode_areas, cameras
 -- columns:

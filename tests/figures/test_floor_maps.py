@@ -110,7 +110,7 @@ def planted(site: Site, hours: list[Hour], *, knows: tuple[str, ...] = ("people"
         if "places" not in knows and knows != ("people", "distances"):
             continue
         cells += [
-            ("ground", h.camera_id, start, int(cx), int(cy), float(a), float(b))
+            ("ground", h.camera_id, start, h.day, int(cx), int(cy), float(a), float(b))
             for (cx, cy), a, b in zip(of, stood, close, strict=True)
         ]
     columns = {
@@ -119,7 +119,7 @@ def planted(site: Site, hours: list[Hour], *, knows: tuple[str, ...] = ("people"
             *("recorded_open_s", "exposure_open_s", "violation_s"),
         ),
         "cell_hours": (
-            *("floor_id", "camera_id", "hour_start_ms", "cx", "cy"),
+            *("floor_id", "camera_id", "hour_start_ms", "local_date", "cx", "cy"),
             *("exposure_open_s", "violation_open_s"),
         ),
         "crowding_hours": ("camera_id", "floor_id", "hour_start_ms", "person_s", "copresent_pair_s"),

@@ -15,6 +15,7 @@ from planted_floors import LAST, QUEUE, SHAPE, VIEW, planted, site_of, square
 
 from vsd_analytics.config import load_site
 from vsd_analytics.config.change_log import add_entry
+from vsd_analytics.figures import cell_weeks
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS, FloorDays
 from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
 from vsd_analytics.ingest.adapter import IngestOptions
@@ -53,6 +54,25 @@ def test_planted_hotspot_is_found_with_place_ratio_and_excess(tmp_path: Path) ->
     assert spot.excess_min_per_week == pytest.approx(60 * (spot.violation_h - spot.expected_h) / 4)
     assert spot.ratio == pytest.approx(spot.violation_h / spot.expected_h)
     assert (spot.state, spot.is_since_first, found.compared_with) == ("persisting", True, LAST - timedelta(days=7))
+
+
+def test_a_window_read_day_by_day_gives_the_same_figures_as_all_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last digit; pieces of an older window are forgotten, so that one window is in memory."""
+
+    def found(most: int) -> tuple[list[int], FloorHotspots]:
+        monkeypatch.setattr(cell_weeks, "PIECE_HOURS", most)
+        with planted(site_of(tmp_path / str(most)), always(HOT)) as warehouse:
+            hours = cell_weeks.CellWeeks(warehouse, warehouse.site.floors[0], cell_m=1.0)
+            windows = [hours.window(LAST - timedelta(days=k + 27), LAST - timedelta(days=k)) for k in (7, 0)]
+            assert len(hours._read) == len(windows[-1])
+            return [len(pieces) for pieces in windows], hotspots(warehouse)
+
+    (_, at_once), (n_pieces, by_days) = found(10**9), found(1)
+    assert n_pieces == [21, 28]  # days of each window that are loaded
+    assert repr(by_days) == repr(at_once)
+    assert by_days.spots
 
 
 def test_without_an_earlier_window_nobody_knows_what_is_new(tmp_path: Path) -> None:

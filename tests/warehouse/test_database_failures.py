@@ -134,3 +134,14 @@ def test_an_analyst_s_query_stays_locked_up_on_the_new_connection(
         assert analyst_query.query_rows(warehouse, "select count(*) > 0 as is_any from hours") == [{"is_any": True}]
         with pytest.raises(SqlError, match="could not be run"):
             analyst_query.query_rows(warehouse, "select * from read_csv('/etc/passwd')")
+
+
+def test_a_query_beyond_the_memory_limit_is_answered_with_duckdbs_own_limit(tmp_path: Path) -> None:
+    """A list of one row cannot go to disk: 40 MB do not fit into 20."""
+    site = day_of_walkers(tmp_path)
+    asked = "select len(list(i)) as n from range(5000000) as r(i)"
+    with open_days(site) as warehouse:
+        warehouse.con.execute("set memory_limit = '20MB'")
+        with pytest.raises(duckdb.OutOfMemoryException):
+            warehouse.con.execute(asked)
+        assert warehouse.rows(asked) == [{"n": 5_000_000}]

@@ -72,5 +72,5 @@ def test_pieces_of_one_day_make_the_same_files_one_warehouse_after_the_other(
     assert n_open == 0
     assert single == whole
     relations = {path.split("/")[2] for path in whole}
-    assert relations == {"episodes", "episode_areas", "cell_hours", "camera_hours", "track_groups"}
-    assert len(whole) == 4 * 3 + 4
+    assert relations == {"violations", "cell_hours", "camera_hours", "track_groups"}
+    assert len(whole) == 3 * 3 + 4

@@ -15,6 +15,7 @@ from warehouse.small_projects import Frame, Person, make_site, put
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.warehouse import week_files as week_files_module
+from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import relations_stored_by_day
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -215,3 +216,24 @@ def test_weeks_of_sealed_days_have_the_same_rows(project: Site) -> None:
     assert now == rows(project)
     assert now == rows(project, uses_days=False)
     assert now["camera_hours"] == was["camera_hours"]
+
+
+@pytest.mark.parametrize("folder", ["days", FOLDER])
+def test_files_of_a_mart_that_is_no_longer_stored_go_with_the_next_build_and_with_a_purge(
+    project: Site, folder: str
+) -> None:
+    """An older version stored `episode_areas`, which names tracks."""
+    of_version = project.root / "facts" / folder
+    source = next((of_version / "violations").rglob(f"date={MONDAY}/*.parquet"))
+    old = of_version / "episode_areas" / source.relative_to(of_version / "violations")
+    assert "episode_areas" not in MARTS
+    data = source.read_bytes()
+    for remove in (build, _purge_half):
+        old.parent.mkdir(parents=True, exist_ok=True)
+        old.write_bytes(data)
+        remove(project)
+        assert not old.exists(), remove
+
+
+def _purge_half(site: Site) -> None:
+    purge_older(site, before=MONDAY + timedelta(days=9), terms=Terms(now=NOW, is_forced=True))

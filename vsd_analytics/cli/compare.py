@@ -79,7 +79,7 @@ def _two_periods(
     a, b = (_days(project, text) for text in periods)
     first, last = analysis.days_needed(project.site, a, b)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
+        warehouse.materialise("violations", "camera_hours", "area_hours")
         found = analysis.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
         rules = purged_hours_notes(warehouse)
     _print(found, _text(found), rules, as_json=as_json)
@@ -96,7 +96,7 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
     warn_of_broken_log_lines(project)
     first, last = days_needed(project.site, number, weeks=weeks)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
+        warehouse.materialise("violations", "camera_hours", "area_hours")
         found = before_after(warehouse, number, area_id=area_id, weeks=weeks)
         rules = purged_hours_notes(warehouse)
     scored = score(found, read_plans(project.site), zone_day=found.at.astimezone(project.site.zone).date())

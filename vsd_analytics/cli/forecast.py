@@ -57,7 +57,7 @@ def forecast(project: Project, week: str, floor_id: str | None, is_unusual_only:
     monday = parse_week(week, last=last_monday(project))
     days = f"{forecasting.first_day(monday)}..{monday + timedelta(days=6)}"
     with warehouse_of(project, week=None, days=days) as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours", "camera_slots")
+        warehouse.materialise("violations", "camera_hours", "camera_slots")
         odd = looking.unusual(warehouse, monday, floor_id=floor_id)
         outlook = None if is_unusual_only else forecasting.forecast(warehouse, monday, floor_id=floor_id)
     if as_json:

@@ -45,7 +45,7 @@ def groups(project: Project, week: str | None, days: str | None, camera_id: str 
     from vsd_analytics.figures import groups as analysis
 
     with warehouse_of(project, week=week, days=days) as warehouse:
-        warehouse.materialise("track_days", "pair_days", "episodes", "violations", "camera_hours")
+        warehouse.materialise("violations", "camera_hours")
         found = analysis.groups(warehouse, camera_id=camera_id)
         rules = purged_hours_notes(warehouse)
     if as_json:

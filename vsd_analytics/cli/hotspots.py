@@ -70,7 +70,7 @@ def hotspots(
     _, until = resolve(project, week=week, days=days)
     first, _ = analysis.days_needed(project.site, until)
     with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:
-        warehouse.materialise("episodes", "violations")
+        warehouse.materialise("violations")
         found = analysis.hotspots(warehouse, floor_id=floor.floor_id, until=until)
         monday = until - timedelta(days=until.weekday())
         revealing = revealing_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()

@@ -68,7 +68,7 @@ def plan(
         raise nothing_stored(project)
     first, last = plan_days(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours", "area_hours")
+        warehouse.materialise("violations", "camera_hours", "area_hours")
         found = plan_experiment(
             warehouse, area_id, effect=effect_percent / 100, power=power_percent / 100, weeks_max=weeks_max
         )

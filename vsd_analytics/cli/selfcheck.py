@@ -45,7 +45,7 @@ def selfcheck(project: Project, floor_id: str | None, as_json: bool) -> int:
     floor = known_floor(project.site, floor_id)
     first, last = days_needed(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
-        warehouse.materialise("episodes", "violations", "camera_hours")
+        warehouse.materialise("violations", "camera_hours")
         found = self_check(FloorHours(warehouse, floor=floor), until=last)
     if as_json:
         more = {"verdicts_a_year": found.verdicts_a_year, "false_a_year": found.false_a_year}

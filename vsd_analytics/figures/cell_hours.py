@@ -5,12 +5,14 @@ The mart `cell_hours` as arrays, for maps and for the test of hotspots.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from typing import Final, NotRequired, TypedDict, Unpack
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
 from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
@@ -89,12 +91,7 @@ class CellHours:
 
     def keyed(self, *names: str) -> tuple[Ints, int]:
         """Return the number of each used camera-hour's group by some columns, in order, and how many there are."""
-        number, n = np.zeros(self.used.num_rows, dtype=np.int64), 1
-        for name in names:
-            values, place = np.unique(self.used[name].to_numpy(), return_inverse=True)
-            found, number = np.unique(number * len(values) + place, return_inverse=True)
-            n = len(found)
-        return number, n
+        return _keyed(self.used, *names)
 
 
 def cell_hours(
@@ -108,28 +105,13 @@ def cell_hours(
         least_share: Least recorded share of a camera-hour; None = of those that enter rates.
         **asked: Floor, cells and days.
     """
-    settings, floor, cell_m = warehouse.site.settings, asked["floor"], asked.get("cell_m", CELL_M)
-    share = settings.partial_hour_share if least_share is None else least_share
-    days = {"first": asked.get("first") or warehouse.first, "last": asked.get("last") or warehouse.last}
-    used = warehouse.table(_USED, {"floor": floor.floor_id, "share": share, **days})
+    floor, cell_m = asked["floor"], asked.get("cell_m", CELL_M)
+    share = warehouse.site.settings.partial_hour_share if least_share is None else least_share
+    days = asked.get("first") or warehouse.first, asked.get("last") or warehouse.last
+    used = camera_hours(warehouse, floor, *days, least_share=share)
     knows_people, knows_distances = (used[f"knows_{what}"].to_numpy() for what in ("people", "distances"))
     chosen = used.filter(pa.array(knows_people & (knows_distances | (not needs_distances))))
-    rows = warehouse.table(
-        "with used as (select unnest($cameras::varchar[]) as camera_id, unnest($hours::bigint[]) as hour_start_ms, "
-        "unnest($numbers::bigint[]) as number) "
-        "select number, floor(cx * $side + 1e-9)::bigint as cx, floor(cy * $side + 1e-9)::bigint as cy, "
-        "sum(exposure_open_s)::double as exposure_s, sum(violation_open_s)::double as violation_s "
-        "from cell_hours inner join used using (camera_id, hour_start_ms) where floor_id = $floor "
-        "group by all having sum(exposure_open_s) > 0 order by all",
-        {
-            "cameras": chosen["camera_id"].to_pylist(),
-            "hours": chosen["hour_start_ms"].to_pylist(),
-            "numbers": list(range(chosen.num_rows)),
-            "floor": floor.floor_id,
-            "side": FLOOR_CELL_M / cell_m,
-        },
-    )
-    hour, cx, cy, exposure_s, violation_s = (c.to_numpy() for c in rows.columns)
+    rows = cells_of(warehouse, floor, chosen, cell_m=cell_m)
     is_everything = chosen.num_rows == used.num_rows
 
     def without(state: State, reason: Reason) -> CellHours:
@@ -146,15 +128,65 @@ def cell_hours(
         if chosen["exposure_s"].to_numpy().sum() > 0:
             return without("not_measurable", NO_FLOOR)
         return without("not_enough_data", NOBODY)
-    grid = grid_over(cx, cy, floor=floor, cell_m=cell_m)
+    grid = grid_over(rows["cx"].to_numpy(), rows["cy"].to_numpy(), floor=floor, cell_m=cell_m)
     if isinstance(grid, Reason):
         return without("not_measurable", grid)
+    found = on_grid(grid, chosen, rows, is_everything=is_everything)
+    return found if len(found.hour) else without("not_enough_data", Reason("nobody.on_plan"))
+
+
+def on_grid(grid: Grid, used: pa.Table, rows: pa.Table, *, is_everything: bool) -> CellHours:
+    """Return camera-hours and the rows of their cells (`cells_of`) as arrays, without cells beyond a grid."""
+    hour, cx, cy, exposure_s, violation_s = (c.to_numpy() for c in rows.columns)
     at = cy - grid.cy, cx - grid.cx
     inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
-    if not inside.any():
-        return without("not_enough_data", Reason("nobody.on_plan"))
     hour, row, column, exposure_s, violation_s = (v[inside] for v in (hour, *at, exposure_s, violation_s))
-    return CellHours(grid, "ok", None, is_everything, chosen, hour, (row, column), exposure_s, violation_s)
+    return CellHours(grid, "ok", None, is_everything, used, hour, (row, column), exposure_s, violation_s)
+
+
+def camera_hours(warehouse: Warehouse, floor: Floor, first: date, last: date, *, least_share: float) -> pa.Table:
+    """Return the open camera-hours of some days in order, columns of `_USED`, from a least recorded share on."""
+    asked = {"floor": floor.floor_id, "share": least_share, "first": first, "last": last}
+    return warehouse.table(_USED, asked)
+
+
+def cells_of(warehouse: Warehouse, floor: Floor, used: pa.Table, *, cell_m: float) -> pa.Table:
+    """Return place among the camera-hours `used`, cx, cy, person-seconds and those in violation, in order."""
+    return warehouse.table(
+        f"{_OF_USED} select number, floor(cx * $side + 1e-9)::bigint as cx, floor(cy * $side + 1e-9)::bigint as cy, "
+        "sum(exposure_open_s)::double as exposure_s, sum(violation_open_s)::double as violation_s "
+        "from cell_hours inner join used using (camera_id, hour_start_ms) "
+        "where floor_id = $floor and local_date between $first and $last "
+        "group by all having sum(exposure_open_s) > 0 order by all",
+        {**_asked(floor, used), "numbers": list(range(used.num_rows)), "side": FLOOR_CELL_M / cell_m},
+    )
+
+
+def ends_of(warehouse: Warehouse, floor: Floor, used: pa.Table, *, cell_m: float) -> tuple[Ints, Ints] | None:
+    """Return the least and greatest cx and cy of the cells with people in the camera-hours `used`; None = nobody."""
+    ends = warehouse.rows(
+        f"{_OF_USED} select min(cx)::bigint as x0, max(cx)::bigint as x1, min(cy)::bigint as y0, "
+        "max(cy)::bigint as y1 from cell_hours inner join used using (camera_id, hour_start_ms) "
+        "where floor_id = $floor and exposure_open_s > 0 and local_date between $first and $last",
+        {**_asked(floor, used), "numbers": list(range(used.num_rows))},
+    )[0]
+    if ends["x0"] is None:
+        return None
+    side = FLOOR_CELL_M / cell_m
+    x, y = (np.floor(np.array([ends[f"{of}0"], ends[f"{of}1"]]) * side + 1e-9).astype(np.int64) for of in "xy")
+    return x, y
+
+
+def _asked(floor: Floor, used: pa.Table) -> dict[str, object]:
+    """Return the values of `_OF_USED`, and the days of the camera-hours: files of other days are not read."""
+    ends = pc.min_max(used["local_date"]).as_py()
+    return {
+        "cameras": used["camera_id"].to_pylist(),
+        "hours": used["hour_start_ms"].to_pylist(),
+        "floor": floor.floor_id,
+        "first": ends["min"],
+        "last": ends["max"],
+    }
 
 
 def mixed_s(warehouse: Warehouse, floor: Floor, data: CellHours) -> Floats:
@@ -162,19 +194,44 @@ def mixed_s(warehouse: Warehouse, floor: Floor, data: CellHours) -> Floats:
 
     NaN in camera-hours where it is unknown who was in view together.
     """
-    assert data.grid is not None
-    distance_m = warehouse.site.settings.distance_m
-    of_camera, n = data.keyed("camera_id", "local_hour")
-    of_hour, n_hours = data.keyed("local_hour")
-    recorded_h = data.used["recorded_h"].to_numpy()
-    together_h = np.bincount(of_camera, weights=recorded_h, minlength=n)
-    group = of_camera[data.hour]
-    people = np.bincount(group, weights=data.exposure_s, minlength=n) / 3600 / together_h
-    density = data.summed(data.exposure_s / 3600 / together_h[group], of_hour[data.hour], n_hours)
-    near = nearby(density, closeness(cell_m=data.grid.cell_m, distance_m=distance_m))
-    others = _others(warehouse, floor, data.used)
-    share = near[of_hour[data.hour], *data.at] / np.where(people > 0, people, 1.0)[group]
-    return np.asarray(data.exposure_s * -np.expm1(-others[data.hour] * share), dtype=np.float64)
+    return next(mixed_of_pieces(warehouse, floor, [data]))
+
+
+def mixed_of_pieces(warehouse: Warehouse, floor: Floor, pieces: Sequence[CellHours]) -> Iterator[Floats]:
+    """Yield what `mixed_s` returns of the pieces of one range: the same numbers as of all its rows at once.
+
+    Args:
+        warehouse: Its marts are read.
+        floor: The floor.
+        pieces: At least one; days in order, of the same grid.
+    """
+    grid = pieces[0].grid
+    assert grid is not None
+    used = pa.concat_tables([piece.used for piece in pieces])
+    (of_camera, n), (of_hour, n_hours) = _keyed(used, "camera_id", "local_hour"), _keyed(used, "local_hour")
+    together_h = np.bincount(of_camera, weights=used["recorded_h"].to_numpy(), minlength=n)
+    starts = np.cumsum([0, *(piece.used.num_rows for piece in pieces)])
+    people, density = np.zeros(n), np.zeros((n_hours, *grid.shape))
+    for piece, start in zip(pieces, starts[:-1], strict=True):
+        group = of_camera[start + piece.hour]
+        np.add.at(people, group, piece.exposure_s)
+        np.add.at(density, (of_hour[start + piece.hour], *piece.at), piece.exposure_s / 3600 / together_h[group])
+    people = people / 3600 / together_h
+    near = nearby(density, closeness(cell_m=grid.cell_m, distance_m=warehouse.site.settings.distance_m))
+    others = _others(warehouse, floor, used)
+    for piece, start in zip(pieces, starts[:-1], strict=True):
+        group = of_camera[start + piece.hour]
+        share = near[of_hour[start + piece.hour], *piece.at] / np.where(people > 0, people, 1.0)[group]
+        yield np.asarray(piece.exposure_s * -np.expm1(-others[start + piece.hour] * share), dtype=np.float64)
+
+
+def _keyed(used: pa.Table, *names: str) -> tuple[Ints, int]:
+    number, n = np.zeros(used.num_rows, dtype=np.int64), 1
+    for name in names:
+        values, place = np.unique(used[name].to_numpy(), return_inverse=True)
+        found, number = np.unique(number * len(values) + place, return_inverse=True)
+        n = len(found)
+    return number, n
 
 
 def _others(warehouse: Warehouse, floor: Floor, used: pa.Table) -> Floats:
@@ -189,6 +246,10 @@ def _others(warehouse: Warehouse, floor: Floor, used: pa.Table) -> Floats:
     return np.array([known.get(key) for key in keys], dtype=np.float64)
 
 
+_OF_USED: Final = (
+    "with used as (select unnest($cameras::varchar[]) as camera_id, unnest($hours::bigint[]) as hour_start_ms, "
+    "unnest($numbers::bigint[]) as number)"
+)
 _USED: Final = """
 select
     camera_id,

@@ -1,9 +1,9 @@
 """One window of the search for hotspots: the test over its days, with what a logged change restarts (M20).
 
 The test is `vsd_analytics.stats.hotspots`, over cells of 1 m, on person-time where each person stands and on what
-random mixing of the same crowd and map would make of it (`cell_hours.mixed_s`). A cell enters it when the cameras see
-at least 80 % of the disc of the legal distance around it: at the border of the view neighbours are missing. A change of
-the log in an area leaves out the days until then of the cells in it and within the legal distance of it.
+random mixing of the same crowd and map would make of it (`cell_hours.mixed_of_pieces`). A cell enters it when the
+cameras see at least 80 % of the disc of the legal distance around it: at the border of the view neighbours are missing.
+A change of the log in an area leaves out the days until then of the cells in it and within the legal distance of it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import shapely
 from numpy.typing import NDArray
 
 from vsd_analytics.config.change_log import read_log
-from vsd_analytics.figures.cell_hours import CellHours, cell_hours, mixed_s
+from vsd_analytics.figures.cell_hours import mixed_of_pieces
+from vsd_analytics.figures.cell_weeks import CellWeeks
 from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason
@@ -70,7 +71,7 @@ class FloorWindows:
 
     warehouse: Warehouse
     data: FloorDays
-    hours: CellHours | None
+    hours: CellWeeks | None
     changes: tuple[LoggedChange, ...]
 
 
@@ -78,7 +79,7 @@ def floor_windows(warehouse: Warehouse, data: FloorDays) -> FloorWindows:
     """Return what all windows of a floor share, read once."""
     if data.grid is None:
         return FloorWindows(warehouse, data, None, ())
-    hours = cell_hours(warehouse, floor=data.floor, cell_m=CELL_M, least_share=0.0)
+    hours = CellWeeks(warehouse, data.floor, cell_m=CELL_M)
     return FloorWindows(
         warehouse, data, hours if hours.grid is not None else None, _changes(warehouse, data, data.grid)
     )
@@ -151,23 +152,21 @@ def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64],
     if hours is None or hours.grid is None or data.grid is None:
         return None
     rows_off, columns_off = hours.grid.cy - data.grid.cy, hours.grid.cx - data.grid.cx
-    hours = hours.between(data.day(days.start), data.day(days.stop - 1))
-    mixed = mixed_s(floor.warehouse, data.floor, hours)
-    day = hours.used["local_date"].to_numpy().astype("datetime64[D]") - np.datetime64(data.day(days.start))
-    camera = np.array([data.camera_index(c) for c in hours.used["camera_id"].to_pylist()], dtype=np.int64)
-    at = (
-        day.astype(np.int64)[hours.hour],
-        hours.at[0] + rows_off,
-        hours.at[1] + columns_off,
-    )
-    inside = (at[1] >= 0) & (at[1] < data.grid.shape[0]) & (at[2] >= 0) & (at[2] < data.grid.shape[1])
-    used = inside & np.isfinite(mixed) & data.is_used[camera[hours.hour], days.start + at[0]]
-    if not used.any():
+    pieces = hours.window(data.day(days.start), data.day(days.stop - 1))
+    if not pieces:
         return None
-    made = [np.zeros((days.stop - days.start, *data.grid.shape)) for _ in range(3)]
-    for total, values in zip(made, (hours.violation_s, hours.exposure_s, mixed), strict=True):
-        np.add.at(total, tuple(v[used] for v in at), values[used] / 3600)
-    return tuple(made)
+    made, is_any = [np.zeros((days.stop - days.start, *data.grid.shape)) for _ in range(3)], False
+    mixed_by_piece = mixed_of_pieces(floor.warehouse, data.floor, pieces)
+    for piece, mixed in zip(pieces, mixed_by_piece, strict=True):
+        since = piece.used["local_date"].to_numpy().astype("datetime64[D]") - np.datetime64(data.day(days.start))
+        camera = np.array([data.camera_index(c) for c in piece.used["camera_id"].to_pylist()], dtype=np.int64)
+        at = since.astype(np.int64)[piece.hour], piece.at[0] + rows_off, piece.at[1] + columns_off
+        inside = (at[1] >= 0) & (at[1] < data.grid.shape[0]) & (at[2] >= 0) & (at[2] < data.grid.shape[1])
+        used = inside & np.isfinite(mixed) & data.is_used[camera[piece.hour], days.start + at[0]]
+        is_any |= bool(used.any())
+        for total, values in zip(made, (piece.violation_s, piece.exposure_s, mixed), strict=True):
+            np.add.at(total, tuple(v[used] for v in at), values[used] / 3600)
+    return tuple(made) if is_any else None
 
 
 def untested_by_change(look: Window) -> Flags | None:

@@ -196,7 +196,7 @@ def superseded(files: Iterable[DayFile]) -> list[Path]:
 
 
 def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
-    """Return the superseded files of all days that have several files.
+    """Return the superseded files of all days that have several files, and those of marts no longer stored by day.
 
     Args:
         site: The project.
@@ -209,12 +209,19 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
             several.append((relation, days))
     dates = [_EPOCH + timedelta(days=d) for d in sorted({d for _, days in several for d in days})]
     of_days = DayFiles(site, built, extents=[Extent(d, d) for d in dates])
-    found: list[Path] = []
+    found = _no_longer_stored(site)
     for relation, days in several:
         hours = {"first_hour": days[0] * 24, "last_hour": days[-1] * 24 + 23}
         files = of_days.sealed_files(relation, **hours) if relation.layer == "facts" else of_days.files(relation)
         found += superseded(files.values())
     return found
+
+
+def _no_longer_stored(site: Site) -> list[Path]:
+    """Return the day and week files of marts that an older version stored by day."""
+    others = [r.name for r in relations("marts").values() if not r.stored_by]
+    folders = (days_folder(site), days_folder(site).parent / WEEKS)
+    return [p.path for root in folders for name in others for p in list_parts(root, name, site.site_id)]
 
 
 def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
@@ -232,12 +239,12 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
         for name in relations("facts"):
             parts = list_parts(root, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in own]
-        for relation in relations_stored_by_day():
-            parts = list_parts(root / FOLDER.name, relation.name, site.site_id, **within)
+        for name in relations("facts", "marts"):  # an older version may have stored others by day
+            parts = list_parts(root / FOLDER.name, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in near]
         within["first_hour"] -= (DAYS - 1) * 24
-        for relation in [*relations("facts").values(), *relations_stored_by_day()]:
-            weeks = list_parts(root / WEEKS, relation.name, site.site_id, **within)
+        for name in relations("facts", "marts"):
+            weeks = list_parts(root / WEEKS, name, site.site_id, **within)
             found += [p.path for p in weeks if near & set(range(p.hour // 24, p.hour // 24 + DAYS))]
     return found
 

@@ -52,9 +52,13 @@ _KIND_OF_RELATION = {
 }
 
 
+_JSON = json.JSONEncoder(sort_keys=True, default=str)
+"""Made once: a report hashes thousands of values."""
+
+
 def text_hash(value: object) -> str:
     """Return a short hash of a JSON value."""
-    return hashlib.blake2b(json.dumps(value, sort_keys=True, default=str).encode(), digest_size=8).hexdigest()
+    return hashlib.blake2b(_JSON.encode(value).encode(), digest_size=8).hexdigest()
 
 
 def stale_reason(changed: Collection[str]) -> str:

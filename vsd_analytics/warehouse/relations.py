@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import duckdb
 
 _WORD = re.compile(r"[a-z_][a-z0-9_]*")
-_SECOND_READ = 2
+SECOND_READ = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +32,14 @@ class RelationSource:
         reads: Facts and marts that the query reads.
         materialise_at: The relation becomes a table when it is read this many times; None = never.
         is_files: The query reads many small files. One thread reads them: several only wait for each other.
+        is_large: Its rows would fill the memory: it stays a view also where `materialise` names it.
     """
 
     query: str
     reads: tuple[str, ...] = ()
-    materialise_at: int | None = _SECOND_READ
+    materialise_at: int | None = SECOND_READ
     is_files: bool = False
+    is_large: bool = False
 
 
 def named_relations(query: str) -> list[str]:
@@ -79,11 +81,12 @@ class Catalog:
         return named_relations(query)
 
     def materialise(self, names: Iterable[str]) -> None:
-        """Compute relations now and hold their rows in tables."""
+        """Compute relations now and hold their rows in tables, except those that are large."""
         wanted = [name for name in names if name not in self._tables]
         self._create(set(wanted))
         for name in wanted:
-            self._materialise(name)
+            if not self._sources[name].is_large:
+                self._materialise(name)
 
     def is_table(self, name: str) -> bool:
         """Return whether the rows of a relation are held in a table."""

@@ -24,7 +24,7 @@ from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
 from vsd_analytics.warehouse.day_pieces import PIECE_BYTES, fact_sizes, pieces
 from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
-from vsd_analytics.warehouse.relations import RelationSource
+from vsd_analytics.warehouse.relations import SECOND_READ, RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation, facts_behind, marts_by_day
 from vsd_analytics.warehouse.week_files import WeekFile, by_week, make_week, others_of, week_files
 
@@ -34,8 +34,14 @@ if TYPE_CHECKING:
 Day = TypeVar("Day", int, date)
 
 _EPOCH = date(1970, 1, 1)
-_NEVER_IN_MEMORY = ("pairs", "distance_times", "company_times")
+_FACTS_IN_FILES = ("pairs", "distance_times", "company_times")
 """Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
+_MARTS_IN_FILES = ("episodes", "cell_days", "cell_hours", "planner_cells", "distances", "pair_days", "track_days")
+"""Marts with a row for every episode, cell, track or millimetre. Of most of them a report needs one week of ten, so
+they stay views too, unless somebody asks for them in memory."""
+HELD_BYTES = 8_000_000
+"""Of the files of a mart whose rows are held in memory for several queries. Rows in memory take ten to twenty times
+the room; a larger mart stays a view of its files."""
 
 _MATERIALISE_AT = {"floor_cells": 2}
 """A page asks this large fact once, for the ends of the floor, and needs no row of it in memory for that."""
@@ -128,14 +134,14 @@ class RelationSources:
     def of(self, relation: Relation) -> RelationSource:
         """Return where the rows of a relation come from, after writing its missing day files."""
         if relation.stored_by and self._days is not None:
-            is_fact = relation.layer == "facts"
-            query = self._fact_by_days(relation, self._days) if is_fact else self._mart_by_days(relation)
-            return RelationSource(query, is_files=True)
+            if relation.layer == "facts":
+                return RelationSource(self._fact_by_days(relation, self._days), is_files=True)
+            return self._mart_by_days(relation)
         if relation.layer == "marts":
             return RelationSource(relation.sql, relation.reads)
         return RelationSource(
             self._of_hours(relation, *self._hours),
-            materialise_at=None if relation.name in _NEVER_IN_MEMORY else _MATERIALISE_AT.get(relation.name, 1),
+            materialise_at=None if relation.name in _FACTS_IN_FILES else _MATERIALISE_AT.get(relation.name, 1),
             is_files=True,
         )
 
@@ -203,15 +209,20 @@ class RelationSources:
             read.append(self._of_hours(relation, first, last))
         return self._in_order(relation, read)
 
-    def _mart_by_days(self, relation: Relation) -> str:
-        """Return a query of the rows of a mart: each day from its file, or from that of its week."""
+    def _mart_by_days(self, relation: Relation) -> RelationSource:
+        """Return the rows of a mart: each day from its file, or from that of its week."""
         self.ahead([relation.name])
         mart = self._marts[relation.name]
         self._superseded += superseded(f for d, f in mart.single.items() if d not in mart.unwritten)
         self._make(mart.weeks)
         read: dict[int, Path | pa.Table] = {**by_week(mart.weeks, mart.paths)}
         read |= {_number(d): rows for d, rows in mart.unwritten.items()}
-        return self._in_order(relation, [piece for _, piece in sorted(read.items(), key=itemgetter(0))])
+        pieces = [piece for _, piece in sorted(read.items(), key=itemgetter(0))]
+        n_bytes = sum(p.stat().st_size for p in pieces if isinstance(p, Path))
+        is_large = n_bytes > HELD_BYTES
+        materialise_at = None if is_large or relation.name in _MARTS_IN_FILES else SECOND_READ
+        query = self._in_order(relation, pieces)
+        return RelationSource(query, materialise_at=materialise_at, is_files=True, is_large=is_large)
 
     def _mart_days(self, relation: Relation, days: DayFiles) -> _MartDays:
         files = days.files(relation)

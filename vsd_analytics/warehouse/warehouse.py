@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 MOST_ANSWERS = 500
 """Answers a warehouse remembers. A weekly page asks 75 questions 139 times."""
+MEMORY_LIMIT = "800MB"
+"""Of DuckDB, for one warehouse: what does not fit goes to disk meanwhile. So a report of a large site needs less than 2
+GiB together with its arrays, and with the second warehouse that computes new days."""
 ANSWER_BYTES = 1_000_000
 """Larger answers are not remembered: a page asks for them once."""
 
@@ -119,7 +122,9 @@ class Warehouse:
     def _open(self) -> None:
         """Open a connection on which every relation can be queried."""
         site = self.site
-        self._con: duckdb.DuckDBPyConnection = connect(threads=self._threads, is_careful=self._is_careful)
+        self._con: duckdb.DuckDBPyConnection = connect(
+            memory_limit=MEMORY_LIMIT, threads=self._threads, is_careful=self._is_careful
+        )
         register_site(self._con, site, heat_cell_m=self._heat_cell_m)
         calendars = [calendar(site, e.first_day, e.last_day) for e in self.extents]
         self._con.register("_calendar", pa.concat_tables(calendars))
@@ -175,7 +180,10 @@ class Warehouse:
         return other_rules(self.site, self.built.sealed, first_hour=first, last_hour=last)
 
     def materialise(self, *names: str) -> None:
-        """Compute facts and marts now and hold their rows in memory, for several queries to read."""
+        """Compute facts and marts now and hold their rows in memory, for several queries to read.
+
+        A mart with large files is not held: each query reads the columns and days it needs from them.
+        """
         self._retry_carefully(", ".join(names), lambda: self._catalog.materialise(names))
 
     def prepare(self, query: str) -> None:
@@ -225,12 +233,21 @@ class Warehouse:
     def _retry_carefully(self, relation: str, work: Callable[[], T]) -> T:
         """Return the result of `work`; when DuckDB fails internally, try once more with careful settings.
 
-        An internal failure closes the whole database, so the second try needs a new connection.
+        An internal failure closes the whole database, so the second try needs a new connection. A query that needs more
+        than `MEMORY_LIMIT` even with the help of the disk is tried again with DuckDB's own limit.
         """
+        import duckdb
+
+        is_limited = True
         with self._reporting_damage():
             while True:
                 try:
                     return work()
+                except duckdb.OutOfMemoryException:
+                    if not is_limited:
+                        raise
+                    is_limited = False
+                    self._con.execute("reset memory_limit")
                 except INSIDE as error:
                     if self._is_careful:
                         raise self._failed_inside(error, relation) from error

@@ -123,7 +123,7 @@ def planted(site: Site, n: np.ndarray, violation_h: np.ndarray, exposure_h: np.n
                 }
             )
         cell = {"cx": 2, "cy": 2, "n_violations_open": int(n[0, d]), "exposure_open_s": 3600 * exposure_h[0, d]}
-        by_cell.append({**at, **cell})
+        by_cell.append({**at, "local_date": day, **cell})
         hours.append(
             {
                 **at,

@@ -309,7 +309,7 @@ def _marts(truth: Truth) -> dict[str, list[dict[str, Any]]]:
             for k in own if is_recorded else []:
                 counts = {"n_violations_open": int(n[k, d]), "exposure_open_s": 3600 * seen_h[k, d]}
                 by_area.append({**at, "area_id": f"place-{k}", **counts, "violation_open_s": 3600 * close_h[k, d]})
-                by_cell.append({**at, "cx": 40 * k + 2, "cy": 2, **counts})
+                by_cell.append({**at, "local_date": day, "cx": 40 * k + 2, "cy": 2, **counts})
             hours.append(
                 {
                     **at,

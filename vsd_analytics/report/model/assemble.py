@@ -143,8 +143,8 @@ def _of_days(
 
 def _made(warehouse: Warehouse) -> Warehouse:
     """Return a warehouse with the marts that every report reads, most of them several times."""
-    of_space = ("episodes", "violations", "camera_hours", "area_hours", "cell_hours", "distances")
-    warehouse.materialise(*of_space, "hours", "camera_slots", "crowding_hours", "joined_days", "track_days")
+    of_space = ("violations", "camera_hours", "area_hours", "crowding_hours")
+    warehouse.materialise(*of_space, "hours", "camera_slots", "joined_days")
     return warehouse
 
 
