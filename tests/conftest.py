@@ -33,6 +33,7 @@ def _write_in_memory() -> None:
 
 
 _write_in_memory()
+gc.disable()  # until all tests are collected: nothing of them is garbage
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -49,9 +50,9 @@ def pytest_collection_finish() -> None:
 
     It looked at some million objects again and again: a twelfth of the processor time of a test that makes a report.
     """
-    gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
+    gc.enable()
 
 
 def pytest_unconfigure() -> None:
