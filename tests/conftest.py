@@ -33,6 +33,8 @@ def _write_in_memory() -> None:
 
 
 _write_in_memory()
+# Before numpy is imported: threads of its algebra wait in busy loops, a third of the processor time of calibrations.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.disable()  # until all tests are collected: nothing of them is garbage
 
 
