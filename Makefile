@@ -10,6 +10,9 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 
+# Python saves the compiled modules and tests: compiling them anew takes each of the two workers ten seconds.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo check test prove docs lint screenshots site sbom clean
 
 demo: $(VENV)/.installed

@@ -33,6 +33,9 @@ def _write_in_memory() -> None:
 
 
 _write_in_memory()
+# Before numpy is imported: threads of its algebra wait in busy loops, a third of the processor time of calibrations.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+gc.disable()  # until all tests are collected: nothing of them is garbage
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -49,9 +52,9 @@ def pytest_collection_finish() -> None:
 
     It looked at some million objects again and again: a twelfth of the processor time of a test that makes a report.
     """
-    gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
+    gc.enable()
 
 
 def pytest_unconfigure() -> None:
@@ -96,7 +99,7 @@ def _no_day_files(request: pytest.FixtureRequest) -> Iterator[None]:
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     with pytest.MonkeyPatch.context() as patch:
-        if {"figures", "model"} & set(request.path.parts):
+        if {"draw", "figures", "model", "privacy", "send", "words"} & set(request.path.parts):
             patch.setitem(Warehouse.__init__.__kwdefaults__, "uses_days", False)
         yield
 

@@ -66,6 +66,7 @@ class MemoryStore:
     tables: list[tuple[TableName, pa.Table]]
 
     def __init__(self, root: Path, **more: object) -> None:
+        self.root = root
         self.tables = []
         MemoryStore.last = self
 
@@ -130,7 +131,8 @@ class Judge:
             except VsdError as error:
                 return Outcome("refused", error.code, Counter(), took())
             source = result.sources[0]
-        shutil.rmtree(self.folder / "quarantine", ignore_errors=True)
+        for left in ("quarantine", "store"):  # an input is the first of its project: notes of others go
+            shutil.rmtree(self.folder / left, ignore_errors=True)
         store = MemoryStore.last
         assert store is not None
         rows = self._rows(store.tables, ignored)

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
+import msgspec
+
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
@@ -95,9 +97,10 @@ def messages(
         say: How it says a person.
         is_alone: One more person stands alone all the time.
     """
+    here = ZoneInfo(zone)
     for d in days:
         day = monday + timedelta(days=d)
-        start = round(datetime(day.year, day.month, day.day, hours[0], tzinfo=ZoneInfo(zone)).timestamp() * 1000)
+        start = round(datetime(day.year, day.month, day.day, hours[0], tzinfo=here).timestamp() * 1000)
         end = start + (hours[1] - hours[0]) * 3_600_000
         for ms in range(start, end, STEP_MS):
             at = datetime.fromtimestamp(ms / 1000, tz=UTC)
@@ -106,7 +109,7 @@ def messages(
             slot, into = divmod((ms - start) % 3_600_000, SLOT_MS)
             people = [say("alone", *ALONE)] if is_alone else []
             if into <= STEP_MS:
-                local = at.astimezone(ZoneInfo(zone)).hour
+                local = at.astimezone(here).hour
                 for k, ((x, y), n) in enumerate(counts(d, local).items()):
                     if slot < n:
                         people += [say(f"{ms // 3_600_000}-{k}-{slot}-{s}", x + s * 1.5, y) for s in (0, 1)]
@@ -130,7 +133,7 @@ def world(folder: Path, config: str, *streams: Iterable[Mapping[str, Any]], log:
     paths = []
     for k, stream in enumerate(streams):
         paths.append(folder / f"engine-{k}.jsonl")
-        paths[-1].write_text("".join(json.dumps(m) + "\n" for m in stream), encoding="utf-8")
+        paths[-1].write_bytes(msgspec.json.Encoder().encode_lines(stream))
     result = ingest(site, paths, IngestOptions(format="frames", is_sure=True), now=datetime(2027, 1, 1, tzinfo=UTC))
     assert [s.error for s in result.sources] == [None] * len(paths)
     assert result.n_rejected == 0

@@ -22,6 +22,8 @@ from sceptic_worlds import TALES, Tale, Truth, of, sites_of, weeks_of
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.catalogue import catalogue
 
+pytestmark = pytest.mark.simulation
+
 SEED = 20261123
 BATTERY = {
     "a redesign that clears an area: office": (5,),

@@ -15,6 +15,8 @@ from change_worlds import OFFICE, draw
 from planted_changes import site_of
 from report.words.prove_words import AREAS, N_AREAS, REFERENCE, entries, monday, planted, report_of, said_of
 
+pytestmark = pytest.mark.simulation
+
 WATCHED = 8
 
 
