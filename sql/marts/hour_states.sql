@@ -1,7 +1,7 @@
 -- name: marts/hour_states
 -- One row per floor and local hour of the calendar, and one per hour over all cameras: how much of it was recorded.
 -- grain: floor_id, hour_start_ms
--- reads: camera_hours
+-- reads: camera_hours, cameras
 -- params: full_hour_share, partial_hour_share
 -- columns:
 --   floor_id           null = all cameras
