@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -140,6 +141,77 @@ def test_code_compares_codes_and_never_sentences() -> None:
 )
 def test_a_compared_sentence_is_found(source: str) -> None:
     assert [text for _, text in compared_texts(ast.parse(source)) if " " in text]
+
+
+SENTENCELESS = ("figures", "stats", "planner", "result.py")
+"""What gives codes and leaves their words to the catalogue."""
+SQL = re.compile(r"^\s*(select|from|where|and|inner join|left join|group by|order by|union)\b|\b(select|order by)\b")
+HELP = {"_f", "described"}
+"""Field helps: the documentation of the JSON file, which its schema gives in English."""
+
+
+def prose(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield the texts with a space that code may hand on: no docstring, error, help, SQL, script or type."""
+    skipped: set[int] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Expr(value=ast.Constant()) | ast.Raise() | ast.Assert():
+                skipped |= {id(n) for n in ast.walk(node)}
+            case ast.Call(func=ast.Name(id=name)) if name in HELP or name.endswith("Error"):
+                skipped |= {id(n) for n in ast.walk(node)}
+            case ast.AnnAssign(annotation=annotation):
+                skipped |= {id(n) for n in ast.walk(annotation)}
+                if isinstance(annotation, ast.Name) and annotation.id == "TypeAlias" and node.value is not None:
+                    skipped.add(id(node.value))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped:
+            is_prose = len(re.findall(r"[^\W\d_]{2,}", node.value)) > 1 and " " in node.value.strip()
+            if is_prose and not SQL.search(node.value) and "'use strict'" not in node.value:
+                yield node.lineno, node.value
+
+
+def test_figures_and_planner_give_codes_and_no_words() -> None:
+    """A sentence, the name of a row or a unit is an entry of reports/wording, in every language."""
+    files = [
+        p
+        for name in SENTENCELESS
+        for p in ([PACKAGE / name] if name.endswith(".py") else PACKAGE.glob(f"{name}/**/*.py"))
+    ]
+    found = {
+        f"{path.relative_to(PACKAGE)}:{line} {text!r}"
+        for path in files
+        for line, text in prose(ast.parse(path.read_text(encoding="utf-8")))
+    }
+    assert found == set()
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'UNIT = "share of routes"',
+        'rows.append({"what": "mean by tracks"})',
+        'unit = f"outages of {n} minutes or more"',
+        'Figure(unit="people in view, mean")',
+        'def f(note="nobody was seen"): ...',
+        'x = "violations and people from two areas where nobody waits"',
+    ],
+)
+def test_a_sentence_below_the_page_is_found(source: str) -> None:
+    assert list(prose(ast.parse(source)))
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        '"""A docstring."""',
+        'raise UsageError("a period is unknown", why="it is empty")',
+        'x: int = _f("Hours recorded in both weeks.")',
+        'rows("select day from hours")',
+        'Reason("unit.M0")',
+    ],
+)
+def test_documentation_errors_and_queries_are_no_sentences(source: str) -> None:
+    assert not list(prose(ast.parse(source)))
 
 
 def test_file_names_say_what_is_in_them() -> None:

@@ -15,7 +15,7 @@ Design = Literal["beside", "alone"]
 
 
 class Reason:
-    """Why a figure is missing, or what is special about it: a code and the values its sentence names.
+    """Why a figure is missing, what is special about it, or its unit: a code and the values its words name.
 
     The sentence is the entry `reason.<code>` of the wording catalogue; `vsd_analytics.report.words.reasons` makes it.
     It is a class of its own, and no dataclass, so that JSON writes it as its sentence (msgspec asks the hooks).

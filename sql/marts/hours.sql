@@ -1,8 +1,7 @@
 -- name: marts/hours
 -- One row per local hour of the calendar, over all cameras.
 -- grain: hour_start_ms
--- reads: camera_hours
--- params: full_hour_share, partial_hour_share
+-- reads: camera_hours, hour_states
 -- columns:
 --   hour_start_ms      UTC instant the local hour starts
 --   local_date
@@ -33,13 +32,6 @@ with summed as (
         min(length_s) as length_s,
         min(open_s) as open_s,
         avg(recorded_s) as recorded_s,
-        case
-            when min(open_s) > 0 then sum(recorded_open_s) / sum(open_s)
-            else sum(recorded_s) / sum(length_s)
-        end as recorded_share,
-        count(*) filter (
-            where case when open_s > 0 then recorded_open_s / open_s else recorded_s / length_s end < params.partial_hour_share
-        ) as cameras_down,
         bool_or(is_inferred) as is_inferred,
         sum(person_records)::bigint as person_records,
         sum(exposure_s) as exposure_s,
@@ -48,7 +40,6 @@ with summed as (
         sum(n_violations)::bigint as n_violations,
         sum(n_violations_open)::bigint as n_violations_open
     from camera_hours
-    cross join params
     group by hour_start_ms
 )
 
@@ -61,8 +52,8 @@ select
     summed.length_s,
     summed.open_s,
     summed.recorded_s,
-    summed.recorded_share,
-    summed.cameras_down,
+    hour_states.recorded_share,
+    hour_states.cameras_down,
     summed.is_inferred,
     summed.person_records,
     summed.exposure_s,
@@ -70,13 +61,8 @@ select
     summed.violation_s,
     summed.n_violations,
     summed.n_violations_open,
-    case
-        when open_s = 0 then 'closed'
-        when recorded_share >= params.full_hour_share then 'full'
-        when recorded_share >= params.partial_hour_share then 'partial'
-        when recorded_share > 0 then 'low_data'
-        else 'no_data'
-    end as state
+    hour_states.state
 from summed
-cross join params
-order by hour_start_ms
+inner join hour_states
+    on summed.hour_start_ms = hour_states.hour_start_ms and hour_states.floor_id is null
+order by summed.hour_start_ms

@@ -69,7 +69,9 @@ def test_the_three_files_of_the_example_put_a_figure_on_the_page_and_into_the_js
     code = tree / "vsd_analytics/figures/catalogue/long_violations.py"
     code.write_text(example("figure-code"), encoding="utf-8")
     words = tree / "reports/wording/en.toml"
-    text = words.read_text(encoding="utf-8").replace("\n[more]\n", f"\n[more]\n{example('figure-words')}", 1)
+    text = words.read_text(encoding="utf-8")
+    for table, mark in (("more", "figure-words"), ("reason.unit", "figure-unit")):
+        text = text.replace(f"\n[{table}]\n", f"\n[{table}]\n{example(mark)}", 1)
     words.write_text(text, encoding="utf-8")
     site = w.world(tmp_path / "project", w.toml(), w.messages(w.steady({w.QUEUE: 4, w.DOOR: 2})))
 

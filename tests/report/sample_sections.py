@@ -15,6 +15,8 @@ from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.stats.usual import usual_range
 
+UNIT = read_reason("its unit")
+
 ROME = weeks.ROME
 LEVELS = (139.0, 135.0, 143.0, None, 138.0, 151.0, 146.0, 143.0, 141.0)
 
@@ -274,20 +276,22 @@ def complete() -> page_model.WeekReport:
         figures={
             **report.figures,
             "M10": m.Figure(
-                unit="how long violations last",
+                unit=UNIT,
                 rows=(
                     {"what": "median", "unit": "s", "value": 12.0, "lo": 9.9, "hi": 14.5},
                     {"what": "30 s or longer", "unit": "share", "value": 0.33, "lo": 0.29, "hi": 0.36},
                 ),
             ),
-            "M11": m.Figure(unit="share of person-time", rows=({"from_m": 0.0, "to_m": 0.5, "share": 0.044},)),
+            "M11": m.Figure(unit=UNIT, rows=({"from_m": 0.0, "to_m": 0.5, "share": 0.044},)),
             "M21": m.Figure(
-                unit="share of time",
+                unit=UNIT,
                 rows=({"least": 2, "most": 2, "share": 0.45}, {"least": 8, "most": None, "share": 0.047}),
             ),
-            "M26": m.Figure(unit="share of time", rows=({"distance_m": 1.8, "share": 0.46, "state": "ok"},)),
+            "M26": m.Figure(unit=UNIT, rows=({"distance_m": 1.8, "share": 0.46, "state": "ok"},)),
             "M22": m.Figure(
-                unit="per 100 open hours", state="not_measurable", reason=read_reason("the engine sends no track ids")
+                unit=UNIT,
+                state="not_measurable",
+                reason=read_reason("the engine sends no track ids"),
             ),
         },
     )

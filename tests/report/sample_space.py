@@ -10,6 +10,7 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.model import week as page_model
+from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.result import Reason
 
 AREAS = {"checkout": "Checkout queue", "entrance": "Main entrance", "aisle-2": "End of aisle 2",
@@ -38,11 +39,11 @@ def visits() -> dict[str, Figure]:
     for area, name in AREAS.items():
         where = {"area": area, "place": name}
         often.append({**where, **_limits(12.5), "recorded_share": 0.98})
-        whats = {"median": 95.0, "90 % leave within": 310.0, "share of long visits": 0.2}
-        stays += [{**where, "what": what, "longer_than_s": 300.0, **_limits(v)} for what, v in whats.items()]
+        stays += [{**where, "what": what, **_limits(v)} for what, v in (("median", 95.0), ("p90", 310.0))]
+        stays.append({**where, "what": "share of long visits", "longer_than_s": 300.0, **_limits(0.2)})
     return {
-        "M35": Figure(unit="visits per open hour", rows=tuple(often)),
-        "M36": Figure(unit="seconds", rows=tuple(stays)),
+        "M35": Figure(unit=read_reason("visits per open hour"), rows=tuple(often)),
+        "M36": Figure(unit=read_reason("seconds"), rows=tuple(stays)),
     }
 
 
@@ -62,7 +63,7 @@ def _people() -> Figure:
             {**where, "key": "p90_people", "what": "90 % of the time", **_limits(4.0)},
             *({**where, "key": "mean", "what": "mean", "hour": h, **_limits(mean)} for h in range(8, 21)),
         ]
-    return Figure(unit="people waiting", rows=tuple(rows))
+    return Figure(unit=read_reason("people waiting"), rows=tuple(rows))
 
 
 def _waits() -> Figure:
@@ -73,7 +74,7 @@ def _waits() -> Figure:
         for key, value in values.items():
             agrees = not is_known if key == "mean_tracks" else None
             rows.append({**where, "key": key, "what": key, **_limits(value if is_known else None), "agrees": agrees})
-    return Figure(unit="seconds", rows=tuple(rows))
+    return Figure(unit=read_reason("seconds"), rows=tuple(rows))
 
 
 def _use() -> Figure:
@@ -82,7 +83,7 @@ def _use() -> Figure:
         where = {"area": area, "place": AREAS[area], "capacity": capacity}
         values = {"people": 1.2, "busy": 0.11, "full": 0.02, "over": 0.003, "surplus": 0.02}
         rows += [{**where, "key": key, "what": key, "unit": "share", **_limits(v)} for key, v in values.items()]
-    return Figure(unit="share of time", rows=tuple(rows))
+    return Figure(unit=read_reason("share of time"), rows=tuple(rows))
 
 
 def _flow() -> Figure:
@@ -97,10 +98,10 @@ def _flow() -> Figure:
              "in_view_only": area == "checkout"}
             for to, share in (("tills", 0.6), ("aisle-2", 0.4)) if to != area
         ]  # fmt: skip
-    return Figure(unit="share", rows=tuple(rows))
+    return Figure(unit=read_reason("share"), rows=tuple(rows))
 
 
 def _arrows() -> Figure:
     cells = [{"x_m": x, "y_m": y, "cell_m": 1.0, "ways": "one" if k else "both", "value": 30.0 * k, "agreement": 0.8,
               "n_people": 12 + k} for k, (x, y) in enumerate(CELLS_M)]  # fmt: skip
-    return Figure(unit="degrees", rows=tuple(cells))
+    return Figure(unit=read_reason("degrees"), rows=tuple(cells))

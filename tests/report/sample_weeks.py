@@ -17,6 +17,8 @@ from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.stats.estimates import verdict_of
 
+UNIT = read_reason("its unit")
+
 ROME = ZoneInfo("Europe/Rome")
 MONDAY = date(2026, 11, 9)
 WEEK = m.WeekRef(iso="2026-W46", year=2026, number=46, monday=MONDAY, sunday=date(2026, 11, 15), zone="Europe/Rome")
@@ -296,9 +298,14 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
         ),
         figures={
             "M0": m.Figure(
-                value=121.3, lo=116.4, hi=126.2, unit="per open hour", denominator=319.0, verdict="clear_fall"
+                value=121.3,
+                lo=116.4,
+                hi=126.2,
+                unit=UNIT,
+                denominator=319.0,
+                verdict="clear_fall",
             ),
-            "M12": m.Figure(unit="", state="not_measurable", reason=read_reason("track ids do not live 24 hours")),
+            "M12": m.Figure(unit=UNIT, state="not_measurable", reason=read_reason("track ids do not live 24 hours")),
         },
     )
 

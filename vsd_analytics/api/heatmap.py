@@ -198,12 +198,13 @@ def _colours(faintest: float) -> Colormap:
 
 def as_heatmap(kind: str, found: CellMap, *, floor: Floor, site: Site, until: date) -> Heatmap:
     """Return a map of the figures as a `Heatmap`."""
+    unit = reason_text(found.unit)
     if found.grid is None or found.values is None or found.exposure_h is None:
         nothing, nowhere = np.zeros((0, 0)), (0.0, 0.0, 0.0, 0.0)
-        return Heatmap(kind, nothing, found.unit, nowhere, nothing, floor, reason_text(found.reason), site, until)
+        return Heatmap(kind, nothing, unit, nowhere, nothing, floor, reason_text(found.reason), site, until)
     extent_m = _extent_m(found.grid)
     note = "" if np.isfinite(found.values).any() else "in no cell did people spend enough time to tell"
-    return Heatmap(kind, found.values, found.unit, extent_m, found.exposure_h, floor, note, site, until)
+    return Heatmap(kind, found.values, unit, extent_m, found.exposure_h, floor, note, site, until)
 
 
 def _extent_m(grid: Grid) -> tuple[float, float, float, float]:

@@ -137,7 +137,7 @@ class OpenProject:
             {
                 "kind": place.kind,
                 "area_id": place.area_id,
-                "name": place.name,
+                "name": place.name if isinstance(place.name, str) else reason_text(place.name),
                 "violations_per_open_h_before": place.often_a.rate,
                 "violations_per_open_h_after": place.often_b.rate,
                 **_change("violations_per_open_h", place.split.often),

@@ -17,6 +17,7 @@ from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_
 from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of, warn
 from vsd_analytics.errors import UsageError
 from vsd_analytics.report.words.reasons import reason_text, text_or_none, verdict_text
+from vsd_analytics.result import Reason
 from vsd_analytics.site.instants import parse_range, parse_week
 
 if TYPE_CHECKING:
@@ -119,9 +120,10 @@ def _print(found: Comparison | BeforeAfterFigure, text: str, rules: Sequence[str
 
 def _spelled(value: Any) -> Any:
     """Return nested dictionaries with codes as the command has always written them: "clear fall"."""
-    from vsd_analytics.figures.before_after import DESIGNS
-
-    spelled: dict[str, Callable[[Any], Any]] = {"verdict": verdict_text, "design": DESIGNS.get}
+    spelled: dict[str, Callable[[Any], Any]] = {
+        "verdict": verdict_text,
+        "design": lambda design: Reason(f"design.{design}"),
+    }
     if isinstance(value, dict):
         return {k: spelled.get(k, _spelled)(v) for k, v in value.items()}
     return [_spelled(v) for v in value] if isinstance(value, list | tuple) else value
@@ -209,12 +211,13 @@ def _areas(places: Sequence[PlaceChange]) -> list[str]:
     rows: list[tuple[str, ...]] = [("area", *rates, "share of time too close", "verdict", "people")]
     reasons = []
     for place in places:
+        name = place.name if isinstance(place.name, str) else reason_text(place.name)
         often, close = place.split.often, place.close_share
         levels = (figure(place.often_a.rate), figure(place.often_b.rate))
         changed = (change(often)[0], verdict_text(often.verdict), change(close)[0], verdict_text(close.verdict))
-        rows.append((place.name, *levels, *changed, percent(place.split.people.change)))
+        rows.append((name, *levels, *changed, percent(place.split.people.change)))
         unknown = [(word, e.reason) for word, e in (("violations", often), ("time too close", close)) if e.reason]
-        reasons += [f"{place.name}, {word}: {reason_text(why)}" for word, why in unknown]
+        reasons += [f"{name}, {word}: {reason_text(why)}" for word, why in unknown]
     return [*table(rows), *reasons]
 
 

@@ -161,9 +161,10 @@ def _camera_lines(cameras: tuple[CameraLives, ...]) -> list[str]:
 def _accuracy(found: Groups) -> str:
     a = found.accuracy
     return (
-        f"known accuracy: on {a.scenes}, F1 of pairs {a.f1[0]:.2f} to {a.f1[1]:.2f}; of the violation time called "
-        f"within groups {a.time_precision[0]:.0%} to {a.time_precision[1]:.0%} is, and {a.time_recall[0]:.0%} to "
-        f"{a.time_recall[1]:.0%} of what is, is found; {a.weakness} (docs/statistics.md)"
+        f"known accuracy: on {reason_text(a.scenes)}, F1 of pairs {a.f1[0]:.2f} to {a.f1[1]:.2f}; of the "
+        f"violation time called within groups {a.time_precision[0]:.0%} to {a.time_precision[1]:.0%} is, and "
+        f"{a.time_recall[0]:.0%} to {a.time_recall[1]:.0%} of what is, is found; {reason_text(a.weakness)} "
+        "(docs/statistics.md)"
     )
 
 

@@ -8,7 +8,7 @@ person-time in violation per open hour; its share of person-time says how much o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final, Literal
@@ -53,8 +53,6 @@ RING_M: Final = (2.0, 5.0)
 MOVED: Final = 0.5
 """Share of the area's fall that the rest of the floor took up, from which on it is said."""
 
-DESIGNS: Final[Mapping[Design, str]] = {"beside": "comparison areas", "alone": "area alone"}
-"""How JSON files spell the designs."""
 Per = Literal["exposure_h", "x_h"]
 
 ASSUMPTIONS: Final = tuple(

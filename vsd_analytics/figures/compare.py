@@ -72,7 +72,7 @@ class PlaceChange:
 
     kind: PlaceKind
     area_id: str | None
-    name: str
+    name: str | Reason
     often_a: RateEstimate
     often_b: RateEstimate
     risky_a: RateEstimate
@@ -244,7 +244,7 @@ def _place(
     return PlaceChange(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
         area_id=area_id,
-        name="Rest of the floor" if where is None else where.name,
+        name=Reason("row.rest") if where is None else where.name,
         often_a=rates.violation_rate_level(pair.before, before),
         often_b=rates.violation_rate_level(pair.now, now),
         risky_a=rates.encounter_rate_level(pair.before, before),

@@ -27,6 +27,8 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 HISTORY_WEEKS: Final = 12
 """Weeks a forecast looks back, so that eight recorded ones are found across holidays and outages."""
 NO_GATHERINGS: Final = Reason("gatherings.not_counted")
+OPEN_HOUR: Final = Reason("unit.open_hour")
+RECORDED_OPEN_HOURS: Final = Reason("unit.recorded_open_hours")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +60,8 @@ class SeriesForecast:
     """The forecast of one quantity.
 
     Attributes:
-        unit: In words.
-        denominator: What it is divided by, in words.
+        unit: Of the values.
+        denominator: What it is divided by.
         rows: The open hours of the week, in order; empty without a forecast.
         range_share: Share of hours the ranges are to hold.
         level: How far late weeks are above the usual, 1.1 = 10 %; None without a forecast.
@@ -70,8 +72,8 @@ class SeriesForecast:
         reason: Why not.
     """
 
-    unit: str
-    denominator: str
+    unit: Reason
+    denominator: Reason
     rows: tuple[HourForecast, ...]
     range_share: float | None
     level: float | None
@@ -165,7 +167,8 @@ def forecast(
 def _series(
     slots: Slots, weeks: Weeks, open_h: Floats, *, why: Reason | None, is_count: bool, share: float
 ) -> SeriesForecast:
-    unit, denominator = ("violations", "open hour") if is_count else ("people in view, mean", "recorded open hours")
+    unit = Reason("unit.violations" if is_count else "unit.people_in_view")
+    denominator = OPEN_HOUR if is_count else RECORDED_OPEN_HOURS
     if why is not None:
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", why)
     both = (slots.open_h[-1], open_h)
@@ -181,8 +184,8 @@ def series_forecast(
     open_h: tuple[Floats, Floats],
     is_count: bool,
     share: float,
-    unit: str,
-    denominator: str,
+    unit: Reason,
+    denominator: Reason,
 ) -> SeriesForecast:
     """Forecast a quantity for the week after the last one, and score the forecast of that one.
 
@@ -192,8 +195,8 @@ def series_forecast(
         open_h: Open hours of the slots of the last week and of the next one, each of shape (168,).
         is_count: True for counts of events; False for amounts such as person-hours.
         share: Share of hours the ranges are to hold.
-        unit: In words.
-        denominator: What it is divided by, in words.
+        unit: Of the values.
+        denominator: What it is divided by.
     """
     n, x_h = weeks.n, weeks.x_h
     made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h[1], share=share)
@@ -207,7 +210,7 @@ def series_forecast(
 
 
 def _gatherings(slots: Slots, counted: tuple[ArrayLike, ArrayLike] | None, open_h: Floats) -> SeriesForecast:
-    unit, denominator = "probability of at least one gathering", "open hour"
+    unit, denominator = Reason("unit.gathering_chance"), OPEN_HOUR
     if counted is None:
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", NO_GATHERINGS)
     n, x_h = (np.asarray(a, dtype=np.float64)[1:] for a in counted)

@@ -14,8 +14,8 @@ from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpo
 from vsd_analytics.result import Reason
 
 DIGITS: Final = 6
-PLANE: Final = "floor metres on a local plane: x to the right, y up; not longitude and latitude"
-UNIT: Final = "time too close over what the crowd there explains"
+PLANE: Final = Reason("unit.plane")
+UNIT: Final = Reason("unit.ratio")
 COLUMNS: Final = (
     *("number", "id", "state", "since", "area_id", "place", "x_m", "y_m", "peak_x_m", "peak_y_m", "area_m2"),
     *("ratio", "lo", "hi", "n", "violation_h", "expected_h", "exposure_h"),

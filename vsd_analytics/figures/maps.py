@@ -35,7 +35,6 @@ class CellMap:
 
     Attributes:
         metric: Catalogue id, M16 to M19.
-        unit: Of the values, in words.
         grid: The cells; None where nothing can be shown.
         values: Shape of the grid, row 0 at the bottom of the floor; NaN where nothing is known. None without a grid.
         exposure_h: Person-hours per cell, same shape, as measured; None likewise.
@@ -46,13 +45,17 @@ class CellMap:
     """
 
     metric: str
-    unit: str
     grid: Grid | None
     values: Floats | None
     exposure_h: Floats | None
     denominator: float | None
     state: State
     reason: Reason | None
+
+    @property
+    def unit(self) -> Reason:
+        """Return the unit of the values."""
+        return Reason(f"unit.{self.metric}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,7 +108,7 @@ def exposure_map(warehouse: Warehouse, **asked: Unpack[CellRange]) -> CellMap:
 
     Example:
         >>> vsd.exposure_map(warehouse, floor=floor, cell_m=1.0).unit
-        'person-seconds per m² and recorded open hour'
+        Reason('unit.M16')
     """
     return _exposure(cell_hours(warehouse, needs_distances=False, **asked))
 
@@ -163,43 +166,41 @@ def excess_map(warehouse: Warehouse, **asked: Unpack[CellRange]) -> ExcessMap:
 
 
 def _exposure(data: CellHours) -> CellMap:
-    return _per_hour("M16", "person-seconds per m² and recorded open hour", data, data.exposure_s)
+    return _per_hour("M16", data, data.exposure_s)
 
 
 def _burden(data: CellHours) -> CellMap:
-    return _per_hour("M17", "person-seconds in violation per m² and recorded open hour", data, data.violation_s)
+    return _per_hour("M17", data, data.violation_s)
 
 
-def _per_hour(metric: str, unit: str, data: CellHours, values_s: Floats) -> CellMap:
+def _per_hour(metric: str, data: CellHours, values_s: Floats) -> CellMap:
     if data.grid is None:
-        return CellMap(metric, unit, None, None, None, None, data.state, data.reason)
+        return CellMap(metric, None, None, None, None, data.state, data.reason)
     camera, n_cameras = data.keyed("camera_id")
     recorded_h = np.bincount(camera, weights=data.used["recorded_h"].to_numpy(), minlength=n_cameras)
     rate = values_s / recorded_h[camera[data.hour]]
     exposure_h = data.summed(data.exposure_s) / 3600
     values = np.where(exposure_h > 0, data.summed(rate) / data.grid.cell_m**2, np.nan)
-    return CellMap(metric, unit, data.grid, values, exposure_h, float(recorded_h.sum()), "ok", None)
+    return CellMap(metric, data.grid, values, exposure_h, float(recorded_h.sum()), "ok", None)
 
 
 def _risk(data: CellHours) -> CellMap:
-    unit = "share of person-time in violation"
     if data.grid is None:
-        return CellMap("M18", unit, None, None, None, None, data.state, data.reason)
+        return CellMap("M18", None, None, None, None, data.state, data.reason)
     exposure_h, violation_h = (data.summed(v) / 3600 for v in (data.exposure_s, data.violation_s))
     near, risky = (test.smoothed(v, SIGMA_M / data.grid.cell_m) for v in (exposure_h, violation_h))
     is_known = (near >= MIN_EXPOSURE_H) & (exposure_h > 0)
     share = np.divide(risky, near, out=np.full(near.shape, np.nan), where=is_known)
-    return CellMap("M18", unit, data.grid, np.minimum(share, 1.0), exposure_h, float(exposure_h.sum()), "ok", None)
+    return CellMap("M18", data.grid, np.minimum(share, 1.0), exposure_h, float(exposure_h.sum()), "ok", None)
 
 
 def _excess(warehouse: Warehouse, floor: Floor, data: CellHours) -> ExcessMap:
-    unit = "time in violation over that of random mixing"
     if data.grid is None:
-        return ExcessMap("M19", unit, None, None, None, None, data.state, data.reason, None, None, None)
+        return ExcessMap("M19", None, None, None, None, data.state, data.reason, None, None, None)
     cell_m, expected_s = data.grid.cell_m, mixed_s(warehouse, floor, data)
     is_together_known = np.isfinite(expected_s)
     if not is_together_known.any():
-        return ExcessMap("M19", unit, None, None, None, None, "not_enough_data", UNTOLD, None, None, None)
+        return ExcessMap("M19", None, None, None, None, "not_enough_data", UNTOLD, None, None, None)
     if not is_together_known.all():  # who was in view together is unknown there: neither observed nor expected
         data, expected_s = data.where(is_together_known), expected_s[is_together_known]
     observed, expected = (data.summed(v) for v in (data.violation_s, expected_s))
@@ -208,7 +209,7 @@ def _excess(warehouse: Warehouse, floor: Floor, data: CellHours) -> ExcessMap:
     is_known = (mixed >= MIN_EXPECTED_S) & (exposure_h > 0)
     values = np.divide(near, mixed, out=np.full(near.shape, np.nan), where=is_known)
     return ExcessMap(
-        "M19", unit, data.grid, values, exposure_h, float(expected.sum()) / 3600, "ok", None,
+        "M19", data.grid, values, exposure_h, float(expected.sum()) / 3600, "ok", None,
         observed_h=observed / 3600, expected_h=expected / 3600,
         is_clear=_clear(warehouse, data, expected_s, is_known),
     )  # fmt: skip

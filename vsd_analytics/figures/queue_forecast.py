@@ -12,10 +12,17 @@ from typing import Literal
 
 import numpy as np
 
-from vsd_analytics.figures.forecast import HISTORY_WEEKS, HourForecast, SeriesForecast, series_forecast
+from vsd_analytics.figures.forecast import (
+    HISTORY_WEEKS,
+    RECORDED_OPEN_HOURS,
+    HourForecast,
+    SeriesForecast,
+    series_forecast,
+)
 from vsd_analytics.figures.panels import FloorHours, Period
 from vsd_analytics.figures.people_present import Presence
 from vsd_analytics.figures.slots import iso_week, open_hours
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
 
@@ -76,8 +83,8 @@ def _forecast(data: FloorHours, area: Area, monday: date) -> QueueForecast:
         open_h=(open_hours(site, monday), open_hours(site, next_monday)),
         is_count=False,
         share=site.settings.forecast_share,
-        unit="people waiting, mean",
-        denominator="recorded open hours",
+        unit=Reason("unit.people_waiting"),
+        denominator=RECORDED_OPEN_HOURS,
     )
     busy = None
     if area.queue_limit is not None and people.state == "ok":

@@ -121,11 +121,11 @@ def _limit(value_s: float) -> str:
 
 
 def _visits(often: Mapping[str, Any], stays: Rows, *, says_limit: bool) -> VisitsRow:
-    def stay(what: str) -> Mapping[str, Any]:
-        return next((r for r in stays if r["what"].startswith(what)), {})
-
-    median, p90, long = stay("median"), stay("90 % leave within"), stay("share of long visits")
-    tracks, little = stay("mean by tracks"), stay("mean by Little's law")
+    """Return an area's row; of its stays (M36) the share of long ones has a limit, and the means may disagree."""
+    long = next((r for r in stays if "longer_than_s" in r), {})
+    none: Mapping[str, Any] = {}
+    tracks, little, *_ = (*(r for r in stays if "agrees" in r), none, none)
+    median, p90, *_ = (*(r for r in stays if not {"longer_than_s", "agrees"} & r.keys()), none, none)
     reason = ""
     if often["value"] is not None and median.get("value") is None:
         reason = str(median.get("reason") or "")

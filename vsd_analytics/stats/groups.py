@@ -37,23 +37,23 @@ class Accuracy:
         f1: Harmonic mean of precision and recall, over pairs ever closer than 2 m.
         time_precision: Share of the violation time called within groups that is.
         time_recall: Share of the violation time within groups that is called so.
-        scenes: How many recordings, of what, in words.
-        weakness: Where it is known to fail, in words.
+        scenes: How many recordings, of what.
+        weakness: Where it is known to fail.
     """
 
     f1: tuple[float, float]
     time_precision: tuple[float, float]
     time_recall: tuple[float, float]
-    scenes: str
-    weakness: str
+    scenes: Reason
+    weakness: Reason
 
 
 KNOWN_ACCURACY: Final = Accuracy(
     f1=(0.77, 0.93),
     time_precision=(0.84, 1.0),
     time_recall=(0.79, 0.99),
-    scenes="three street scenes of minutes, people walking, tracks marked by hand",
-    weakness="in simulated queues strangers move on together: about half of the time called within groups there is not",
+    scenes=Reason("groups.scenes"),
+    weakness=Reason("groups.weakness"),
 )
 """Held by tests on the recordings. Of shops and queues only the simulator's parties are known."""
 

@@ -15,6 +15,7 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
+from dataclasses import replace
 from typing import Final
 
 from vsd_analytics.figures.catalogue.form import MAKERS, FigureInputs
@@ -76,4 +77,5 @@ def _made(inputs: FigureInputs, metrics: AbstractSet[str]) -> Mapping[str, Figur
     if asked:
         _import(FILES_OF_SPACE)
     wanted = metrics - (OF_SPACE - asked)
-    return {metric: MAKERS[metric](inputs) for metric in sorted(wanted, key=lambda metric: int(metric[1:]))}
+    ordered = sorted(wanted, key=lambda metric: int(metric[1:]))
+    return {metric: MAKERS[metric](replace(inputs, metric=metric)) for metric in ordered}

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-from vsd_analytics.figures.before_after import DESIGNS, BeforeAfterFigure
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, row
+from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import too_few
@@ -13,11 +11,6 @@ from vsd_analytics.figures.week.redesigns import is_held_back
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
-
-SIZES: Final = "share of the time people spent in clusters, by number of people in the cluster"
-GATHERINGS: Final = "gatherings per 100 recorded open hours"
-CAUSES: Final = "crowding, layout and behaviour behind the time that pairs spend too close"
-REDESIGNS: Final = "violations per person-hour after a change over before, beside areas that were left alone"
 
 
 def _own(inputs: FigureInputs) -> FloorGatherings | None:
@@ -31,9 +24,9 @@ def sizes(inputs: FigureInputs) -> Figure:
     found = _own(inputs)
     if found is None or found.sizes.state != "ok":
         state = "not_enough_data" if found is None else found.sizes.state
-        return missing(SIZES, state, NOTHING_OPEN if found is None else found.sizes.reason)
+        return inputs.missing(state, NOTHING_OPEN if found is None else found.sizes.reason)
     rows = tuple(row(s, "least", "most", "share") for s in found.sizes.sizes)
-    return Figure(unit=SIZES, rows=rows, denominator=found.sizes.person_s / 3600)
+    return Figure(unit=inputs.unit, rows=rows, denominator=found.sizes.person_s / 3600)
 
 
 @figure("M22")
@@ -42,14 +35,14 @@ def gatherings(inputs: FigureInputs) -> Figure:
     found = _own(inputs)
     if found is None or found.n is None or found.per_100_h.rate is None:
         state = "not_enough_data" if found is None else found.per_100_h.state
-        return missing(GATHERINGS, state, NOTHING_OPEN if found is None else found.per_100_h.reason)
+        return inputs.missing(state, NOTHING_OPEN if found is None else found.per_100_h.reason)
     if inputs.small(found.n):
-        return missing(GATHERINGS, "not_enough_data", Reason("hidden.gatherings", least=inputs.below))
+        return inputs.missing("not_enough_data", Reason("hidden.gatherings", least=inputs.below))
     rate = found.per_100_h
     names = ("start", "end", "duration_s", "n_people", "person_s", "x_m", "y_m", "diameter_m")
     rows = tuple(row(g, *names) for g in found.top) if inputs.is_ranked else ()
     return Figure(
-        unit=GATHERINGS,
+        unit=inputs.unit,
         value=rate.rate,
         lo=rate.lo,
         hi=rate.hi,
@@ -65,7 +58,7 @@ def causes(inputs: FigureInputs) -> Figure:
     """Return the three factors of the week, and how each moved since the week before."""
     found = inputs.found.mixing_now
     if found.layout is None or found.behaviour is None:
-        return missing(CAUSES, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     change = inputs.found.mixing if inputs.level.often.verdict is not None else None
     is_compared = change is not None and change.state == "ok"
     rows = _factors(found, change if is_compared else None)
@@ -73,8 +66,8 @@ def causes(inputs: FigureInputs) -> Figure:
     if change is not None and not is_compared:
         reason = change.reason
     return Figure(
-        unit=CAUSES, value=found.behaviour, lo=found.lo, hi=found.hi, rows=tuple(rows), denominator=found.copresent_h,
-        reason=reason, note=Reason("note.behaviour"),
+        unit=inputs.unit, value=found.behaviour, lo=found.lo, hi=found.hi, rows=tuple(rows),
+        denominator=found.copresent_h, reason=reason, note=Reason("note.behaviour"),
     )  # fmt: skip
 
 
@@ -89,17 +82,17 @@ def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
             (None if behaviour is None else behaviour.theta, change.behaviour_share),
         )
     values = (
-        ("crowding", "pair-hours of any two people in view at once", found.copresent_h),
-        ("layout", "chance that two independent people are too close", found.layout),
-        ("behaviour", "time too close over what crowding and layout explain", found.behaviour),
+        ("crowding", found.copresent_h),
+        ("layout", found.layout),
+        ("behaviour", found.behaviour),
     )
     rows: list[Row] = []
-    for (what, unit, value), (ratio, share) in zip(values, moved, strict=True):
+    for (what, value), (ratio, share) in zip(values, moved, strict=True):
         is_behaviour = what == "behaviour"
         rows.append(
             {
                 "what": what,
-                "unit": unit,
+                "unit": Reason(f"unit.{what}"),
                 "value": value,
                 "over_uniform": found.layout / uniform if what == "layout" and found.layout and uniform else None,
                 "change": None if ratio is None else ratio - 1,
@@ -116,13 +109,13 @@ def redesigns(inputs: FigureInputs) -> Figure:
     """Return what each logged change of the floor did to its area."""
     found = inputs.found.redesigns
     if not found:
-        return missing(REDESIGNS, "not_enough_data", Reason("redesign.none"))
+        return inputs.missing("not_enough_data", Reason("redesign.none"))
     rows = [_redesign(inputs, one) for one in found]
     computed = [r for r in rows if r["state"] == "ok"]
     if computed:
-        return Figure(unit=REDESIGNS, rows=tuple(rows), denominator=len(computed))
+        return Figure(unit=inputs.unit, rows=tuple(rows), denominator=len(computed))
     state = found[-1].state if found[-1].state != "ok" else "not_enough_data"
-    return Figure(unit=REDESIGNS, rows=tuple(rows), state=state, reason=found[-1].reason)
+    return Figure(unit=inputs.unit, rows=tuple(rows), state=state, reason=found[-1].reason)
 
 
 def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
@@ -141,7 +134,7 @@ def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
         "at": found.at.isoformat(),
         "area": found.area_id,
         "name": found.area_name,
-        "design": DESIGNS[found.design],
+        "design": Reason(f"design.{found.design}"),
         "ratio": None if ratio is None else ratio.theta,
         "lo": None if ratio is None else ratio.lo,
         "hi": None if ratio is None else ratio.hi,

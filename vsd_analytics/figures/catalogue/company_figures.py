@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, held_back, missing, of_estimate, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.neighbours import room_around, three_or_more
 from vsd_analytics.figures.others_met import OthersMet, others_met
 from vsd_analytics.figures.slots import NOTHING_OPEN
@@ -12,29 +10,24 @@ from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason, State
 
-MET: Final = "others closer than the legal distance, for each track id and day"
-LONG: Final = "share of track ids"
-CROWDED: Final = "share of person-time with three or more others too close"
-ROOM: Final = "share of person-time by people per m²"
-
 
 @figure("M31")
 def met(inputs: FigureInputs) -> Figure:
     """Return how many different others a person comes too close to in a day: median and 90 % quantile."""
     found = _met(inputs)
     if not isinstance(found, OthersMet):
-        return missing(MET, *found)
+        return inputs.missing(*found)
     quantiles = found.met
     if inputs.small(quantiles.n):
-        return held_back(MET, inputs.below)
+        return inputs.held_back()
     if quantiles.quantiles[0].value is None:
-        return missing(MET, quantiles.state, quantiles.reason)
+        return inputs.missing(quantiles.state, quantiles.reason)
     rows: list[Row] = [
-        {"what": what, **row(q, "value", "lo", "hi")}
-        for what, q in zip(("median", "90 % meet at most"), quantiles.quantiles, strict=True)
+        {"what": Reason(f"row.{what}"), **row(q, "value", "lo", "hi")}
+        for what, q in zip(("median", "p90_met"), quantiles.quantiles, strict=True)
     ]
     note = Reason("note.met")
-    return Figure(unit=MET, rows=tuple(rows), denominator=quantiles.n, reason=quantiles.reason, note=note)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=quantiles.n, reason=quantiles.reason, note=note)
 
 
 @figure("M34")
@@ -42,17 +35,17 @@ def long_contacts(inputs: FigureInputs) -> Figure:
     """Return the share of people with 15 minutes or more too close to one other within a day."""
     contacts = inputs.found.episodes.contacts
     if contacts.n is None or contacts.state != "ok":
-        return missing(LONG, contacts.state, contacts.reason)
+        return inputs.missing(contacts.state, contacts.reason)
     found = _met(inputs)
     if not isinstance(found, OthersMet):
-        return missing(LONG, *found)
+        return inputs.missing(*found)
     share = found.long_share
     if inputs.small(share.n, share.of - share.n, contacts.n):
-        return held_back(LONG, inputs.below)
+        return inputs.held_back()
     if share.value is None:
-        return missing(LONG, share.state, share.reason)
+        return inputs.missing(share.state, share.reason)
     return Figure(
-        unit=LONG,
+        unit=inputs.unit,
         value=share.value,
         lo=share.lo,
         hi=share.hi,
@@ -66,26 +59,26 @@ def long_contacts(inputs: FigureInputs) -> Figure:
 def crowded(inputs: FigureInputs) -> Figure:
     """Return the share of person-time with three or more others too close."""
     if (why := inputs.why_no_person_time) is not None:
-        return missing(CROWDED, *why)
+        return inputs.missing(*why)
     found = three_or_more(inputs.data.this)
-    return of_estimate(CROWDED, inputs.rate(found), found.exposure_h)
+    return inputs.of_estimate(inputs.rate(found), found.exposure_h)
 
 
 @figure("M33")
 def room(inputs: FigureInputs) -> Figure:
     """Return the shares of person-time at each of Fruin's levels of service."""
     if (why := inputs.why_no_person_time) is not None:
-        return missing(ROOM, *why)
+        return inputs.missing(*why)
     found = room_around(inputs.data.this)
     first = inputs.rate(found[0].share)
     if first.value is None:
-        return missing(ROOM, first.state, first.reason or NOTHING_OPEN)
+        return inputs.missing(first.state, first.reason or NOTHING_OPEN)
     rows: list[Row] = []
     for level in found:
         to = None if level.density_to is None else round(level.density_to, 2)
         edges = {"density_from": round(level.density_from, 2), "density_to": to}
         rows.append({"level": level.level, **edges, **row(inputs.rate(level.share), "value", "lo", "hi")})
-    return Figure(unit=ROOM, rows=tuple(rows), denominator=found[0].share.exposure_h, note=Reason("note.room"))
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=found[0].share.exposure_h, note=Reason("note.room"))
 
 
 def _met(inputs: FigureInputs) -> OthersMet | tuple[State, Reason | None]:

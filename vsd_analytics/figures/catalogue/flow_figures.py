@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, of_rows, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, flow
 from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.groups import ShareEstimate
 
-FLOW: Final = "share of those who leave"
-ROUTES: Final = "share of routes"
-DEGREES: Final = "degrees, counter-clockwise from the x axis"
-OTHER: Final = "other"
+OTHER: Final = Reason("row.other")
 
 
 @figure("M37")
@@ -23,10 +20,10 @@ def flow_between_areas(inputs: FigureInputs) -> Figure:
     """Return the share of those who leave an area whose next area is each one; small counts are one sum, "other"."""
     found = flow(inputs.data.this)
     if found is None:
-        return missing(FLOW, "not_enough_data", None)
+        return inputs.missing("not_enough_data", None)
     rows = [one for of in found.areas for one in _of_area(inputs, of)]
     n_left = sum(of.following.n for of in found.areas if not inputs.small(of.following.n))
-    return of_rows(FLOW, rows, n_left, _note(found.areas))
+    return inputs.of_rows(rows, n_left, _note(found.areas))
 
 
 @figure("M38")
@@ -34,11 +31,11 @@ def routes(inputs: FigureInputs) -> Figure:
     """Return the share of each route of those who come in by a door; rare ones are one sum, "other"."""
     found = flow(inputs.data.this)
     if found is None or not found.routes.has_doors:
-        return missing(ROUTES, "not_enough_data", Reason("flow.no_doors"))
+        return inputs.missing("not_enough_data", Reason("flow.no_doors"))
     of = found.routes
     why = _hidden(inputs, of.following.n) or of.following.reason
     if inputs.small(of.following.n) or all(r.share.value is None for r in of.routes):
-        return missing(ROUTES, "not_enough_data", why)
+        return inputs.missing("not_enough_data", why)
     rows: list[Row] = [
         {
             "route": " > ".join(a.name for a in route.areas) or OTHER,
@@ -47,7 +44,7 @@ def routes(inputs: FigureInputs) -> Figure:
         }
         for route in of.routes
     ]
-    return Figure(unit=ROUTES, rows=tuple(rows), denominator=of.following.n, note=Reason("note.flow"))
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=of.following.n, note=Reason("note.flow"))
 
 
 @figure("M42")
@@ -55,12 +52,12 @@ def directions(inputs: FigureInputs) -> Figure:
     """Return which way people walk through each cell of the floor that five or more walk through."""
     field = walking_directions(inputs.data.this)
     if not field.cells:
-        return missing(DEGREES, "not_enough_data", Reason("flow.no_walkers"))
+        return inputs.missing("not_enough_data", Reason("flow.no_walkers"))
     rows = tuple(
         row(c, "x_m", "y_m", "ways", "agreement", "n_people", cell_m=field.cell_m, value=c.direction_deg)
         for c in field.cells
     )
-    return Figure(unit=DEGREES, rows=rows, denominator=sum(c.n_people for c in field.cells))
+    return Figure(unit=inputs.unit, rows=rows, denominator=sum(c.n_people for c in field.cells))
 
 
 def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:

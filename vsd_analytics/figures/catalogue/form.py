@@ -9,7 +9,7 @@ from datetime import date, datetime
 from typing import Any, Final
 
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
+from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
@@ -36,6 +36,7 @@ class FigureInputs:
         areas: Areas, likewise.
         when: The timetable, likewise.
         is_ranked: The week was recorded well enough to say what is highest.
+        metric: The figure that is made, by catalogue id.
     """
 
     data: WeekData
@@ -45,6 +46,18 @@ class FigureInputs:
     areas: Sequence[AreaRow]
     when: When
     is_ranked: bool
+    metric: str = ""
+
+    @property
+    def unit(self) -> Reason:
+        """Return the unit of the figure that is made, as the wording catalogue names it."""
+        settings = self.data.site.settings
+        return Reason(
+            f"unit.{self.metric}",
+            distance_m=settings.distance_m,
+            outage_min=settings.outage_min_s / 60,
+            contact_min=settings.contact_s / 60,
+        )
 
     @property
     def below(self) -> int:
@@ -74,22 +87,55 @@ class FigureInputs:
         """Return whether any of the counts is too small to print."""
         return any(n is not None and is_small(n, below=self.below) for n in counts)
 
-    def not_printed(self, unit: str) -> Figure:
-        """Return a figure of violations for a week whose violations may not be printed."""
-        return missing(unit, self.level.often.state, self.level.often.reason)
+    def missing(self, state: State, reason: Reason | None) -> Figure:
+        """Return the figure without a value, and why."""
+        state = "not_enough_data" if state == "ok" else state
+        return Figure(unit=self.unit, state=state, reason=reason or NOTHING_OPEN)
 
-    def not_ranked(self, unit: str) -> Figure:
+    def held_back(self) -> Figure:
+        """Return the figure without a value: its count is too small to print."""
+        return self.missing("not_enough_data", too_few(self.below))
+
+    def not_printed(self) -> Figure:
+        """Return a figure of violations for a week whose violations may not be printed."""
+        return self.missing(self.level.often.state, self.level.often.reason)
+
+    def not_ranked(self) -> Figure:
         """Return a ranking in a week that was recorded too little for one."""
         least = self.data.site.settings.min_coverage
         why = Reason("ranking.nothing", least=least)
         if self.coverage.recorded_h:
             why = Reason("ranking.coverage", share=self.coverage.share, least=least)
-        return missing(unit, "not_enough_data", why)
+        return self.missing("not_enough_data", why)
 
     def rate(self, rate: RateEstimate | None) -> Estimate:
         """Return a rate as an estimate without values that are too small to print."""
         none = Estimate(value=None, state="not_enough_data", reason=NOTHING_OPEN)
         return page_estimates.level(rate, below=self.below) or none
+
+    def of_rows(self, rows: Sequence[Row], denominator: float | None, note: Reason) -> Figure:
+        """Return rows as a figure; where none has a value, the first reason that one of them gives."""
+        if all(row["value"] is None for row in rows):
+            reason = next((why for row in rows if isinstance(why := row["reason"], Reason)), None)
+            return self.missing("not_enough_data", reason)
+        return Figure(unit=self.unit, rows=tuple(rows), denominator=denominator, note=note)
+
+    def of_estimate(
+        self, estimate: Estimate, denominator: float | None, *, rows: Sequence[Row] | None = None
+    ) -> Figure:
+        """Return an estimate as a figure."""
+        if estimate.value is None:
+            return self.missing(estimate.state, estimate.reason)
+        return Figure(
+            unit=self.unit,
+            value=estimate.value,
+            lo=estimate.lo,
+            hi=estimate.hi,
+            verdict=estimate.verdict,
+            denominator=denominator,
+            rows=None if rows is None else tuple(rows),
+            reason=estimate.reason,
+        )
 
 
 Maker = Callable[[FigureInputs], Figure]
@@ -133,44 +179,13 @@ def plain(value: Any) -> Plain:
     return value.isoformat() if isinstance(value, date | datetime) else value
 
 
-def missing(unit: str, state: State, reason: Reason | None) -> Figure:
-    """Return a figure that cannot be given, and why."""
-    return Figure(unit=unit, state="not_enough_data" if state == "ok" else state, reason=reason or NOTHING_OPEN)
-
-
-def of_rows(unit: str, rows: Sequence[Row], denominator: float | None, note: Reason) -> Figure:
-    """Return rows as a figure; where none has a value, the first reason that one of them gives."""
-    if all(row["value"] is None for row in rows):
-        reason = next((why for row in rows if isinstance(why := row["reason"], Reason)), None)
-        return missing(unit, "not_enough_data", reason)
-    return Figure(unit=unit, rows=tuple(rows), denominator=denominator, note=note)
-
-
-def joined(reasons: Sequence[tuple[str, Reason | None]]) -> Reason | None:
+def joined(reasons: Sequence[tuple[Reason, Reason | None]]) -> Reason | None:
     """Return reasons of several things as one, each after the name of its thing; None for none."""
     found = tuple(Reason("of", name=name, reason=reason) for name, reason in reasons if reason is not None)
     return Reason("joined", reasons=found) if found else None
 
 
-def of_estimate(
-    unit: str, estimate: Estimate, denominator: float | None, *, rows: Sequence[Row] | None = None, **more: Any
-) -> Figure:
-    """Return an estimate as a figure."""
-    if estimate.value is None:
-        return missing(unit, estimate.state, estimate.reason)
-    return Figure(
-        unit=unit,
-        value=estimate.value,
-        lo=estimate.lo,
-        hi=estimate.hi,
-        verdict=estimate.verdict,
-        denominator=denominator,
-        rows=None if rows is None else tuple(rows),
-        reason=estimate.reason,
-        **more,
-    )
-
-
-def held_back(unit: str, below: int, *, is_other: bool = False) -> Figure:
-    """Return a figure without value: its count is too small to print, or would reveal such a count."""
-    return missing(unit, "not_enough_data", GIVES_AWAY if is_other else too_few(below))
+def mean_name(key: str, *, agrees: bool | None) -> Reason:
+    """Return the name of a row with a mean of dwell times, which says where the means by two ways disagree."""
+    name = Reason(f"row.{key}")
+    return Reason("row.disagree", name=name) if agrees is False else name

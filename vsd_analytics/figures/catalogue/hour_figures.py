@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import DAYS, FigureInputs, Row, figure, joined, limits, missing, row
+from vsd_analytics.figures.catalogue.form import DAYS, FigureInputs, Row, figure, joined, limits, row
 from vsd_analytics.figures.forecast import SeriesForecast
 from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
@@ -13,11 +13,6 @@ from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.hour_of_week import PeakHours
 
-PROFILE: Final = "violations per person-hour and per recorded open hour, and people in view, by hour of the week"
-PEAKS: Final = "highest hours of the week"
-UNUSUAL: Final = "hours with far more or fewer violations than usual"
-OUTLOOK: Final = "people in view, violations per open hour, and the chance of a gathering, by hour of next week"
-TREND: Final = "violations per open hour, share of time too close and violations per person-hour, by week"
 _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_hi")
 
 
@@ -27,7 +22,7 @@ def profile(inputs: FigureInputs) -> Figure:
     found = inputs.found.profile
     is_printed = any(h.state == "ok" for h in found.rows)
     if not is_printed:
-        return missing(PROFILE, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     hidden = _hidden_slots(inputs)
     rows = []
     for hour in found.rows:
@@ -36,7 +31,7 @@ def profile(inputs: FigureInputs) -> Figure:
             same = {**same, **dict.fromkeys(_LIMITS), "state": "masked"}
         rows.append({"weekday": DAYS[hour.weekday], "hour": hour.hour, **same})
     denominator = sum(h.recorded_h for h in found.rows)
-    return Figure(unit=PROFILE, rows=tuple(rows), denominator=denominator, reason=found.reason)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=denominator, reason=found.reason)
 
 
 def _hidden_slots(inputs: FigureInputs) -> set[tuple[int, int]]:
@@ -50,19 +45,19 @@ def _hidden_slots(inputs: FigureInputs) -> set[tuple[int, int]]:
 def peaks(inputs: FigureInputs) -> Figure:
     """Return the highest hours of the week, and those that cannot be distinguished from the first."""
     if not inputs.is_ranked:
-        return inputs.not_ranked(PEAKS)
+        return inputs.not_ranked()
     found = inputs.found.profile
     rows: list[Row] = []
-    for by, peaks in (("per open hour", found.by_burden), ("per person-hour", found.by_risk)):
-        rows += _ranked(inputs, by, peaks)
+    for by, peaks in (("per_open_hour", found.by_burden), ("per_person_hour", found.by_risk)):
+        rows += _ranked(inputs, Reason(f"unit.{by}"), peaks)
     if not rows:
-        return missing(PEAKS, found.by_burden.state, found.by_burden.reason)
-    by_unit = ("violations per recorded open hour", found.by_burden), ("violations per person-hour", found.by_risk)
-    reasons = joined([(unit, peaks.reason) for unit, peaks in by_unit if peaks.state != "ok"])
-    return Figure(unit=PEAKS, rows=tuple(rows), reason=reasons)
+        return inputs.missing(found.by_burden.state, found.by_burden.reason)
+    by_unit = ("violations_per_open_hour", found.by_burden), ("M7", found.by_risk)
+    reasons = joined([(Reason(f"unit.{unit}"), peaks.reason) for unit, peaks in by_unit if peaks.state != "ok"])
+    return Figure(unit=inputs.unit, rows=tuple(rows), reason=reasons)
 
 
-def _ranked(inputs: FigureInputs, by: str, peaks: PeakHours) -> list[Row]:
+def _ranked(inputs: FigureInputs, by: Reason, peaks: PeakHours) -> list[Row]:
     rows: list[Row] = []
     hidden = _hidden_slots(inputs)
     top = [p for p in peaks.top if not inputs.small(p.n) and (p.weekday, p.hour) not in hidden]
@@ -81,9 +76,9 @@ def unusual(inputs: FigureInputs) -> Figure:
     """Return the hours with far more or fewer violations than usual."""
     found = inputs.found.unusual
     if not inputs.is_ranked:
-        return inputs.not_ranked(UNUSUAL)
+        return inputs.not_ranked()
     if found.state != "ok":
-        return missing(UNUSUAL, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     hidden = {(c.day, c.hour) for c in inputs.when.cells if c.is_masked or c.is_held_back}
     rows = []
     for hour in found.rows:
@@ -91,7 +86,7 @@ def unusual(inputs: FigureInputs) -> Figure:
         if inputs.small(hour.violations) or (hour.day, hour.hour) in hidden:
             values = {**values, "violations": None, "ratio": None, "q": None}
         rows.append({"weekday": DAYS[hour.weekday], **values})
-    return Figure(unit=UNUSUAL, rows=tuple(rows), denominator=found.n_tested)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=found.n_tested)
 
 
 @figure("M25")
@@ -101,12 +96,12 @@ def outlook(inputs: FigureInputs) -> Figure:
     series = {"people": found.people, "violations": found.violations, "gathering": found.gatherings}
     if not found.has_forecast:
         worst = found.people if found.people.state != "not_measurable" else found.violations
-        return missing(OUTLOOK, worst.state, worst.reason)
+        return inputs.missing(worst.state, worst.reason)
     rows: list[Row] = []
     for name, one in series.items():
         rows += _hours(name, one)
-    reasons = joined([(name, one.reason) for name, one in series.items() if one.state != "ok"])
-    return Figure(unit=OUTLOOK, rows=tuple(rows), reason=reasons, note=_score(found.people))
+    reasons = joined([(Reason(f"series.{name}"), one.reason) for name, one in series.items() if one.state != "ok"])
+    return Figure(unit=inputs.unit, rows=tuple(rows), reason=reasons, note=_score(found.people))
 
 
 def _hours(name: str, one: SeriesForecast) -> list[Row]:
@@ -129,7 +124,7 @@ def trend(inputs: FigureInputs) -> Figure:
     """Return both rates of each of the last weeks."""
     found = inputs.found.trend
     if not found.weeks or found.state != "ok":
-        return missing(TREND, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     rows: list[Row] = []
     zone = inputs.data.site.zone
     for week in found.weeks:
@@ -153,4 +148,4 @@ def trend(inputs: FigureInputs) -> Figure:
                 "reason": reason,
             }
         )
-    return Figure(unit=TREND, rows=tuple(rows), denominator=len(rows), reason=found.risky_reason)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=len(rows), reason=found.risky_reason)

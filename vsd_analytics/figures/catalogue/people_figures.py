@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, of_estimate, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
-
-EXPOSURE = "person-hours"
-MEAN = "people in view, mean over recorded open hours"
+from vsd_analytics.result import Reason
 
 
 @figure("M3")
@@ -16,12 +14,12 @@ def exposure(inputs: FigureInputs) -> Figure:
     people, found = inputs.level.people, inputs.found.person_time
     exposure_h = found.exposure_h
     if exposure_h is None:
-        return missing(EXPOSURE, people.state, people.reason)
+        return inputs.missing(people.state, people.reason)
     level = inputs.rate(found.people)
     scale = exposure_h / level.value if level.value else None
     lo, hi = (None if v is None or scale is None else v * scale for v in (level.lo, level.hi))
     return Figure(
-        unit=EXPOSURE,
+        unit=inputs.unit,
         value=exposure_h,
         lo=lo,
         hi=hi,
@@ -36,15 +34,15 @@ def people_in_view(inputs: FigureInputs) -> Figure:
     """Return the mean number of people in view, and the fullest quarter-hour."""
     people = inputs.level.people
     if people.value is None:
-        return missing(MEAN, people.state, people.reason)
+        return inputs.missing(people.state, people.reason)
     found = inputs.found.person_time
     rows: list[Row] = [
-        {"what": "mean", "people": people.value, "start": None, "recorded_share": None},
+        {"what": Reason("row.mean"), "people": people.value, "start": None, "recorded_share": None},
     ]
     if found.peak is not None:
-        rows.append({"what": "fullest quarter-hour", **row(found.peak, "people", "start", "recorded_share")})
+        rows.append({"what": Reason("row.fullest"), **row(found.peak, "people", "start", "recorded_share")})
     return Figure(
-        unit=MEAN,
+        unit=inputs.unit,
         value=people.value,
         lo=found.people.lo,
         hi=found.people.hi,
@@ -58,17 +56,15 @@ def people_in_view(inputs: FigureInputs) -> Figure:
 @figure("M6")
 def close(inputs: FigureInputs) -> Figure:
     """Return the share of person-time too close, of all people and between groups."""
-    distance_m = inputs.data.site.settings.distance_m
-    unit = f"share of person-time closer than {distance_m:g} m to somebody"
     if (why := inputs.why_no_person_time) is not None:
-        return missing(unit, *why)
+        return inputs.missing(*why)
     found = inputs.found.person_time
     level = inputs.rate(found.close)
     if level.value is None:
-        return missing(unit, level.state, level.reason or NOTHING_OPEN)
+        return inputs.missing(level.state, level.reason or NOTHING_OPEN)
     rows: list[Row] = []
-    for name, reading in (("all", found.close), ("between groups", found.close_between)):
+    for name, reading in (("all", found.close), ("between_groups", found.close_between)):
         values = inputs.rate(reading)
         state = "ok" if values.value is not None else values.state
-        rows.append({"reading": name, **row(values, "value", "lo", "hi", "reason", state=state)})
-    return of_estimate(unit, level, found.close.exposure_h, rows=rows)
+        rows.append({"reading": Reason(f"row.{name}"), **row(values, "value", "lo", "hi", "reason", state=state)})
+    return inputs.of_estimate(level, found.close.exposure_h, rows=rows)

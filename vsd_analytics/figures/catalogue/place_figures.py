@@ -7,15 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Plain, Row, figure, limits, missing, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Plain, Row, figure, limits, row
 from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
 from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
 from vsd_analytics.figures.week.results import AreaRow, Figure
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.shrinkage import MIN_PLACES, pull
 
-AREAS: Final = "violations per open hour and per person-hour, by area"
-SPOTS: Final = "places with more time too close than their crowd explains"
 NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)
 MIN_CELL_S: Final = 60.0
 """Person-seconds a square metre needs to be printed: with less, it could show the way of a few people."""
@@ -36,8 +34,8 @@ def area_rates(inputs: FigureInputs) -> Figure:
     data = inputs.data
     if not inputs.areas:
         if (reason := data.why_no_violations or data.why_no_places) is not None:
-            return missing(AREAS, "not_measurable", reason)
-        return missing(AREAS, "not_enough_data", Reason("areas.none"))
+            return inputs.missing("not_measurable", reason)
+        return inputs.missing("not_enough_data", Reason("areas.none"))
     borders = {b.area_id: b for b in inputs.found.borders}
     order = [a.area_id for a in data.areas]
     areas = list(inputs.areas)
@@ -49,9 +47,9 @@ def area_rates(inputs: FigureInputs) -> Figure:
     for one, area in zip(rows, areas, strict=True):
         can = inputs.is_ranked and area.area_id is not None and area.often.value is not None
         one["rank"] = next(ranks) if can else None
-    reason = None if inputs.is_ranked else inputs.not_ranked(AREAS).reason
+    reason = None if inputs.is_ranked else inputs.not_ranked().reason
     note = None if any(r["pulled"] is not None for r in rows) else NOT_PULLED
-    return Figure(unit=AREAS, rows=tuple(rows), denominator=inputs.recorded_h, reason=reason, note=note)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=inputs.recorded_h, reason=reason, note=note)
 
 
 def _pull(inputs: FigureInputs, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
@@ -92,34 +90,34 @@ def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
 @figure("M16")
 def exposure(inputs: FigureInputs) -> Figure:
     """Return where people are."""
-    return _map(inputs.found.maps.exposure)
+    return _map(inputs, inputs.found.maps.exposure)
 
 
 @figure("M17")
 def burden(inputs: FigureInputs) -> Figure:
     """Return where people are too close."""
-    return _map(inputs.found.maps.burden)
+    return _map(inputs, inputs.found.maps.burden)
 
 
 @figure("M18")
 def risk(inputs: FigureInputs) -> Figure:
     """Return the share of person-time in violation, place by place."""
-    return _map(inputs.found.maps.risk)
+    return _map(inputs, inputs.found.maps.risk)
 
 
 @figure("M19")
 def excess(inputs: FigureInputs) -> Figure:
     """Return where people are closer than chance makes them."""
-    return _map(inputs.found.maps.excess)
+    return _map(inputs, inputs.found.maps.excess)
 
 
-def _map(found: CellMap) -> Figure:
+def _map(inputs: FigureInputs, found: CellMap) -> Figure:
     """Return a map as a row for each square metre on which people spent a minute or more."""
     if found.grid is None or found.values is None or found.exposure_h is None:
-        return missing(found.unit, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     is_printed = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
     if not is_printed.any():
-        return missing(found.unit, "not_enough_data", _NO_CELL[found.metric])
+        return inputs.missing("not_enough_data", _NO_CELL[found.metric])
     at = list(zip(*np.nonzero(is_printed), strict=True))
     clear = found.is_clear if isinstance(found, ExcessMap) else None
     rows: list[Row] = []
@@ -133,24 +131,24 @@ def _map(found: CellMap) -> Figure:
             one["is_clear"] = None if clear is None else bool(clear[r, c])
         rows.append(one)
     note = Reason("note.cells", side_m=found.grid.cell_m)
-    return Figure(unit=found.unit, rows=tuple(rows), denominator=found.denominator, note=note)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=found.denominator, note=note)
 
 
 @figure("M20")
 def spots(inputs: FigureInputs) -> Figure:
     """Return the hotspots of the floor, and those that are gone."""
     if not inputs.is_ranked:
-        return inputs.not_ranked(SPOTS)
+        return inputs.not_ranked()
     found = inputs.found.hotspots
     if found.state != "ok":
-        return missing(SPOTS, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     rows = [_spot(inputs, s) for s in found.spots] + [
         _past(inputs, s, state)
         for state, of in (("resolved", found.resolved), ("watching", found.watching))
         for s in of
     ]
     note = Reason("joined", reasons=found.notes) if found.notes else None
-    return Figure(unit=SPOTS, rows=tuple(rows), denominator=found.n_days, note=note)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=found.n_days, note=note)
 
 
 def _spot(inputs: FigureInputs, spot: FloorSpot) -> Row:

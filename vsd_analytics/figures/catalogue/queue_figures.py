@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 from vsd_analytics.figures.capacities import CapacityUse
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, of_rows
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, mean_name
 from vsd_analytics.figures.people_present import PeopleQuantile
 from vsd_analytics.figures.queues import AreaQueue
 from vsd_analytics.figures.suppression import GIVES_AWAY
@@ -16,25 +15,6 @@ from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.waiting import WaitTimes
-
-PEOPLE: Final = "people"
-SECONDS: Final = "seconds; share of people who enter"
-USE: Final = "share of time; people; share of person-time"
-WHAT: Final = {
-    "mean": "mean",
-    "p90_people": "90 % of the time",
-    "median": "median",
-    "p90": "90 % served within",
-    "left": "leave before the end",
-    "mean_tracks": "mean stay by tracks",
-    "mean_little": "mean stay by Little's law",
-    "people": "mean people",
-    "busy": "at least 60 % full",
-    "full": "full or over",
-    "over": "over",
-    "surplus": "mean people beyond it",
-}
-"""What a row gives, in words, by its key."""
 
 
 @figure("M39")
@@ -48,7 +28,7 @@ def people_waiting(inputs: FigureInputs) -> Figure:
         rows.append({**_of_rate(of, None, of.people, hidden), **more})
         rows.append(_of_people(of, of.busy, hidden))
         rows += [_of_rate(of, h.hour, h.people, hidden or _hidden(inputs, h.waits)) for h in of.by_hour if not hidden]
-    return of_rows(PEOPLE, rows, inputs.recorded_h, Reason("note.queues"))
+    return inputs.of_rows(rows, inputs.recorded_h, Reason("note.queues"))
 
 
 @figure("M40")
@@ -81,14 +61,14 @@ def waiting_time(inputs: FigureInputs) -> Figure:
             if len(held_back) == 1
             else shares
         )
-    return of_rows(SECONDS, rows, n_entered, Reason("note.waits"))
+    return inputs.of_rows(rows, n_entered, Reason("note.waits"))
 
 
 @figure("M41")
 def capacity_used(inputs: FigureInputs) -> Figure:
     """Return for how much of the open time each place with a capacity was full, and by how many people too full."""
     rows = [row for of in inputs.found.capacities for row in _use(of)]
-    return of_rows(USE, rows, inputs.recorded_h, Reason("note.queues"))
+    return inputs.of_rows(rows, inputs.recorded_h, Reason("note.queues"))
 
 
 def _use(of: CapacityUse) -> Iterator[Row]:
@@ -101,13 +81,14 @@ def _use(of: CapacityUse) -> Iterator[Row]:
         ("over", of.over, "share"),
         ("surplus", of.surplus, "people"),
     ):
-        row: Row = {**place, "key": key, "what": WHAT[key], "unit": unit, **_limits(rate)}
+        row: Row = {**place, "key": key, "what": Reason(f"row.{key}"), "unit": unit, **_limits(rate)}
         if rate is of.people:
             row = {**row, **_recorded(of)}
         yield row
     for level in of.room:
         key = f"room_{level.level.lower()}"
-        yield {**place, "key": key, "what": f"room {level.level}", "unit": "share", **_limits(level.share)}
+        what = Reason("row.room", level=level.level)
+        yield {**place, "key": key, "what": what, "unit": "share", **_limits(level.share)}
 
 
 def _recorded(of: AreaQueue | CapacityUse) -> Row:
@@ -134,7 +115,7 @@ def _row(
     **more: str | bool | None,
 ) -> Row:
     value, lo, hi = (value, lo, hi) if value is not None else (None, None, None)
-    where: Row = {"area": area.area_id, "place": area.name, "key": key, "what": WHAT[key], "hour": hour}
+    where: Row = {"area": area.area_id, "place": area.name, "key": key, "what": Reason(f"row.{key}"), "hour": hour}
     return {**where, "value": value, "lo": lo, "hi": hi, "reason": reason, **more}
 
 
@@ -173,10 +154,9 @@ def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
     if of.waiting is None or hidden is not None:
         return
     little = of.waiting.stays.little
-    doubt = " (the two means disagree)" if little.agrees is False else ""
     for key, mean in (("mean_tracks", little.by_tracks), ("mean_little", little.by_little)):
         row = _row(of.area, key, None, mean.value_s, mean.lo_s, mean.hi_s, mean.reason, agrees=little.agrees)
-        yield {**row, "what": WHAT[key] + doubt}
+        yield {**row, "what": mean_name(f"stay_{key}", agrees=little.agrees)}
 
 
 def _hidden(inputs: FigureInputs, waits: WaitTimes | None) -> Reason | None:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, missing, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
-
-TRACKS = "track ids, one of a camera and site day each; not visitors"
-QUALITY = "how good the records are"
 
 
 @figure("M1")
 def coverage(inputs: FigureInputs) -> Figure:
     """Return the recorded share of open camera-hours."""
     found = inputs.coverage
-    unit = "share of open camera-hours"
     if not found.scheduled_h:
-        return missing(unit, "not_enough_data", Reason("site.closed"))
-    return Figure(unit=unit, value=found.share, denominator=found.scheduled_h)
+        return inputs.missing("not_enough_data", Reason("site.closed"))
+    return Figure(unit=inputs.unit, value=found.share, denominator=found.scheduled_h)
 
 
 @figure("M2")
@@ -27,8 +23,7 @@ def outages(inputs: FigureInputs) -> Figure:
         {"cameras": ", ".join(o.camera_ids), **row(o, "start", "end", "open_h", "is_inferred")}
         for o in inputs.coverage.outages
     )
-    least_s = inputs.data.site.settings.outage_min_s
-    return Figure(unit=f"outages of {least_s / 60:g} minutes or more", rows=rows)
+    return Figure(unit=inputs.unit, rows=rows)
 
 
 @figure("M4")
@@ -36,10 +31,10 @@ def tracks(inputs: FigureInputs) -> Figure:
     """Return the number of track ids."""
     found = inputs.found.episodes.tracks
     if found.n is None:
-        return missing(TRACKS, found.state, found.reason)
+        return inputs.missing(found.state, found.reason)
     if inputs.small(found.n):
-        return missing(TRACKS, "not_enough_data", Reason("hidden.tracks", least=inputs.below))
-    return Figure(unit=TRACKS, value=found.n, denominator=found.n_records)
+        return inputs.missing("not_enough_data", Reason("hidden.tracks", least=inputs.below))
+    return Figure(unit=inputs.unit, value=found.n, denominator=found.n_records)
 
 
 @figure("M29")
@@ -62,28 +57,29 @@ def quality(inputs: FigureInputs) -> Figure:
     nobody = Reason("nobody.seen")
     n_shown = None if inputs.small(n_seen) else n_seen
     rows: list[Row] = [
-        _row("person records", n_shown, "records", Reason("hidden.records", least=inputs.below)),
-        _row("without a track id", tracks.without_id_share, "share of person records", tracks.reason),
-        _row("median life of a track id", tracks.median_life_s, "s", tracks.reason),
-        _row("seen by two cameras, counted once", share(sums["n_doubled"]), "share of person records", nobody),
-        _row("without a place on the floor", share(sums["n_unlocated"]), "share of person records", nobody),
-        _row("messages that never arrived", coverage.missing_messages, "messages", Reason("engine.no_numbers")),
-        _row("gaps these are in", coverage.message_gaps, "gaps", None),
-        _row("recorded time is concluded from silences", coverage.is_inferred, "yes or no", None),
-        _row("cameras recalibrated since the week before", len(data.pair.recalibrated), "cameras", None),
-        _row("purged hours computed by other rules", len(data.warehouse.other_rules()), "stretches", None),
+        _row("records", n_shown, "records", Reason("hidden.records", least=inputs.below)),
+        _row("without_id", tracks.without_id_share, "share_of_records", tracks.reason),
+        _row("median_life", tracks.median_life_s, "s", tracks.reason),
+        _row("seen_twice", share(sums["n_doubled"]), "share_of_records", nobody),
+        _row("unlocated", share(sums["n_unlocated"]), "share_of_records", nobody),
+        _row("lost_messages", coverage.missing_messages, "messages", Reason("engine.no_numbers")),
+        _row("message_gaps", coverage.message_gaps, "gaps", None),
+        _row("inferred", coverage.is_inferred, "yes_or_no", None),
+        _row("recalibrated", len(data.pair.recalibrated), "cameras", None),
+        _row("other_rules", len(data.warehouse.other_rules()), "stretches", None),
         _row(
-            "frame intervals in the week",
+            "intervals",
             ", ".join(f"{ms / 1000:g}" for ms in _intervals(inputs)) or None,
             "s",
             Reason("recorded.nothing"),
         ),
     ]
-    return Figure(unit=QUALITY, rows=tuple(rows))
+    return Figure(unit=inputs.unit, rows=tuple(rows))
 
 
 def _row(what: str, value: float | str | bool | None, unit: str, reason: Reason | None) -> Row:
-    return {"what": what, "value": value, "unit": unit, "reason": reason if value is None else None}
+    why = reason if value is None else None
+    return {"what": Reason(f"row.{what}"), "value": value, "unit": Reason(f"unit.{unit}"), "reason": why}
 
 
 def _intervals(inputs: FigureInputs) -> list[int]:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, of_rows, row
+from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, mean_name, row
 from vsd_analytics.figures.visits import AreaVisits, visits
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
-
-PER_HOUR: Final = "visits per open hour"
-SECONDS: Final = "seconds; share of visits"
 
 
 @figure("M35")
@@ -24,7 +19,7 @@ def visits_per_open_hour(inputs: FigureInputs) -> Figure:
         seen: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
         why = hidden or of.often.reason
         rows.append({**_place(of), "value": value, "lo": lo, "hi": hi, **seen, "reason": why})
-    return of_rows(PER_HOUR, rows, inputs.recorded_h, Reason("note.visits"))
+    return inputs.of_rows(rows, inputs.recorded_h, Reason("note.visits"))
 
 
 @figure("M36")
@@ -39,13 +34,13 @@ def dwell_times(inputs: FigureInputs) -> Figure:
         is_unknown = of.often.rate is None or of.dwell.median.value_s is None
         if (why := _why_hidden(inputs, of)) is not None or is_unknown:
             why = why or (of.often.reason if of.often.rate is None else of.dwell.reason)
-            rows.append({**_place(of), "what": "median", "value": None, "reason": why})
+            rows.append({**_place(of), "what": Reason("row.median"), "value": None, "reason": why})
             continue
-        for what, q in (("median", of.dwell.median), ("90 % leave within", of.dwell.p90)):
-            rows.append({**_place(of), "what": what, "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
+        for what, q in (("median", of.dwell.median), ("p90_leave", of.dwell.p90)):
+            rows.append({**_place(of), "what": Reason(f"row.{what}"), "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
         rows += [_long_share(inputs, of), *_means(of)]
     n_visits = sum(of.dwell.n_visits for of in found if not inputs.small(of.dwell.n_visits))
-    return of_rows(SECONDS, rows, n_visits, Reason("note.visits"))
+    return inputs.of_rows(rows, n_visits, Reason("note.visits"))
 
 
 def _place(of: AreaVisits) -> Row:
@@ -59,16 +54,16 @@ def _long_share(inputs: FigureInputs, of: AreaVisits) -> Row:
     value = dict.fromkeys(("value", "lo", "hi")) if is_hidden else row(long, "value", "lo", "hi")
     why = _hidden(inputs) if is_hidden else long.reason
     limit: Row = {"longer_than_s": of.long_visit_s, "unit": "share"}
-    return {**_place(of), "what": "share of long visits", **limit, **value, "reason": why}
+    return {**_place(of), "what": Reason("row.long_visits"), **limit, **value, "reason": why}
 
 
 def _means(of: AreaVisits) -> list[Row]:
     little = of.dwell.little
-    doubt = " (the two means disagree)" if little.agrees is False else ""
     rows: list[Row] = []
-    for what, mean in (("mean by tracks", little.by_tracks), ("mean by Little's law", little.by_little)):
-        value = {"value": mean.value_s, "lo": mean.lo_s, "hi": mean.hi_s}
-        rows.append({**_place(of), "what": what + doubt, **value, "agrees": little.agrees, "reason": mean.reason})
+    for key, mean in (("mean_tracks", little.by_tracks), ("mean_little", little.by_little)):
+        what: Row = {**_place(of), "what": mean_name(key, agrees=little.agrees)}
+        value: Row = {"value": mean.value_s, "lo": mean.lo_s, "hi": mean.hi_s}
+        rows.append({**what, **value, "agrees": little.agrees, "reason": mean.reason})
     return rows
 
 

@@ -22,7 +22,7 @@ DistanceUnit = Literal["m", "ft"]
 class Figure:
     """One entry of `figures`, keyed by catalogue id."""
 
-    unit: str = _f("Unit in words; empty for lists.")
+    unit: Reason = _f("Unit in words; empty for lists.")
     value: float | None = _f("The figure; None with a `state` when missing.", default=None)
     rows: tuple[Mapping[str, Any], ...] | None = _f("The rows of a figure that is a list.", default=None)
     denominator: float | None = _f("What the figure was divided by.", default=None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from vsd_analytics.figures.close_time import close_share_by_hour
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.model_estimate import same_fields
-from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, HourState, When
+from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, When
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,29 +68,26 @@ def busiest_day(known: Mapping[tuple[date, int], float]) -> date | None:
     return found[0] if len(days) > 1 and found else None
 
 
-def hour_state(share: float, data: WeekData, *, is_open: bool) -> HourState:
-    """Return the state of an hour with this recorded `share` of its opening time."""
-    settings = data.site.settings
-    if not is_open:
-        return "closed"
-    if share >= settings.full_hour_share:
-        return "full"
-    if share >= settings.partial_hour_share:
-        return "partial"
-    return "low_data" if share > 0 else "no_data"
+def _states(data: WeekData) -> dict[int, Mapping[str, Any]]:
+    """Return the floor's rows of `hour_states` by start of the hour, in UTC milliseconds."""
+    rows = data.warehouse.rows(
+        "select hour_start_ms, state, recorded_share, cameras_down from hour_states "
+        "where floor_id = $floor and local_date between $first and $last",
+        {"floor": data.floor.floor_id, "first": data.monday, "last": data.sunday},
+    )
+    return {row["hour_start_ms"]: row for row in rows}
 
 
 def _cells(data: WeekData) -> tuple[HourCell, ...]:
-    hours, settings = data.hours, data.site.settings
+    hours, states = data.hours, _states(data)
     is_known = data.why_no_violations is None
     held = data.hidden.hours
     close_share = close_share_by_hour(data.this)
     cells = []
     for i in timetable_hours(data, data.this):
-        open_s = float(hours.open_s[i])
-        shares = hours.recorded_s[:, i] / open_s if open_s else np.zeros(len(data.ids))
-        share = float(shares.mean()) if len(shares) else 0.0
-        state = hour_state(share, data, is_open=open_s > 0)
+        recorded = states[int(hours.start_ms[i])]
+        state, share = recorded["state"], recorded["recorded_share"]
+        is_open = state != "closed"
         is_counted = is_known and state not in ("no_data", "closed")
         n = int(data.whole.n[:, i].sum()) if is_counted and i not in held else None
         cells.append(
@@ -104,8 +102,8 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
                 is_held_back=is_counted and i in held.others,
                 scaled=n / share if n is not None and state == "low_data" else None,
                 close_share=float(close_share[i]) if n is not None and np.isfinite(close_share[i]) else None,
-                share=share if open_s else None,
-                cameras_down=int((shares < settings.partial_hour_share).sum()) if open_s else 0,
+                share=share if is_open else None,
+                cameras_down=recorded["cameras_down"] if is_open else 0,
             )
         )
     return tuple(cells)
