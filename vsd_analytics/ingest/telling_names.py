@@ -8,7 +8,20 @@ from collections.abc import Iterable
 from typing import Final, Literal
 
 Role = Literal[
-    "camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent", "present", "state"
+    "camera",
+    "id",
+    "class",
+    "confidence",
+    "date",
+    "time",
+    "file",
+    "storey",
+    "third axis",
+    "absent",
+    "present",
+    "state",
+    "unseen",
+    "unit",
 ]
 
 
@@ -49,9 +62,13 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "third axis": _words("z zm zmm zcm zft posz positionz worldz zpos zposition elevation"),
     "absent": _words(
         "lost islost outside outsideview invisible deleted predicted ispredicted extrapolated falsepositive "
-        "isfalsepositive ghost isghost"
+        "isfalsepositive ghost isghost interpolated isinterpolated"
     ),
-    "present": _words("valid isvalid visible isvisible isperson ishuman isreal"),
+    "present": _words(
+        "valid isvalid visible isvisible isperson ishuman isreal confirmed isconfirmed infov inview isdetected"
+    ),
+    "unseen": _words("timesinceupdate framessinceupdate missedframes lostframes framessincedetection"),
+    "unit": _words("unit units uom lengthunit positionunit coordinateunit einheit unita unidad unite"),
     "state": _words("state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus"),
 }
 
@@ -121,7 +138,7 @@ PERSON: Final = _words(
 """Words for what is counted, as classes of detectors name it."""
 
 GONE: Final = _words(
-    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated"
+    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated interpolated"
 )
 """States of a track whom the tracker does not see."""
 
@@ -206,8 +223,8 @@ _DEGREES: Final = _words(
     "lat latitude latitudine lon lng long longitude longitudine angle bearing azimuth heading theta deg degrees"
 )
 _CAMERA_IN_TEXT = re.compile(
-    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)s?[ _=-]*"
-    r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`
+    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)(?!s(?![a-z0-9]))s?[ _=-]*"
+    r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`, no plural: `cams`
 )
 _SIDES: Final = {
     "corner": _words("right bottom xmax ymax maxx maxy xbr ybr"),
