@@ -18,6 +18,7 @@ HALF_SHARE: Final = 0.55
 
 
 WIDE_SHARE: Final = 0.8
+PICTURE_MAX_PX: Final = 5_120
 
 
 def _names_centre(name: str) -> bool:
@@ -83,6 +84,15 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             is_sure=True,
         )
         return
+    if ((np.abs(u) <= 1.1) & (np.abs(v) <= 1.1)).all():
+        what = "all positions are between -1 and 1: shares of the picture from its middle, not pixels"
+        fix = "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT: (1 + x) / 2 and (1 - y) / 2"
+        yield Doubt("W226", what, "everybody would stand on one pixel", fix, is_sure=True)
+        return
+    if size is None and len(places) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
+        what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
+        why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
+        yield Doubt("W226", what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
     if size is None or len(places) < ROWS_MIN:
         return
     width, height = size

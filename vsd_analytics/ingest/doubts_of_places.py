@@ -33,6 +33,9 @@ UNIT: Final = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=..
 def _units(case: Case) -> Iterator[Doubt]:
     """W220: positions that are not metres."""
     names: Mapping[str, str] = {} if case.head is None else case.head.plan.names
+    if "x_m" in names and names["x_m"] == names.get("y_m"):
+        what = f"x_m and y_m are both read from {names['x_m'][:80]!r}"
+        yield Doubt("W220", what, "everybody would be on one line", "map each to a column of its own", is_sure=True)
     for ours, theirs in names.items():
         unit = unit_in_name(theirs) if theirs.lower() != ours else None
         if ours in LENGTHS and names_degrees(theirs):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from datetime import date, timedelta
 from itertools import islice
@@ -127,6 +128,19 @@ def _hour_back(case: Case) -> Iterator[Doubt]:
             "export the records before and after it as two files, the wrong ones with corrected times"
             if has_offset
             else f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
+        )
+
+
+def _named_utc(case: Case) -> Iterator[Doubt]:
+    """W223: a column that names UTC, read on another clock."""
+    theirs = "" if case.head is None else case.head.plan.names.get("ts", "")
+    zones = [zone for zone in case.sample.zone_names if zone not in ("", "UTC")]
+    if zones and not {"utc", "gmt"}.isdisjoint(re.findall(r"[a-z]+", theirs.lower())):
+        yield Doubt(
+            "W223",
+            f"{theirs[:80]!r} names UTC, and its times are read as {zones[0]}",
+            "people would be stored hours too early or too late",
+            "--zone UTC if the name is right",
         )
 
 
@@ -306,7 +320,9 @@ def _midnights(case: Case) -> Iterator[Doubt]:
 def _closed(case: Case) -> Iterator[Doubt]:
     """W223: times of which hardly any is in opening hours."""
     site, sample = case.site, case.sample
-    if site.opening is None or case.options.start is not None or sample.rows["ts_ms"].nunique() < ROWS_MIN:
+    # who states another zone knows the hours
+    is_stated = case.options.start is not None or case.options.zone not in (None, site.timezone)
+    if site.opening is None or is_stated or sample.rows["ts_ms"].nunique() < ROWS_MIN:
         return
     local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), site.timezone)
     share = 1 - open_share(local, site)
@@ -365,6 +381,7 @@ TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _midnights,
     _gps,
     _zones,
+    _named_utc,
     _mixed_offsets,
     _hour_back,
     _closed,

@@ -45,6 +45,7 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"{\\rtf", "a text document (RTF)", "save it as plain text, or as CSV UTF-8"),
 )
 """First bytes, what such a file is, and what to do."""
+_TRACKED: Final = re.compile(rb"\d+(?:\.0+)?,-?\d+(?:\.0+)?(?:,-?\d+(?:\.\d+)?(?:e[+-]\d+)?){5,8}")
 _SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
 
 
@@ -76,8 +77,20 @@ def not_recognised(source: Source, formats: Sequence[str]) -> InputError:
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
         fix=_json_fix(source)
+        or _numbers_fix(source)
         or f"name it: --format {' | '.join(formats)}; headerless tables need --columns; or write an adapter: "
         "docs/plugins.md",
+    )
+
+
+def _numbers_fix(source: Source) -> str | None:
+    """Return how to read lines of numbers such as trackers write: frame, id, left, top, width, height and more."""
+    first = source.head(4096).partition(b"\n")[0].strip() if source.path.is_file() else b""
+    if _TRACKED.fullmatch(first) is None:
+        return None
+    return (
+        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --fps 25 "
+        "--start INSTANT; other numbers: --columns with our names in their order"
     )
 
 
@@ -97,7 +110,7 @@ def _json_fix(source: Source) -> str | None:
     mapping = guessed_mapping(source)
     if mapping is not None:
         return f"say where its values are, probably: {mapping}"
-    frames = re.search(rb'"(frames|data|records|messages|results|detections|items)"\s*:\s*\[\s*\{', head)
+    frames = re.search(rb'"([A-Za-z_][\w-]*)"\s*:\s*\[\s*\{', head)
     if frames is not None:
         return f"one message a line: {one_a_line.format(frames[1].decode())}; then vsd check again"
     return None

@@ -131,7 +131,7 @@ def _texts(file: TableFile, plan: ColumnPlan) -> dict[str, int]:
     read = set(plan.theirs.values()) | set(plan.compared.values())
     names = file.header.names
     free = [i for i in range(len(names)) if i not in read and file.can_read(i) and file.has_text(i)]
-    return {names[i]: i for i in free[:TEXTS_MAX] if names[i] != f"_{i}" and names[i].lower() not in FILE_COLUMNS}
+    return {names[i]: i for i in free[:TEXTS_MAX] if names[i].lower() not in FILE_COLUMNS}
 
 
 def values_of(texts: pa.Array) -> Counter[str]:

@@ -39,7 +39,8 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
         "tracknumber trackno objectid objid oid object obj who name uid uuid subject subjectid pedestrian pedestrianid "
-        "pedid agent agentid identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
+        "pedid target targetid tag tagid "
+        "agent agentid identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
         "soggetto piste spur spurid sujet"
     ),
     "class": _words(
@@ -50,7 +51,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     ),
     "confidence": _words(
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
-        "confidencescore confidenza confiance confianza konfidenz"
+        "confidencescore personprobability personscore personconfidence confidenza confiance confianza konfidenz"
     ),
     "date": _words("date day datum localdate fecha giorno jour"),
     "time": _words("time timeofday clock uhrzeit localtime hour heure hora ora orario"),
@@ -69,7 +70,9 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     ),
     "unseen": _words("timesinceupdate framessinceupdate missedframes lostframes framessincedetection"),
     "unit": _words("unit units uom lengthunit positionunit coordinateunit einheit unita unidad unite"),
-    "state": _words("state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus"),
+    "state": _words(
+        "state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus quality flag"
+    ),
 }
 
 _PLACES: Final = (
@@ -138,7 +141,8 @@ PERSON: Final = _words(
 """Words for what is counted, as classes of detectors name it."""
 
 GONE: Final = _words(
-    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated interpolated"
+    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated interpolated "
+    "bad invalid"
 )
 """States of a track whom the tracker does not see."""
 
@@ -152,7 +156,8 @@ VAGUE: Final = frozenset({"kind", "type", "tipo", "typ"})
 """Names of columns that hold anything: they name classes only where a class of objects is in them."""
 
 OBJECTS: Final = _words(
-    "bicycle bike car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
+    "bicycle bike biker cyclist skater rider "
+    "car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
     "backpack handbag suitcase auto autos macchina camion carro coche voiture velo bici bicicleta bicicletta fahrrad "
     "hund chien cane perro carrello"
 )

@@ -1,4 +1,4 @@
-"""Tables as text: comma, semicolon, tab or blanks between cells, with or without a header line.
+"""Tables as text: comma, semicolon, tab, bar or blanks between cells, with or without a header line.
 
 A line is a record: a quote that is not closed on its line spoils that line, never the lines after it.
 """
