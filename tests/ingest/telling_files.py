@@ -5,7 +5,7 @@ They are read as those of `oddest_files`, by a site without a plan or pictures.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
 from itertools import combinations, groupby
@@ -40,21 +40,13 @@ def numbered() -> object:
     """Return a table whose ids number the people of each frame, who come and go."""
     made = []
     for at, frame in groupby(STEPS, key=lambda s: s.at):
-        seen = [s for s in frame if (s.track + at.second // 4) % 5]
+        seen = [s for s in frame if (s.track + at.second) % 5]
         made += [[at.isoformat(), number, s.x_m, s.y_m] for number, s in enumerate(seen)]
     return text("a.csv", NAMES, made)
 
 
 def shared_id() -> list[Step]:
     return [replace(s, track=0) if s.track > 4 else s for s in STEPS]
-
-
-def stored_once(steps: Sequence[Step]) -> list[tuple[str, int, str | None, int, int]]:
-    """Return what is stored of records of which several have one id and time: the first."""
-    first: dict[tuple[int, str | None], tuple[str, int, str | None, int, int]] = {}
-    for row in stored(steps):
-        first.setdefault((row[1], row[2]), row)
-    return list(first.values())
 
 
 def some_walk_in_feet() -> object:
@@ -94,7 +86,7 @@ TELLING: list[Odd] = [
     Odd("marks for distances", pairs(lambda d: int(d < 2)), (), None, "all 1,440 distances are 0 and 1 m"),
     Odd("one distance", pairs(lambda d: 1.5), (), None, "W220"),
     # ids
-    Odd("an id for all others", table(NAMES, plain, shared_id()), (), None, "two places at once"),
+    Odd("an id for all others", table(NAMES, plain, shared_id()), (), None, "ids belong to several people"),
     Odd(
         "an id of two people now and then",
         table(NAMES, plain, [*STEPS, *(replace(s, x_m=19.4) for s in STEPS[:96:6])]),
