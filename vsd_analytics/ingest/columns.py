@@ -95,8 +95,6 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     if kind is None:
         kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
     proposed = proposed_columns(header, found, kind=kind)
-    if options.camera is not None and not options.is_only_camera:  # the user says which camera it is
-        proposed.pop("camera_id", None)
     if "ts" not in found and "frame" not in found:
         raise _missing(source, "ts", header, "without a time nothing can be counted by hour", proposed)
     if kind == "pairs":
