@@ -463,7 +463,7 @@ ODD: list[Odd] = [
         lambda folder: raw("b.feather", feather(folder).read_bytes()[:-200])(folder),
         says="E205",
     ),
-    Odd("HTML", raw("a.csv", b"<!DOCTYPE html><html><body>Please log in</body></html>\n"), says="E203"),
+    Odd("HTML", raw("a.csv", b"<!DOCTYPE html><html><body>Please log in</body></html>\n"), says="a web page"),
 ]
 
 WORKBOOKS: list[Odd] = [

@@ -113,11 +113,21 @@ def test_options_of_the_command_win(tmp_path: Path) -> None:
     root = project(tmp_path / "p", TOML + TILLS)
     file = table(tmp_path / "till-07.csv")
     found = vsd(
-        root, "ingest", str(file), "--camera", "cam-1", "--unit", "cm", "--zone", "Europe/Rome", "--map", "x_m=nord"
+        root,
+        "ingest",
+        str(file),
+        "--camera",
+        "cam-1",
+        "--unit",
+        "cm",
+        "--zone",
+        "Europe/Rome",
+        "--map",
+        "x_m=nord,y_m=ost",
     )
     assert found.exit_code == 0, found.output
     first = stored(root)[0]
-    assert (first["camera_id"], first["x_mm"], first["y_mm"]) == ("cam-1", 20_000, 20_000)
+    assert (first["camera_id"], first["x_mm"], first["y_mm"]) == ("cam-1", 20_000, 10_000)
     assert first["ts"].isoformat() == "2025-11-10T08:00:00+00:00"
 
 

@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 _WHOLE = re.compile(r"^(-?\d+)\.0*$")
 NO_ID = frozenset(
     {"", "-1", "18446744073709551615", "na", "n/a", "nan", "nil", "none", "null", "undefined", "<na>", "#n/a", "\\n"}
+    | {"unknown", "untracked", "unassigned"}
 )
 """What programs write for a person whom no tracker follows (in lower case); -1 is that of MOTChallenge and others,
 the largest number of 64 bits that of DeepStream."""

@@ -9,7 +9,10 @@ from typing import Final
 from vsd_analytics.ingest.doubt_case import Case, Doubt
 from vsd_analytics.ingest.doubts_of_axes import AXIS_LOOKS
 from vsd_analytics.ingest.doubts_of_bodies import BODY_LOOKS
+from vsd_analytics.ingest.doubts_of_calibrated_places import CALIBRATED_LOOKS
 from vsd_analytics.ingest.doubts_of_columns import COLUMN_LOOKS
+from vsd_analytics.ingest.doubts_of_ids import ID_LOOKS
+from vsd_analytics.ingest.doubts_of_pairs import PAIR_LOOKS
 from vsd_analytics.ingest.doubts_of_pictures import PICTURE_LOOKS
 from vsd_analytics.ingest.doubts_of_places import PLACE_LOOKS
 from vsd_analytics.ingest.doubts_of_times import TIME_LOOKS
@@ -17,10 +20,13 @@ from vsd_analytics.ingest.doubts_of_times import TIME_LOOKS
 _LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     *TIME_LOOKS,
     *PLACE_LOOKS,
+    *PAIR_LOOKS,
     *AXIS_LOOKS,
     *BODY_LOOKS,
     *COLUMN_LOOKS,
+    *ID_LOOKS,
     *PICTURE_LOOKS,
+    *CALIBRATED_LOOKS,
 )
 """In the order in which a person should read them: wrong times make wrong speeds."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
+import re
 from collections.abc import Callable, Iterator
 from collections.abc import Set as AbstractSet
 from typing import Final
@@ -19,16 +19,18 @@ from vsd_analytics.ingest.telling_names import (
     SUMS,
     VAGUE,
     cameras_in,
-    ids_like,
     is_named_like,
     letters,
     named_like,
     of_another_person,
 )
+from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 
 WEAK: Final = 0.3
 """Confidence below which detectors hardly ever show a box."""
 WEAK_SHARE: Final = 0.5
+_UNITS: Final = {"m": "m", "in": "in"}
+"""Units that a column's name says only behind an axis."""
 _YES, _NO = frozenset({"1", "1.0", "true", "yes"}), frozenset({"0", "0.0", "false", "no"})
 
 
@@ -36,7 +38,18 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
     """W221: files whose names tell of several cameras, where nobody said which camera is meant."""
     camera = case.options.camera
     is_named = case.head is not None and "camera_id" in case.head.plan.theirs
-    if not case.options.is_only_camera or is_named or not case.sample.n:
+    if is_named or not case.sample.n or camera is None or case.options.camera_from_name is not None:
+        return
+    if not case.options.is_only_camera:
+        own, meant = (cameras_in([name]) for name in (case.file.rpartition("/")[2], camera))
+        if own and meant and not own & meant:
+            yield Doubt(
+                "W221",
+                f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}, as you say",
+                "people of another place would be counted there",
+                "--camera says which camera it is; a [[source]] with camera_from_name reads it from such names",
+                is_note=True,
+            )
         return
     if not (case.sample.rows["camera"] == camera).all():
         return
@@ -82,8 +95,12 @@ def _cameras(case: Case) -> Iterator[Doubt]:
                 f'--where "{quoted(column)} = ..." with --camera, one command for each floor',
                 is_sure=True,
             )
-    for column in named_like(case.head.values, "camera"):
+    known = {name.lower() for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids)}
+    for column in case.head.values:
         values = case.head.values[column]
+        is_camera = all(value.lower() in known or cameras_in([value]) == {_plain(value)} for value in values)
+        if not is_named_like(column, "camera") and (not is_camera or len(values) > 50):
+            continue
         if len(values) < 2 or case.is_settled_by_where(column):
             continue
         if len(values) > 50 and len(values) > sum(values.values()) / 10:  # such as the picture's file name
@@ -96,6 +113,11 @@ def _cameras(case: Case) -> Iterator[Doubt]:
             f"--map camera_id={column} (and engine_ids in vsd.toml), or --where \"{quoted(column)} = '...'\"",
             is_sure=True,
         )
+
+
+def _plain(name: str) -> str:
+    """Return a name as `cameras_in` gives it where it is nothing else than that of a camera: "Cam-1" is cam1."""
+    return re.sub(r"[ _=-]", "", name.strip().lower())
 
 
 def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> Doubt:
@@ -114,8 +136,10 @@ def _classes(case: Case) -> Iterator[Doubt]:
         return
     if any(letters(column) not in VAGUE for column in named_like(case.head.plan.compared, "class")):
         return  # who filters by the class's name need not filter by its number as well
-    for column in named_like(case.head.values, "class"):
-        values = case.head.values[column]
+    for column, values in case.head.values.items():
+        held = {letters(value) for value in values}
+        if not is_named_like(column, "class") and not (held & PERSON and held & OBJECTS):
+            continue
         others = [value for value in values if not _is_person(value)]
         numbers = {value for value in values if value.replace(".0", "").isdecimal()}
         # COCO counts its 80 classes from 0 in most detectors, and from 1 in its own files
@@ -159,6 +183,44 @@ def _marked(case: Case) -> Iterator[Doubt]:
                 f'--where "{quoted(column)} = {seen if seen.isdecimal() else repr(seen)}"',
                 is_sure=True,
             )
+
+
+def _unseen(case: Case) -> Iterator[Doubt]:
+    """W222: rows in which the tracker counts how long it has not seen the person."""
+    if case.head is None or case.sample.is_pairs:
+        return
+    for column in named_like(case.head.values, "unseen"):
+        values = case.head.values[column]
+        n_seen = sum(n for value, n in values.items() if value in ("0", "0.0"))
+        n_out = sum(values.values()) - n_seen
+        if n_seen and n_out and not case.is_settled_by_where(column):
+            yield Doubt(
+                "W222",
+                f"{column[:80]!r} is above 0 in {n_out:,} of {sum(values.values()):,} rows",
+                "people whom the tracker does not see would count where it guesses them",
+                f'--where "{quoted(column)} = 0"',
+                is_sure=True,
+            )
+
+
+def _unit_column(case: Case) -> Iterator[Doubt]:
+    """W220: a column that states another unit than the one positions are read in."""
+    if case.head is None or not any(ours in LENGTHS for ours in case.head.plan.names):
+        return
+    for column in named_like(case.head.values, "unit"):
+        found = {_UNITS.get(letters(value), unit_in_name(f"x_{value}")) for value in case.head.values[column]}
+        read = {case.head.plan.units.get(ours, "m") for ours in case.head.plan.names if ours in LENGTHS}
+        if None in found or found == read:
+            continue
+        wanted = next(iter(found - read), "m")
+        yield Doubt(
+            "W220",
+            f"{column[:80]!r} says {', '.join(v[:20] for v in list(case.head.values[column])[:3])}, and positions are "
+            f"read as {', '.join(sorted(read))}",
+            "distances would be too large or too small",
+            f"--unit {wanted}" if len(found) == 1 else f'--where "{quoted(column)} = ..." with --unit, once for each',
+            is_sure=True,
+        )
 
 
 def _sums(case: Case) -> Iterator[Doubt]:
@@ -294,41 +356,17 @@ def _is_person(value: str) -> bool:
     return letters(value) in PERSON or value.strip().lower() in PERSON or value in ("0", "0.0")
 
 
-def _ids(case: Case) -> Iterator[Doubt]:
-    """W225: no ids, or ids that do not last."""
-    sample = case.sample
-    if sample.is_pairs or not sample.n:
-        return
-    why = "a violation needs the same two people for 3 seconds; records, person-hours and maps are not concerned"
-    like = [] if case.head is None else ids_like(case.head.ignored)
-    named = f"--map {shlex.quote('track_id=' + (like[0] if like else '...'))}"
-    if case.head is not None and not sample.has_ids:
-        what = "there are no track ids: violations cannot be counted"
-        fix = named if like else "export the tracker's ids, and map them: --map track_id=..."
-        yield Doubt("W225", what, why, fix, is_note=not like)
-        return
-    if sample.has_ids:
-        n_without = int((sample.rows["track_no"] < 0).sum())
-        if n_without > sample.n / 2:
-            what = f"{n_without:,} of {sample.n:,} rows have no track id"
-            yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
-        n_records = sample.rows.loc[sample.rows["track_no"] >= 0, "track_no"].value_counts()
-        n_frames = sample.rows["ts_ms"].nunique()
-        if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
-            what = f"{len(n_records):,} track ids, and nearly each has one record: they do not last"
-            yield Doubt("W225", what, why, f"map the id of the track, not of the detection or row: {named}")
-
-
 COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _cameras_of_files,
     _cameras,
     _classes,
     _marked,
+    _unseen,
+    _unit_column,
     _sums,
     _states,
     _weak,
     _confidences,
     _nobody,
     _others_in_a_row,
-    _ids,
 )

@@ -8,13 +8,21 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, picture_px
-from vsd_analytics.ingest.telling_names import side_named
+from vsd_analytics.ingest.telling_names import letters, side_named
 
 _BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
 """Sides of a box, and what the name of their column must not say."""
 
 HALF_SHARE: Final = 0.55
 """Feet that all lie this near to the upper left corner, in both directions: the engine saw a picture half as large."""
+
+
+WIDE_SHARE: Final = 0.8
+PICTURE_MAX_PX: Final = 5_120
+
+
+def _names_centre(name: str) -> bool:
+    return "cent" in name.lower() or letters(name.rpartition(".")[2]) in ("cx", "cy", "xc", "yc")
 
 
 def _pixels(case: Case) -> Iterator[Doubt]:
@@ -29,6 +37,29 @@ def _pixels(case: Case) -> Iterator[Doubt]:
         what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
         fix = "--map center_x=...,center_y=...,width=...,height=..."
         yield Doubt("W226", what, "foot points would be half a box away", fix, is_sure=True)
+    ignored = () if case.head is None else case.head.ignored
+    if "u_px" in names and len([n for n in ignored if side_named(n) == "size"]) >= 2:
+        yield Doubt(
+            "W226",
+            f"{names['u_px'][:80]!r} is read as a point, and the file has the size of a box beside it",
+            "people's places are where their feet are: the lower edge of the box, and not its corner or centre",
+            f"--map left={names['u_px']},top={names['v_px']},width=...,height=..., or center_x=... and center_y=...",
+            is_sure=True,
+        )
+    elif "u_px" in names and (centre := [n for n in (names["u_px"], names["v_px"]) if _names_centre(n)]):
+        yield Doubt(
+            "W226",
+            f"u_px, v_px are read from {centre[0][:80]!r}, which names the centre of a box",
+            "people's places are where their feet are: half a box further down",
+            "export the lower edge of boxes, or their width and height: --map center_x=...,center_y=...,width=...,...",
+        )
+    if case.head is not None and case.head.n_wide > WIDE_SHARE * case.head.n_boxes > 0:
+        yield Doubt(
+            "W226",
+            f"{case.head.n_wide:,} of {case.head.n_boxes:,} boxes are clearly wider than high",
+            "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
+            "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
+        )
     wrong = [theirs for ours, theirs in names.items() if side_named(theirs) == _BOX_SIDES.get(ours, "")]
     if wrong:
         is_size = side_named(wrong[0]) == "size"
@@ -53,6 +84,15 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             is_sure=True,
         )
         return
+    if ((np.abs(u) <= 1.1) & (np.abs(v) <= 1.1)).all():
+        what = "all positions are between -1 and 1: shares of the picture from its middle, not pixels"
+        fix = "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT: (1 + x) / 2 and (1 - y) / 2"
+        yield Doubt("W226", what, "everybody would stand on one pixel", fix, is_sure=True)
+        return
+    if size is None and len(places) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
+        what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
+        why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
+        yield Doubt("W226", what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
     if size is None or len(places) < ROWS_MIN:
         return
     width, height = size

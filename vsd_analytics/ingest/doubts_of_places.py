@@ -17,22 +17,25 @@ SPEED_MAX_M_S: Final = 8.0
 """Nobody's usual speed: a sprint. Millimetres read as metres give 1,000 m/s, pixels about 100."""
 WALK_MAX_M_S: Final = 2.5
 """Most people hardly ever walk faster; positions in feet read as metres give 3 to 5 m/s."""
+HURRY_MAX_M_S, HURRY_SHARE = 3.2, 0.1
+"""No more than `HURRY_SHARE` of people's steps are faster. Where many people stand, half of the steps show no unit."""
 USUAL_SHARE: Final = 0.5
 """Positions beyond `coordinate_max_m` are single bad rows while at least this share is within it."""
 SPAN_MAX_M: Final = 200.0
 """Without a plan, positions further apart than this come from a wrong unit rather than from one floor."""
-PAIR_MAX_M: Final = 50.0
-"""No engine measures mostly pairs further apart than this."""
 NEAR_M: Final = 2.0
 FLAT_M, WIDE_M = 0.5, 6.0
 """Positions on one line: within `FLAT_M` on one axis and over `WIDE_M` on the other."""
 SAME_PLACE_SHARE: Final = 0.02
-_UNIT = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"
+UNIT: Final = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"
 
 
 def _units(case: Case) -> Iterator[Doubt]:
     """W220: positions that are not metres."""
     names: Mapping[str, str] = {} if case.head is None else case.head.plan.names
+    if "x_m" in names and names["x_m"] == names.get("y_m"):
+        what = f"x_m and y_m are both read from {names['x_m'][:80]!r}"
+        yield Doubt("W220", what, "everybody would be on one line", "map each to a column of its own", is_sure=True)
     for ours, theirs in names.items():
         unit = unit_in_name(theirs) if theirs.lower() != ours else None
         if ours in LENGTHS and names_degrees(theirs):
@@ -67,18 +70,13 @@ def _units(case: Case) -> Iterator[Doubt]:
                 "--map x_m=...,y_m=... : columns that name their unit are converted to metres",
                 is_sure=True,
             )
-    sample, rows = case.sample, case.sample.rows
-    if sample.is_pairs:
-        apart = rows["distance_m"].dropna()
-        if len(apart) >= ROWS_MIN and (median := float(apart.median())) > PAIR_MAX_M:
-            what = f"half of the pairs are more than {median:,.0f} m apart"
-            yield Doubt("W220", what, "distances in millimetres or centimetres look like this", _UNIT, is_sure=True)
+    sample = case.sample
     if not sample.has_floor or sample.is_pairs:
         return
     speeds = sample.speeds_m_s()
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
-        yield Doubt("W220", what, "positions are hardly in metres, or ids change people", _UNIT, is_sure=True)
+        yield Doubt("W220", what, "positions are hardly in metres, or ids change people", UNIT, is_sure=True)
     elif (
         len(walked := sample.speeds_m_s(step_min_s=1.0)) >= ROWS_MIN
         and (median := float(np.median(walked))) > WALK_MAX_M_S
@@ -87,6 +85,10 @@ def _units(case: Case) -> Iterator[Doubt]:
         fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
         yield Doubt("W220", what, why, fix, is_sure=median > SPEED_MAX_M_S)
+    elif len(walked) >= 5 * ROWS_MIN and (fast := float(np.quantile(walked, 1 - HURRY_SHARE))) > HURRY_MAX_M_S:
+        what = f"a tenth of the steps of a second or longer would be faster than {fast:.1f} m/s"
+        why = "hardly anybody runs; feet and other units read as metres look like this, and ids that change people"
+        yield Doubt("W220", what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
     is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
     yield from _far_out(case, is_walking=is_walking)
 
@@ -121,7 +123,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
     if bounds is None:
         if max(spread_x, spread_y) > SPAN_MAX_M:
             why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
-            yield Doubt("W220", f"positions reach over {shown}", why, _UNIT, is_sure=not is_walking)
+            yield Doubt("W220", f"positions reach over {shown}", why, UNIT, is_sure=not is_walking)
         return
     left, right, low, high = bounds
     outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
@@ -143,10 +145,10 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
         yield Doubt("W220", what, outside, fits, is_sure=True)
     elif far > 0.5:
         what = f"{far:.0%} of the positions are far outside the floor: {shown}"
-        yield Doubt("W220", what, outside, f"{_UNIT}; or correct plan_origin_m and plan_m_per_px", is_sure=True)
+        yield Doubt("W220", what, outside, f"{UNIT}; or correct plan_origin_m and plan_m_per_px", is_sure=True)
     elif near > 0.1:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
-        fix = f"{_UNIT}; or correct plan_origin_m and plan_m_per_px"
+        fix = f"{UNIT}; or correct plan_origin_m and plan_m_per_px"
         yield Doubt("W220", what, outside, fix, is_sure=near > 0.5)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from datetime import date, timedelta
 from itertools import islice
@@ -112,8 +113,9 @@ def _mixed_offsets(case: Case) -> Iterator[Doubt]:
 def _hour_back(case: Case) -> Iterator[Doubt]:
     """W223: a clock that goes back by an hour once, as at the end of summer time, read as one without it."""
     sample = case.sample
-    if sample.n < 5 * ROWS_MIN or not (sample.zones != "").all():
+    if sample.n < 5 * ROWS_MIN:
         return
+    has_offset = not (sample.zones != "").any()
     ts_ms, camera = (sample.rows[c].to_numpy().astype(np.int64) for c in ("ts_ms", "camera_no"))
     steps = np.where(camera[1:] == camera[:-1], np.diff(ts_ms), 0)
     back = steps[steps < 0]
@@ -122,8 +124,23 @@ def _hour_back(case: Case) -> Iterator[Doubt]:
         yield Doubt(
             "W223",
             f"the clock goes back by an hour once, at {_clock(at)} (UTC, as it is read)",
-            "it was put back at the end of summer time: the hour would be stored on top of the one before",
-            f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
+            "put right, or put back at the end of summer time: the hour would be stored on top of the one before",
+            "export the records before and after it as two files, the wrong ones with corrected times"
+            if has_offset
+            else f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
+        )
+
+
+def _named_utc(case: Case) -> Iterator[Doubt]:
+    """W223: a column that names UTC, read on another clock."""
+    theirs = "" if case.head is None else case.head.plan.names.get("ts", "")
+    zones = [zone for zone in case.sample.zone_names if zone not in ("", "UTC")]
+    if zones and not {"utc", "gmt"}.isdisjoint(re.findall(r"[a-z]+", theirs.lower())):
+        yield Doubt(
+            "W223",
+            f"{theirs[:80]!r} names UTC, and its times are read as {zones[0]}",
+            "people would be stored hours too early or too late",
+            "--zone UTC if the name is right",
         )
 
 
@@ -301,9 +318,10 @@ def _midnights(case: Case) -> Iterator[Doubt]:
 
 
 def _closed(case: Case) -> Iterator[Doubt]:
-    """W223: times with an offset, or since 1970, of which hardly any is in opening hours."""
+    """W223: times of which hardly any is in opening hours."""
     site, sample = case.site, case.sample
-    is_stated = case.options.start is not None or case.options.zone is not None
+    # who states another zone knows the hours
+    is_stated = case.options.start is not None or case.options.zone not in (None, site.timezone)
     if site.opening is None or is_stated or sample.rows["ts_ms"].nunique() < ROWS_MIN:
         return
     local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), site.timezone)
@@ -313,7 +331,7 @@ def _closed(case: Case) -> Iterator[Doubt]:
             "W223",
             f"{share:.0%} of the records are outside opening hours: {_clock(int(local.min()))} to "
             f"{_clock(int(local.max()))} in {site.timezone}",
-            "the engine's clock may be that of another zone; hours outside opening enter no figure",
+            "the engine's clock may be that of another zone, or of twelve hours; hours outside opening enter no figure",
             "check the first time on the card against the clock on the wall, and opening in vsd.toml",
             is_note=True,
         )
@@ -363,6 +381,7 @@ TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _midnights,
     _gps,
     _zones,
+    _named_utc,
     _mixed_offsets,
     _hour_back,
     _closed,

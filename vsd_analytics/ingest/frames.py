@@ -28,6 +28,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
 _LONG_BYTES = 2 << 20  # a first line that is damaged may be long
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_OWN = re.compile(rb'"persons"\s*:|"v"\s*:\s*\d\s*[,}]')
 _ARRAY = re.compile(rb"\s*\[\s*\{")
 
 Id = str | int
@@ -113,14 +114,14 @@ class Frames:
     coordinates = "floor metres, image pixels, or both, as each message says"
 
     def detects(self, source: Source) -> bool:
-        """Return whether a line begins as a JSON object with "camera" or "v"; lines before it may be damaged."""
+        """Return whether a line begins as a JSON object with "persons" or "v": 1; lines before it may be damaged."""
         head = source.head()
         if _ARRAY.match(head.removeprefix(_BYTE_ORDER_MARK)):  # an array of objects is a table
             return False
         if b"\n" not in head:
             head = source.head(_LONG_BYTES)
         lines = head.removeprefix(_BYTE_ORDER_MARK).splitlines()
-        return any(n.lstrip().startswith(b"{") and (b'"camera"' in n or b'"v"' in n) for n in lines)
+        return any(n.lstrip().startswith(b"{") and _OWN.search(n) is not None for n in lines)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the messages of one file; see `Adapter.read`."""

@@ -42,16 +42,24 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"#ROSBAG", "a ROS bag", "export the topic of positions as CSV, or as JSON lines"),
     (b"\x89PNG", "a picture", "name the file with the positions"),
     (b"\xff\xd8\xff", "a picture", "name the file with the positions"),
-    (b"\0\0\0 ftyp", "a film", "name the file that the engine wrote about it"),
     (b"{\\rtf", "a text document (RTF)", "save it as plain text, or as CSV UTF-8"),
 )
 """First bytes, what such a file is, and what to do."""
+_TRACKED: Final = re.compile(rb"\d+(?:\.0+)?,-?\d+(?:\.0+)?(?:,-?\d+(?:\.\d+)?(?:e[+-]\d+)?){5,8}")
 _SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
 
 
 def kind_of_no_table(source: Source) -> tuple[str, str] | None:
     """Return what a file is that nothing here reads, and what to do about it; None when its first bytes do not say."""
     head = source.head(128) if source.path.is_file() else b""
+    if head[4:8] == b"ftyp":
+        return "a film", "name the file that the engine wrote about it"
+    if head.lstrip().lower().startswith((b"<!doctype html", b"<html", b"<table")):
+        return "a web page (HTML)", "open it in a spreadsheet, and save it as xlsx or CSV UTF-8"
+    if head[:1] == b"\0" and head[2:3] == b"\0" and head[1:2].isalnum():
+        return "text in UTF-16", _UTF_8
+    if b"\r" in head and b"\n" not in source.head(4096) and source.head(4096).count(b"\r") > 2:
+        return "text whose lines end with CR alone", "tr '\\r' '\\n' < FILE > lines.csv"
     if _SPREADSHEET in head:
         return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
     return next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
@@ -69,8 +77,20 @@ def not_recognised(source: Source, formats: Sequence[str]) -> InputError:
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
         fix=_json_fix(source)
+        or _numbers_fix(source)
         or f"name it: --format {' | '.join(formats)}; headerless tables need --columns; or write an adapter: "
         "docs/plugins.md",
+    )
+
+
+def _numbers_fix(source: Source) -> str | None:
+    """Return how to read lines of numbers such as trackers write: frame, id, left, top, width, height and more."""
+    first = source.head(4096).partition(b"\n")[0].strip() if source.path.is_file() else b""
+    if _TRACKED.fullmatch(first) is None:
+        return None
+    return (
+        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --fps 25 "
+        "--start INSTANT; other numbers: --columns with our names in their order"
     )
 
 
@@ -90,7 +110,7 @@ def _json_fix(source: Source) -> str | None:
     mapping = guessed_mapping(source)
     if mapping is not None:
         return f"say where its values are, probably: {mapping}"
-    frames = re.search(rb'"(frames|data|records|messages|results|detections|items)"\s*:\s*\[\s*\{', head)
+    frames = re.search(rb'"([A-Za-z_][\w-]*)"\s*:\s*\[\s*\{', head)
     if frames is not None:
         return f"one message a line: {one_a_line.format(frames[1].decode())}; then vsd check again"
     return None

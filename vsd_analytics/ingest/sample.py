@@ -23,8 +23,9 @@ class Sample:
 
     Attributes:
         rows: Columns `camera ts_ms track x y u v` of person records, with `line`: metres, pixels, NaN = missing. Pair
-            records have `distance_m` and as `track` both ids. `camera_no` and `track_no` are numbers for cameras and
-            tracks, which compare faster than texts; -1 = missing.
+            records have `distance_m`, `places_m` (the distance of their positions) and as `track` both ids.
+            `camera_no` and `track_no` are numbers for cameras and tracks, which compare faster than texts; -1 =
+            missing.
         zones: Zone that each record's time was read in, "" where it had an offset.
         is_pairs: Whether they are pair records.
         n_rejected: Records that cannot be used.
@@ -131,10 +132,10 @@ def sample_of(batches: Sequence[RawBatch], *, is_whole: bool, n_last: int | None
     if name == "pairs":
         apart = np.hypot(column["x_a_m"] - column["x_b_m"], column["y_a_m"] - column["y_b_m"])
         both = column["track_a"].str.cat(column["track_b"], sep=" / ") if table.num_rows else nothing
-        columns |= {"track": both, "distance_m": column["distance_m"].fillna(apart)}
+        columns |= {"track": both, "distance_m": column["distance_m"].fillna(apart), "places_m": apart}
         columns |= {"x": column["x_a_m"], "y": column["y_a_m"], "u": nothing, "v": nothing}
     else:
-        columns |= {"track": column["track"], "distance_m": nothing}
+        columns |= {"track": column["track"], "distance_m": nothing, "places_m": nothing}
         columns |= {"x": column["x_m"], "y": column["y_m"], "u": column["u_px"], "v": column["v_px"]}
     columns |= {f"{name}_no": pd.factorize(columns[name])[0] for name in ("camera", "track")}
     rows = pd.DataFrame(columns)

@@ -8,7 +8,20 @@ from collections.abc import Iterable
 from typing import Final, Literal
 
 Role = Literal[
-    "camera", "id", "class", "confidence", "date", "time", "file", "storey", "third axis", "absent", "present", "state"
+    "camera",
+    "id",
+    "class",
+    "confidence",
+    "date",
+    "time",
+    "file",
+    "storey",
+    "third axis",
+    "absent",
+    "present",
+    "state",
+    "unseen",
+    "unit",
 ]
 
 
@@ -26,7 +39,8 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
         "tracknumber trackno objectid objid oid object obj who name uid uuid subject subjectid pedestrian pedestrianid "
-        "pedid agent agentid identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
+        "pedid target targetid tag tagid "
+        "agent agentid identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
         "soggetto piste spur spurid sujet"
     ),
     "class": _words(
@@ -37,7 +51,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     ),
     "confidence": _words(
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
-        "confidencescore confidenza confiance confianza konfidenz"
+        "confidencescore personprobability personscore personconfidence confidenza confiance confianza konfidenz"
     ),
     "date": _words("date day datum localdate fecha giorno jour"),
     "time": _words("time timeofday clock uhrzeit localtime hour heure hora ora orario"),
@@ -49,10 +63,16 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "third axis": _words("z zm zmm zcm zft posz positionz worldz zpos zposition elevation"),
     "absent": _words(
         "lost islost outside outsideview invisible deleted predicted ispredicted extrapolated falsepositive "
-        "isfalsepositive ghost isghost"
+        "isfalsepositive ghost isghost interpolated isinterpolated"
     ),
-    "present": _words("valid isvalid visible isvisible isperson ishuman isreal"),
-    "state": _words("state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus"),
+    "present": _words(
+        "valid isvalid visible isvisible isperson ishuman isreal confirmed isconfirmed infov inview isdetected"
+    ),
+    "unseen": _words("timesinceupdate framessinceupdate missedframes lostframes framessincedetection"),
+    "unit": _words("unit units uom lengthunit positionunit coordinateunit einheit unita unidad unite"),
+    "state": _words(
+        "state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus quality flag"
+    ),
 }
 
 _PLACES: Final = (
@@ -121,7 +141,8 @@ PERSON: Final = _words(
 """Words for what is counted, as classes of detectors name it."""
 
 GONE: Final = _words(
-    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated"
+    "lost deleted removed terminated dead gone invisible hidden coasted coasting predicted extrapolated interpolated "
+    "bad invalid"
 )
 """States of a track whom the tracker does not see."""
 
@@ -135,7 +156,8 @@ VAGUE: Final = frozenset({"kind", "type", "tipo", "typ"})
 """Names of columns that hold anything: they name classes only where a class of objects is in them."""
 
 OBJECTS: Final = _words(
-    "bicycle bike car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
+    "bicycle bike biker cyclist skater rider "
+    "car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
     "backpack handbag suitcase auto autos macchina camion carro coche voiture velo bici bicicleta bicicletta fahrrad "
     "hund chien cane perro carrello"
 )
@@ -206,8 +228,8 @@ _DEGREES: Final = _words(
     "lat latitude latitudine lon lng long longitude longitudine angle bearing azimuth heading theta deg degrees"
 )
 _CAMERA_IN_TEXT = re.compile(
-    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)s?[ _=-]*"
-    r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`
+    r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)(?!s(?![a-z0-9]))s?[ _=-]*"
+    r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`, no plural: `cams`
 )
 _SIDES: Final = {
     "corner": _words("right bottom xmax ymax maxx maxy xbr ybr"),

@@ -1,4 +1,4 @@
-"""Tables as text: comma, semicolon, tab or blanks between cells, with or without a header line.
+"""Tables as text: comma, semicolon, tab, bar or blanks between cells, with or without a header line.
 
 A line is a record: a quote that is not closed on its line spoils that line, never the lines after it.
 """
@@ -74,7 +74,7 @@ class TextTable:
             names = unique_names([*options.columns, *[""] * (len(cells) - len(options.columns))])
             self.header = Header(names, None, first)
         self.first_line: str | None = first
-        self.has_decimal_comma = self._delimiter == ";"
+        self.has_decimal_comma = self._delimiter != ","
         self._n_cells = len(self.header.names)
         self._n_header = at + (options.columns is None)
         self._names = sorted(cells) if options.columns is None and not self.header.repeated else []
@@ -188,8 +188,8 @@ def _header_line(lines: list[str], first: int, options: IngestOptions) -> int:
 
 
 def delimiter_of(line: str, *, n_cells: int = 0) -> str:
-    """Return the delimiter of a line: the most frequent of tab, semicolon and comma, else a blank."""
-    counts = {d: line.count(d) for d in ("\t", ";", ",")}
+    """Return the delimiter of a line: the most frequent of tab, semicolon, comma and bar, else a blank."""
+    counts = {d: line.count(d) for d in ("\t", ";", ",", "|")}
     enough = [d for d, n in counts.items() if n and n + 1 >= n_cells > 0]
     best = enough[0] if enough else max(counts, key=lambda d: counts[d])
     return best if counts[best] else " "

@@ -28,7 +28,7 @@ _CLOCK = (
 )
 _YEAR_FIRST = re.compile(r"\d{4}(?P<sign>[-/.])(\d{1,2})(?P=sign)(\d{1,2})" + _CLOCK)
 _YEAR_LAST = re.compile(r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})(?P=sign)(?P<year>\d{4}|\d{2})" + _CLOCK)
-_ISO = re.compile(r"\d{4}-\d{2}-\d{2}(?:[ T]\d{2}:\d{2}(?::\d{2}.*)?)?")
+_ISO = re.compile(r"\d{4}-\d{2}-\d{2}(?:[ T]\d{2}:\d{2}(?::\d{2}.*)?)?(?<![AaPp][Mm])")
 
 
 def checked_format(text: str) -> str:

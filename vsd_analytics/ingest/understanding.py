@@ -22,7 +22,7 @@ from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.ingest.units import LENGTHS
 from vsd_analytics.site.model import Site
 
-_OWN = frozenset({"line", "camera_no", "track_no"})
+_OWN = frozenset({"line", "camera_no", "track_no", "places_m"})
 """Columns of a sample that no record has."""
 
 Extent = tuple[float, float, float, float]

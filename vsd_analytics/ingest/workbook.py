@@ -91,8 +91,9 @@ class Workbook(CellTable):
                 why="workbooks are read by the extra xlsx",
                 fix='pip install "vsd-analytics[xlsx]", or save the sheet as CSV UTF-8',
             ) from None
-        with warnings.catch_warnings(action="ignore"):  # about styles, which do not matter here
-            book = openpyxl.load_workbook(self._source.path, read_only=True, data_only=True, keep_links=False)
+        # opened here, because openpyxl takes no path with another suffix; its warnings about styles do not matter
+        with self._source.path.open("rb") as stream, warnings.catch_warnings(action="ignore"):
+            book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
             try:
                 yield book
             finally:

@@ -1,0 +1,139 @@
+"""Files in which only what columns hold, or how distances and ids fit together, tells that they are not what they seem.
+
+They are read as those of `oddest_files`, by a site without a plan or pictures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import timedelta
+from itertools import combinations, groupby
+from math import hypot
+
+from marked_files import marked
+from odd_files import NAMES, STEPS, Odd, plain, rows, stored, text
+from oddest_files import FEW, box, table, times, with_column
+from walks import Step, walks
+
+CROWD = walks(n_people=9, seconds=40, seed=3)
+STANDING = walks(n_people=10, seconds=60, seed=4)
+PAIRS = [
+    (a, b, hypot(a.x_m - b.x_m, a.y_m - b.y_m))
+    for _, frame in groupby(CROWD, key=lambda s: s.at)
+    for a, b in combinations(list(frame), 2)
+]
+STILL_FROM = 4
+"""In `STANDING`, people with this number or a higher one do not move."""
+
+
+def pairs(make: Callable[[float], object], *, with_places: bool = False) -> object:
+    names = ["ts", "track_a", "track_b", "distance_m", *(["x_a_m", "y_a_m", "x_b_m", "y_b_m"] if with_places else [])]
+    made = [
+        [a.at.isoformat(), a.track, b.track, make(d), *([a.x_m, a.y_m, b.x_m, b.y_m] if with_places else [])]
+        for a, b, d in PAIRS
+    ]
+    return text("a.csv", names, made)
+
+
+def numbered() -> object:
+    """Return a table whose ids number the people of each frame, who come and go."""
+    made = []
+    for at, frame in groupby(STEPS, key=lambda s: s.at):
+        seen = [s for s in frame if (s.track + at.second) % 5]
+        made += [[at.isoformat(), number, s.x_m, s.y_m] for number, s in enumerate(seen)]
+    return text("a.csv", NAMES, made)
+
+
+def shared_id() -> list[Step]:
+    return [replace(s, track=0) if s.track > 4 else s for s in STEPS]
+
+
+def some_walk_in_feet() -> object:
+    start = {s.track: s for s in reversed(STANDING)}
+    still = [
+        replace(s, x_m=start[s.track].x_m, y_m=start[s.track].y_m) if s.track > STILL_FROM else s for s in STANDING
+    ]
+    return table(NAMES, lambda s: [*plain(s)[:2], s.x_m / 0.3048, s.y_m / 0.3048], still)
+
+
+def back_by_an_hour(s: Step) -> object:
+    return s.at - timedelta(hours=1) if s.at >= STEPS[0].at + timedelta(seconds=30) else s.at
+
+
+TELLING: list[Odd] = [
+    # columns whose names tell nothing
+    Odd("cameras in a column without a telling name", marked("src", "cam-2", "cam-1"), (), None, "W221"),
+    Odd("cars in a column without a telling name", marked("what", "car", "person"), (), None, "W222"),
+    Odd("a column of words", marked("mood", "happy", "sad"), (), stored(FEW)),
+    Odd("a plural is no camera", text("cams.csv", NAMES, rows(plain, FEW)), (), stored(FEW)),
+    *(
+        Odd(f"{name} {out}", marked(name, out, others), (), None, "W222")
+        for name, out, others in (
+            ("is_confirmed", "False", "True"),
+            ("interpolated", 1, 0),
+            ("time_since_update", 3, 0),
+            ("in_fov", 0, 1),
+            ("quality", "bad", "good"),
+        )
+    ),
+    Odd("feet by a column", with_column("unit", lambda s: "FEET"), (), None, "--unit ft"),
+    Odd("metres by a column", with_column("unit", lambda s: "m"), (), stored(FEW)),
+    Odd("one column for both axes", table(NAMES, plain), ("--map", "x_m=x_m,y_m=x_m"), None, "both read from"),
+    # distances
+    Odd("distances twice those of the places", pairs(lambda d: 2 * d, with_places=True), (), None, "W220"),
+    Odd("squared distances", pairs(lambda d: d * d, with_places=True), (), None, "W220"),
+    Odd("marks for distances", pairs(lambda d: int(d < 2)), (), None, "all 1,440 distances are 0 and 1 m"),
+    Odd("one distance", pairs(lambda d: 1.5), (), None, "W220"),
+    # ids
+    Odd("an id for all others", table(NAMES, plain, shared_id()), (), None, "ids belong to several people"),
+    Odd(
+        "an id of two people now and then",
+        table(NAMES, plain, [*STEPS, *(replace(s, x_m=19.4) for s in STEPS[:96:6])]),
+        (),
+        stored(),
+        "two places at once",
+    ),
+    Odd("no id by a word", with_column("note", lambda s: "-"), (), stored(FEW)),
+    # units
+    Odd("feet of people of whom most stand", some_walk_in_feet(), (), None, "would be faster than"),
+    # times
+    Odd("an hour back with offsets", times(back_by_an_hour, STEPS), (), None, "goes back by an hour"),
+    Odd(
+        "AM and PM behind a date of ISO",
+        times(lambda s: f"{s.at:%Y-%m-%d %I:%M:%S %p}"),
+        ("--zone", "UTC"),
+        stored(FEW),
+    ),
+    Odd(
+        "UTC by name, read on another clock",
+        text("a.csv", ("time_utc", *NAMES[1:]), rows(plain, FEW)),
+        ("--map", "ts=time_utc", "--time-format", "%Y-%m-%dT%H:%M:%S+00:00", "--zone", "Asia/Tokyo"),
+        None,
+        "names UTC",
+    ),
+    # pictures
+    Odd("the corner of a box as a place", box("u_px v_px w h", lambda u, v: (u, v, 30, 80)), (), None, "W226"),
+    Odd("shares from the middle", box("u_px v_px", lambda u, v: (u / 640 - 1, 1 - v / 360)), (), None, "W226"),
+    Odd("pixels of no camera", box("u_px v_px", lambda u, v: (6 * u, 8 * v + 5000)), (), None, "hardly any camera"),
+    Odd("boxes on their side", box("left top width height", lambda u, v: (u, v, 90, 30)), (), None, "wider than high"),
+    # files
+    Odd("bars", text("a.csv", NAMES, rows(plain, FEW), by="|"), (), stored(FEW)),
+    Odd(
+        "tabs and decimal commas",
+        text(
+            "a.csv", NAMES, [[*plain(s)[:2], *(str(v).replace(".", ",") for v in plain(s)[2:])] for s in FEW], by="\t"
+        ),
+        (),
+        stored(FEW),
+    ),
+    Odd("lines that end with CR", text("a.csv", NAMES, rows(plain, FEW), end="\r"), (), None, "CR alone"),
+    Odd("UTF-16 without a mark", text("a.csv", NAMES, rows(plain, FEW), encoding="utf-16-be"), (), None, "UTF-16"),
+    Odd(
+        "a tracker's lines",
+        text("results.txt", (1, 7, 10, 10, 30, 80, 0.9, -1, -1, -1), [(2, 7, 11, 10, 30, 80, 0.9, -1, -1, -1)]),
+        (),
+        None,
+        "--format motchallenge",
+    ),
+]

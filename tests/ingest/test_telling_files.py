@@ -1,0 +1,73 @@
+"""What columns hold, how distances, ids and calibrations fit together: each mistake is warned of or refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from odd_files import STEPS, Odd
+from telling_files import TELLING, numbered, pairs
+from test_odd_files import by_identity, in_store
+from walks import project
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.geometry.homography import to_image
+
+CALIBRATION = np.array([[0.016, 0.0, 0.0], [0.0, -0.0175, 12.0], [0.0, 0.0, 1.0]])
+"""Pixels to metres of a made-up camera that sees the hall from above."""
+
+
+def check(root: Path, file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str]:
+    code = run(cli, ["-C", str(root), "--now", "2025-12-01", "check", str(file), *options])
+    return code, "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize("odd", TELLING, ids=lambda odd: odd.name)
+def test_a_file_that_only_its_content_gives_away_is_right_or_warned_of(
+    odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "project")
+    toml = (root / "vsd.toml").read_text().replace('plan = "plan.svg"\nplan_m_per_px = 0.1\n', "")
+    (root / "vsd.toml").write_text(toml.replace("picture_px = [1280, 720]\n", "") + "[privacy]\npseudonyms = false\n")
+    code = run(cli, ["-C", str(root), "--now", "2025-12-01", "ingest", str(odd.write(tmp_path)), *odd.options])
+    said = "".join(capsys.readouterr())
+    assert odd.says in said
+    assert code == 0 if odd.rows is not None and not odd.says else code in (1, 2), said
+    if odd.rows is not None:
+        assert by_identity(in_store(root)) == by_identity(list(odd.rows)), said
+
+
+def test_ids_that_number_the_people_of_a_frame_are_warned_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said = check(project(tmp_path / "p"), numbered()(tmp_path), capsys)
+    assert code == 1
+    assert "they number the people of a frame" in said
+
+
+def test_pairs_further_apart_than_is_stored_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, said = check(project(tmp_path / "p"), pairs(lambda d: d)(tmp_path), capsys)
+    assert "of the pairs are more than 2.5 m apart" in said
+
+
+@pytest.mark.parametrize(
+    ("calibration", "says"),
+    [
+        (CALIBRATION, None),
+        (np.diag([3.0, 3.0, 1.0]) @ CALIBRATION, "by the calibration, "),
+        (CALIBRATION[[1, 0, 2]], "by the calibration, "),
+    ],
+)
+def test_pixels_are_compared_with_the_floor_of_their_calibration(
+    calibration: np.ndarray, says: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "p", more='clock = "UTC"\nhomography = "h.txt"')
+    np.savetxt(root / "h.txt", calibration)
+    uv = to_image(CALIBRATION, [(s.x_m, s.y_m) for s in STEPS], picture_px=(1280, 720))
+    lines = [f"{s.at.isoformat()},{s.track},{u:.2f},{v:.2f}" for s, (u, v) in zip(STEPS, uv, strict=True)]
+    (root / "a.csv").write_text("ts,track_id,u_px,v_px\n" + "\n".join(lines) + "\n")
+    code, said = check(root, root / "a.csv", capsys)
+    assert (says is None) == ("by the calibration, " not in said), said
+    assert code == (0 if says is None else 1), said
