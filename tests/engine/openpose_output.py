@@ -22,7 +22,7 @@ FAR_SIDE = {9: 12, 10: 13, 11: 14, 22: 19, 23: 20, 24: 21}
 
 @dataclass(frozen=True)
 class Faults:
-    """How often each fault is, as share of the skeletons; noise in lengths of a body, missing as share of the joints."""
+    """How often each fault is, as share of skeletons (`missing`: of joints); `noise` in lengths of a body."""
 
     noise: float = 0.015
     missing: float = 0.1

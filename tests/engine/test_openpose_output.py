@@ -1,4 +1,4 @@
-"""OpenPose as it is: nobody has an id, joints and halves of bodies are missing, some skeletons are doubles or nobody."""
+"""OpenPose as it is: nobody has an id, joints and halves of bodies are missing, skeletons are doubles or nobody."""
 
 from __future__ import annotations
 

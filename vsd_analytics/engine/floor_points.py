@@ -71,4 +71,3 @@ def _below_boxes(people: People, camera: CameraModel) -> Array:
     is_plain = (down[1] - bottom * down[2] > 0) & (np.abs(half * down[2]) < _STEEP)
     x = np.where(is_plain, (middle - half * down[0]) / (1 - half * down[2]), np.nan)
     return np.column_stack([x, bottom]) * camera.focal_px + camera.centre_px
-

@@ -25,7 +25,12 @@ _RIGHT: Final = (11, 22, 23, 24)
 """Ankle, big toe, small toe, heel."""
 _MARK_M: Final = (JOINTS.low_m, TOE_M, TOE_M, HEEL_M)
 KNEES: Final = (10, 13)
-_ABOVE: Final = (((NECK,), NECK_ALONE.high_m), (SHOULDERS, NECK_ALONE.high_m), ((*HIPS, MID_HIP), HIP_M), (KNEES, KNEE_M))
+_ABOVE: Final = (
+    ((NECK,), NECK_ALONE.high_m),
+    (SHOULDERS, NECK_ALONE.high_m),
+    ((*HIPS, MID_HIP), HIP_M),
+    (KNEES, KNEE_M),
+)
 """What shows how high a body is, the best first."""
 TRUNK_M: Final = 0.5
 """A trunk farther beside its feet is a wrong joint."""
@@ -33,8 +38,10 @@ HEIGHT_SD: Final = 0.1
 """Heights of knees and hips of people of all ages, relative."""
 FARTHEST_SD_M: Final = 0.5
 """Knees and hips whose height leaves a place more uncertain than this, along the view, give none."""
-USUAL: Final = (0.5, 1.5)
+USUAL: Final = (0.45, 1.6)
 """Heights of bodies, against the median of all by the same camera: from sitting children on."""
+STRIDE_M: Final = 0.2
+"""How far a foot is from below the body; seen from steeply above, that changes how high the body seems."""
 
 
 def below_joints(people: People, camera: CameraModel) -> Array:
@@ -53,14 +60,16 @@ def below_joints(people: People, camera: CameraModel) -> Array:
         usual = np.nanmedian(heights[0]) if np.isfinite(heights[0]).any() else 1.0
         found = np.full((len(people), 3), np.nan)
         for place, height in zip(places, heights, strict=True):
-            is_body = (height > USUAL[0] * usual) & (height < USUAL[1] * usual)
+            slack = STRIDE_M * camera.height_m / _level_m(place, camera) / NECK_ALONE.high_m
+            is_body = (height > USUAL[0] * usual - slack) & (height < USUAL[1] * usual + slack)
             found = np.where(np.isfinite(found) | ~is_body[:, None], found, place)
     return _in_picture(_below_trunk(people, camera, found), camera)
 
 
 def has_feet(people: People) -> NDArray[np.bool_]:
     """Return which skeletons have a joint of a foot, shape (n,)."""
-    return np.asarray(np.isfinite(people.joints[:, (*_LEFT, *_RIGHT)]).all(axis=2).any(axis=1))
+    known = np.isfinite(people.joints[:, [*_LEFT, *_RIGHT]]).reshape(len(people), -1)
+    return np.asarray(known.any(axis=1), dtype=np.bool_)
 
 
 def _feet(people: People, camera: CameraModel) -> Array:
@@ -82,9 +91,13 @@ def _below_middle(people: People, camera: CameraModel, joints: tuple[int, ...], 
     NaN where the height of a body leaves it too uncertain.
     """
     place = _mean(np.stack([_below(camera, people.joints[:, i], height_m) for i in joints]))
-    level = np.linalg.norm(place - camera.height_m * camera.down(), axis=1, keepdims=True)
-    sd_m = HEIGHT_SD * height_m * level / max(camera.height_m - height_m, 1e-6)
-    return np.where(sd_m < FARTHEST_SD_M, place, np.nan)
+    sd_m = HEIGHT_SD * height_m * _level_m(place, camera) / max(camera.height_m - height_m, 1e-6)
+    return np.where(sd_m[:, None] < FARTHEST_SD_M, place, np.nan)
+
+
+def _level_m(place: Array, camera: CameraModel) -> Array:
+    """Return how far places are from the floor point below the camera, shape (n,)."""
+    return np.asarray(np.linalg.norm(place - camera.height_m * camera.down(), axis=1))
 
 
 def _body(people: People, camera: CameraModel, place: Array, from_m: float) -> Array:

@@ -133,9 +133,9 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
     """Return a number for each row that rows of the same person in neighbouring frames share, shape (n,).
 
     Two rows are linked when each is the nearest to the other in the two frames, within `LINK_LENGTHS` body lengths and
-    of about the same length. Where somebody passes close by the link breaks, and a new number begins. Then those who stay
-    within `STAY_LENGTHS` and were missed in up to `MAX_GAP` - 1 frames are linked: whoever stands or sits there would
-    else count as many persons.
+    of about the same length. Where somebody passes close by the link breaks, and a new number begins. Then those who
+    stay within `STAY_LENGTHS` and were missed in up to `MAX_GAP` - 1 frames are linked: whoever stands or sits there
+    would else count as many persons.
 
     Args:
         uv: Feet in pixels, shape (n, 2).
@@ -147,6 +147,7 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
     spans = [np.arange(*span) for span in zip(starts, [*starts[1:], len(frame)], strict=False)]  # none without rows
     is_last, is_first = np.ones(len(uv), dtype=bool), np.ones(len(uv), dtype=bool)
     for gap in range(1, MAX_GAP + 1):
+        within = LINK_LENGTHS if gap == 1 else STAY_LENGTHS
         for before, after in zip(spans, spans[gap:], strict=False):
             a, b = before[is_last[before]], after[is_first[after]]
             if not (len(a) and len(b)):
@@ -154,7 +155,7 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
             apart = np.linalg.norm(uv[a][:, None] - uv[b][None], axis=2)
             size = np.sqrt(length_px[a][:, None] * length_px[b][None])
             alike = np.abs(np.log(length_px[a][:, None] / length_px[b][None])) < LINK_CHANGE
-            apart = np.where(alike & (apart < (LINK_LENGTHS if gap == 1 else STAY_LENGTHS) * size), apart / size, np.inf)
+            apart = np.where(alike & (apart < within * size), apart / size, np.inf)
             to, back = apart.argmin(axis=1), apart.argmin(axis=0)
             rows = np.arange(len(to))
             linked = (back[to] == rows) & np.isfinite(apart[rows, to])
