@@ -112,7 +112,7 @@ def test_skeleton_of_no_body_has_no_place(scene: Scene) -> None:
     people = scene.people
     joints = people.joints.copy()
     dwarf, giant = 5, 6
-    for row, size in ((dwarf, 0.3), (giant, 2.5)):
+    for row, size in ((dwarf, 0.15), (giant, 2.5)):
         foot = np.nanmean(joints[row, [11, 14]], axis=0)
         joints[row] = foot + (joints[row] - foot) * size
     at = floor_points(replace(people, joints=joints), homography=CAMERA.homography(), picture_px=SIZE)
