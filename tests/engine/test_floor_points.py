@@ -83,9 +83,40 @@ def test_marks_stay_where_no_camera_is_known(scene: Scene) -> None:
         assert floor_points(people, homography=h, picture_px=size).tolist() == marks.tolist()
 
 
-def test_somebody_without_feet_has_no_place(scene: Scene) -> None:
-    legless = without(scene.people, (11, 14, 19, 20, 21, 22, 23, 24))
-    assert np.isnan(floor_points(legless, homography=CAMERA.homography(), picture_px=SIZE)).all()
+FEET_AND_ANKLES = (11, 14, 19, 20, 21, 22, 23, 24)
+
+
+@pytest.mark.parametrize(("hidden", "within_m"), [((), 0.12), ((10, 13), 0.16)], ids=["by knees", "by hips"])
+def test_hidden_feet_are_below_knees_or_hips(scene: Scene, hidden: tuple[int, ...], within_m: float) -> None:
+    legless = without(scene.people, (*FEET_AND_ANKLES, *hidden))
+    found = floor_points(legless, homography=CAMERA.homography(), picture_px=SIZE)
+    assert np.median(off_m(legless, found, scene)) < within_m
+    seen = locate(legless, homography=CAMERA.homography(), picture_px=SIZE, within_m=2, name="test")
+    assert seen.left_out == {}
+
+
+def test_head_and_shoulders_alone_are_no_place(scene: Scene) -> None:
+    bust = without(scene.people, (*FEET_AND_ANKLES, 8, 9, 10, 12, 13))
+    assert np.isnan(floor_points(bust, homography=CAMERA.homography(), picture_px=SIZE)).all()
+
+
+def test_knees_and_hips_are_not_used_where_they_say_little(scene: Scene) -> None:
+    low = SimulatedCamera(height_m=1.2, tilt_deg=5, f_widths=0.7)
+    people = simulate(low, seed=3, n_tracks=30, seconds=4, reach_m=12.0, missing=0.0).people
+    assert len(people) > 20
+    legless = without(people, (*FEET_AND_ANKLES, 10, 13))
+    assert np.isnan(floor_points(legless, homography=low.homography(), picture_px=SIZE)).all()
+
+
+def test_skeleton_of_no_body_has_no_place(scene: Scene) -> None:
+    people = scene.people
+    joints = people.joints.copy()
+    dwarf, giant = 5, 6
+    for row, size in ((dwarf, 0.15), (giant, 2.5)):
+        foot = np.nanmean(joints[row, [11, 14]], axis=0)
+        joints[row] = foot + (joints[row] - foot) * size
+    at = floor_points(replace(people, joints=joints), homography=CAMERA.homography(), picture_px=SIZE)
+    assert np.flatnonzero(np.isnan(at).any(axis=1)).tolist() == [dwarf, giant]
 
 
 def test_a_wrong_trunk_does_not_move_the_feet(scene: Scene) -> None:

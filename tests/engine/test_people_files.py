@@ -247,6 +247,43 @@ def test_one_id_for_two_persons_of_a_frame_is_no_track(tmp_path: Path) -> None:
     assert read_people(write(tmp_path / "one.json", both[1:])).track.tolist() == ["0", "0"]
 
 
+def test_places_in_the_list_of_a_frame_are_no_track_ids(tmp_path: Path) -> None:
+    people = [[{"person_id": [i], "pose_keypoints_2d": BODY.ravel().tolist()} for i in range(n)] for n in (3, 1, 2)]
+    (tmp_path / "joints").mkdir()
+    for number, persons in enumerate(people):
+        write(tmp_path / "joints" / f"{number:012}_keypoints.json", {"people": persons})
+    assert set(read_people(tmp_path / "joints").track) == {None}
+    people[1][0]["person_id"] = [2]
+    write(tmp_path / "joints" / f"{1:012}_keypoints.json", {"people": people[1]})
+    assert read_people(tmp_path / "joints").track.tolist() == ["0", "1", "2", "2", "0", "1"]
+
+
+def test_file_without_digits_is_no_frame_among_numbered_ones(tmp_path: Path) -> None:
+    folder = openpose(tmp_path / "joints", {0: [BODY], 3: [BODY]})
+    write(folder / "settings.json", {"model": "BODY_25"})
+    people = read_people(folder)
+    assert people.frames.tolist() == [0, 3]
+    assert people.bad == {"file without a frame number in its name": 1}
+
+
+def test_folder_of_several_cameras_is_refused_with_their_names(tmp_path: Path) -> None:
+    for camera in ("C1", "C2"):
+        (tmp_path / "joints").mkdir(exist_ok=True)
+        openpose(tmp_path / "joints" / camera, {0: [BODY]})
+    with pytest.raises(InputError) as refused:
+        read_people(tmp_path / "joints")
+    assert refused.value.why == "one folder is one camera: C1, C2"
+    assert str(refused.value.fix).endswith("C1")
+
+
+def test_first_versions_of_openpose_are_read_and_faces_alone_are_nobody(tmp_path: Path) -> None:
+    (tmp_path / "joints").mkdir()
+    old, face = {"pose_keypoints": BODY.ravel().tolist()}, {"pose_keypoints_2d": [], "face_keypoints_2d": [1, 2, 1]}
+    write(tmp_path / "joints" / "0_keypoints.json", {"people": [face, old]})
+    people = read_people(tmp_path / "joints")
+    assert (len(people), people.bad) == (1, {"neither a box nor a joint": 1})
+
+
 def test_ids_and_frames_with_a_decimal_point_are_whole_numbers(tmp_path: Path) -> None:
     person = {"image_id": 12.0, "keypoints": COCO.ravel().tolist(), "idx": [3.0]}
     people = read_people(write(tmp_path / "found.json", [person]))

@@ -68,6 +68,36 @@ def test_distances_belong_to_the_persons_they_are_of(by_image_name: bool, tmp_pa
     assert len(labelled.people) < len(sequence.people)  # the skipped ones
 
 
+def test_persons_keep_their_numbers_where_one_has_no_joints_and_a_file_cannot_be_read(
+    tmp_path: Path, scene: Scene
+) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    (whole,) = read_sequences(folder)
+    path = sorted((folder / "HumanJoints" / SEQUENCE).iterdir())[2]
+    content = json.loads(path.read_text())
+    content["people"][0]["pose_keypoints_2d"] = [0.0] * 75
+    path.write_text(json.dumps(content))
+    sorted((folder / "HumanJoints" / SEQUENCE).iterdir())[1].write_text("{")
+    (holed,) = read_sequences(folder)
+    third = int(whole.people.frames[2])
+    assert whole.people.frames[1] not in holed.people.frames
+    joints = [s.labelled.people.joints[s.labelled.people.frame == third] for s in (whole, holed)]
+    assert np.isnan(joints[1][0]).all()
+    np.testing.assert_array_equal(joints[0][1:], joints[1][1:])
+
+
+def test_unknown_distances_are_no_pairs(tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    (whole,) = read_sequences(folder)
+    path = folder / "Annotations" / f"{SEQUENCE}_joints.json"
+    content = json.loads(path.read_text())
+    matrix = content[min(content)]["DistanceMatrix"]
+    matrix[0][1], matrix[0][2] = None, -1
+    path.write_text(json.dumps(content))
+    (holed,) = read_sequences(folder)
+    assert len(holed.labelled.a) == len(whole.labelled.a) - 2
+
+
 def test_grid_search_finds_ratios_near_those_of_the_camera(tmp_path: Path, scene: Scene) -> None:
     (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", scene))
     torso = search([sequence.labelled], part="torso")

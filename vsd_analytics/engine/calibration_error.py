@@ -12,8 +12,9 @@ from vsd_analytics.geometry.homography import as_matrix, project, to_floor, to_i
 
 N_CAMERAS: Final = 100
 SEED: Final = 14
-POPULATION_SD: Final = 0.04
-"""Mean height of the people seen, and of their boxes, against what is assumed, relative: no picture shows it."""
+POPULATION_SD, BOX_SD = 0.04, 0.04
+"""Mean height of the people seen, and how much of a body a box holds, against what is assumed, relative: no picture
+shows either."""
 FOOT_PX: Final = 2.0
 FOOT_M: Final = 0.03
 """Error of a foot point: of the mark in pixels, and of where a foot is seen on a body in metres."""
@@ -24,12 +25,12 @@ PROBE_M: Final = 2.0
 """Distance whose spread the map shows."""
 
 
-def likely_cameras(vector: Array, covariance: Array) -> Array:
-    """Return parameters of cameras drawn from the posterior, shape (`N_CAMERAS`, 5)."""
+def likely_cameras(vector: Array, covariance: Array, *, uses_joints: bool) -> Array:
+    """Return parameters of cameras drawn from the posterior, shape (`N_CAMERAS`, 6)."""
     rng = np.random.default_rng(SEED)
     values, axes = np.linalg.eigh((covariance + covariance.T) / 2)
     drawn = vector + rng.standard_normal((N_CAMERAS, len(vector))) * np.sqrt(np.maximum(values, 0)) @ axes.T
-    drawn[:, 3] += rng.normal(0, POPULATION_SD, N_CAMERAS)
+    drawn[:, 3] += rng.normal(0, POPULATION_SD if uses_joints else np.hypot(POPULATION_SD, BOX_SD), N_CAMERAS)
     return np.asarray(drawn)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vsd_analytics.engine.floor_points import floor_points
+from vsd_analytics.engine.joint_places import has_feet
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
@@ -25,7 +26,8 @@ def locate(
 ) -> Seen:
     """Return where people are on the floor, and the pairs nearer than a distance.
 
-    Persons without a foot point have no place; persons at or above the horizon neither.
+    Persons without a foot point have no place; persons at or above the horizon neither. Pairs have no `sd_m` with
+    somebody whose place is by knees or hips.
 
     Args:
         people: As detected.
@@ -41,8 +43,12 @@ def locate(
     a, b = pairs_of_frames(people.frame)
     distance = np.linalg.norm(xy[a] - xy[b], axis=1)
     near = distance < within_m
+    sd_m = None if error is None else error.distance_sd_m(uv[a[near]], uv[b[near]])
+    if sd_m is not None and people.has_joints:  # how far off knees and hips put somebody is not in the stated error
+        by_feet = has_feet(people) | np.isfinite(people.box).all(axis=1)
+        sd_m = np.where(by_feet[a[near]] & by_feet[b[near]], sd_m, np.nan)
     no_foot, above = ~np.isfinite(uv).all(axis=1), np.isfinite(uv).all(axis=1) & ~np.isfinite(xy).all(axis=1)
-    reasons = {"no foot": int(no_foot.sum()), "at or above the horizon": int(above.sum())}
+    reasons = {"no foot, or no body above it": int(no_foot.sum()), "at or above the horizon": int(above.sum())}
     return Seen(
         people=people,
         uv=uv,
@@ -54,5 +60,5 @@ def locate(
         engine=f"vsd-people {name}",
         left_out={why: n for why, n in reasons.items() if n},
         spaces=SafeSpaces(as_matrix(homography), xy, np.full(len(people), distance_m / 2), distance_m / 2),
-        sd_m=None if error is None else error.distance_sd_m(uv[a[near]], uv[b[near]]),
+        sd_m=sd_m,
     )

@@ -23,21 +23,51 @@ NORMALISED_BELOW = 1.5
 """Coordinates that all lie below this are shares of the picture and no pixels."""
 
 
-def read_joint_folder(folder: Path) -> People:
+def read_joint_folder(folder: Path, *, keeps_empty: bool = False) -> People:
     """Read a folder with one JSON file per frame, as OpenPose's `--write_json` makes; a file without people is a frame.
 
-    The frame number is the last run of digits in the name, such as 12 in `door_000000000012_keypoints.json`; names
-    without digits are numbered in their order.
+    Args:
+        folder: See `frame_numbers` for its names.
+        keeps_empty: Persons without joints have rows, so that rows of a frame are numbered as in its file.
 
     Raises:
         InputError: No file of the folder can be used (E202), two files have one frame number, as those of two videos
             do (E202), or joints are no pixels (E202).
     """
-    rows = PeopleRows()
+    rows = PeopleRows(keeps_empty=keeps_empty)
+    numbers = frame_numbers(folder)
+    for path in sorted(folder.glob("*.json")):
+        if path.name not in numbers:
+            rows.bad["file without a frame number in its name"] += 1
+            continue
+        try:
+            content = json.loads(path.read_text(encoding="utf-8-sig"))
+        except (OSError, ValueError, RecursionError):
+            rows.bad["file that is no JSON"] += 1
+            continue
+        number = numbers[path.name]
+        rows.frames.add(number)
+        _add(rows, ((number, person) for _, person in _persons(content)))
+    return _checked(rows, folder)
+
+
+def frame_numbers(folder: Path) -> dict[str, int]:
+    """Return the frame number of each JSON file of a folder by its name, in order of names.
+
+    It is the last run of digits in the name, such as 12 in `door_000000000012_keypoints.json`. Files without digits
+    are no frames, unless none has any: then they are numbered in their order.
+
+    Raises:
+        InputError: Two files have one number (E202).
+    """
+    paths = sorted(folder.glob("*.json"))
+    found = [_last_number(path.stem.removesuffix("_keypoints")) for path in paths]
+    if all(number is None for number in found):
+        return {path.name: index for index, path in enumerate(paths)}
     names: dict[int, str] = {}
-    for index, path in enumerate(sorted(folder.glob("*.json"))):
-        found = _last_number(path.stem.removesuffix("_keypoints"))
-        number = index if found is None else found
+    for path, number in zip(paths, found, strict=True):
+        if number is None:
+            continue
         if number in names:
             raise InputError(
                 f"two files of {folder.name} are frame {number}",
@@ -47,14 +77,7 @@ def read_joint_folder(folder: Path) -> People:
                 fix="give each video a folder of its own",
             )
         names[number] = path.name
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            rows.bad["file that is no JSON"] += 1
-            continue
-        rows.frames.add(number)
-        _add(rows, ((number, person) for _, person in _persons(content)))
-    return _checked(rows, folder)
+    return {name: number for number, name in names.items()}
 
 
 def read_joint_file(path: Path) -> People:
@@ -87,6 +110,15 @@ def _checked(rows: PeopleRows, path: Path) -> People:
     """Return the people, or say why there are none."""
     if not rows.frame:
         listed = "; ".join(f"{n:,}: {why}" for why, n in rows.bad.items()) or "it lists nobody"
+        below = sorted(f.name for f in path.iterdir() if f.is_dir() and any(f.glob("*.json"))) if path.is_dir() else []
+        if below:
+            raise InputError(
+                f"{path.name} has no JSON files, but folders with JSON files",
+                code="E202",
+                where=Where(str(path)),
+                why=f"one folder is one camera: {', '.join(below[:5])}",
+                fix=f"give one of them: {path / below[0]}",
+            )
         raise InputError(
             f"{path.name} has no person with joints",
             code="E202",
@@ -159,14 +191,21 @@ def _add(rows: PeopleRows, persons: Iterator[tuple[int | None, Any]]) -> None:
             points, confidence = _points(person)
             box = _box(person)
             joints = joints_of(points, confidence)
-        except (TypeError, ValueError, KeyError, IndexError):
-            rows.bad["person whose joints are no numbers"] += 1
+        except (TypeError, ValueError, KeyError, IndexError, StopIteration):
+            _skip(rows, number, "person whose joints are no numbers")
             continue
-        if joints is None:
-            rows.bad[f"skeleton of {len(points)} joints, which is not known"] += 1
+        if joints is None and len(points):
+            _skip(rows, number, f"skeleton of {len(points)} joints, which is not known")
             continue
         rows.add(number, track=_track(person), box=box, joints=joints)
-        rows.n_joints.add(len(points))
+        if joints is not None:
+            rows.n_joints.add(len(points))
+
+
+def _skip(rows: PeopleRows, number: int, why: str) -> None:
+    rows.bad[why] += 1
+    if rows.keeps_empty:
+        rows.add_empty(number)
 
 
 def _points(person: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -179,7 +218,7 @@ def _points(person: Mapping[str, Any]) -> tuple[Array, Array]:
     if isinstance(columns := person.get("keypoints"), Mapping):  # ultralytics
         points = np.column_stack([columns["x"], columns["y"]]).astype(np.float64)
         return points, np.asarray(columns.get("visible", np.ones(len(points))), dtype=np.float64)
-    flat = person["pose_keypoints_2d"] if "pose_keypoints_2d" in person else person["keypoints"]
+    flat = next(person[key] for key in ("pose_keypoints_2d", "pose_keypoints", "keypoints") if key in person)
     triples = np.asarray(flat, dtype=np.float64).reshape(-1, 3)
     return triples[:, :2], triples[:, 2]
 

@@ -159,7 +159,11 @@ def from_body_25b(joints: Array) -> Array:
 
 @dataclass
 class PeopleRows:
-    """Collects persons and frames one by one; `people` makes arrays of them."""
+    """Collects persons and frames one by one; `people` makes arrays of them.
+
+    With `keeps_empty`, a person without a usable box or joint has a row, too, so that others keep their place in the
+    frame.
+    """
 
     frame: list[int] = field(default_factory=list)
     track: list[str | None] = field(default_factory=list)
@@ -168,22 +172,32 @@ class PeopleRows:
     frames: set[int] = field(default_factory=set)
     bad: Counter[str] = field(default_factory=Counter)
     n_joints: set[int] = field(default_factory=set)
+    keeps_empty: bool = False
 
     def add(self, frame: int, *, track: object = None, box: Sequence[float] | None, joints: Array | None) -> None:
         """Add a person; one without a usable box or joint is counted as bad."""
         usable_box = box is not None and bool(np.isfinite(box).all()) and box[2] > box[0] and box[3] > box[1]
         if not usable_box and (joints is None or not np.isfinite(joints).any()):
             self.bad["neither a box nor a joint"] += 1
+            if self.keeps_empty:
+                self.add_empty(frame)
             return
         self.frame.append(frame)
         self.track.append(None if track is None else str(track))
         self.box.append(box if usable_box and box is not None else (np.nan,) * 4)
         self.joints.append(np.full((N_JOINTS, 2), np.nan) if joints is None else joints)
 
+    def add_empty(self, frame: int) -> None:
+        """Add a row of a person of whom nothing is known."""
+        self.frame.append(frame)
+        self.track.append(None)
+        self.box.append((np.nan,) * 4)
+        self.joints.append(np.full((N_JOINTS, 2), np.nan))
+
     def people(self) -> People:
         """Return what was added, in order of frames."""
         order = np.argsort(np.array(self.frame, dtype=np.int64), kind="stable")
-        if self._one_id_for_everybody():
+        if self._one_id_for_everybody() or self._ids_are_places():
             self.track = [None] * len(self.track)
         track = np.empty(len(order), dtype=object)
         track[:] = self.track
@@ -199,3 +213,14 @@ class PeopleRows:
     def _one_id_for_everybody(self) -> bool:
         """Return whether several persons of a frame all have the only id there is: the tool did not track."""
         return len(set(self.track)) == 1 and len(set(self.frame)) < len(self.frame)
+
+    def _ids_are_places(self) -> bool:
+        """Return whether ids are the places in the list of each frame, 0, 1, 2, in lists of different lengths.
+
+        The tool did not track then. In lists of one length they may be the ids of people who stay.
+        """
+        ids: dict[int, list[str | None]] = {}
+        for frame, track in zip(self.frame, self.track, strict=True):
+            ids.setdefault(frame, []).append(track)
+        lengths = {len(found) for found in ids.values()}
+        return len(lengths) > 2 and all(found == [str(i) for i in range(len(found))] for found in ids.values())

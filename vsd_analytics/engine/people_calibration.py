@@ -18,10 +18,10 @@ from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.homography import to_floor
 
 MIN_ROWS: Final = 40
-MIN_ROWS_UNTRACKED: Final = 150
-"""Without track ids the same few people may come back in all frames."""
 MIN_PEOPLE: Final = 8
 """Fewer persons may all be short or tall."""
+MIN_ROWS_UNTRACKED, MIN_PARTS = 80, 30
+"""Without track ids the same few people may come back in all frames: so many walks, or parts of walks, are enough."""
 MAX_SCATTER: Final = 0.20
 """Heights that differ more than this are not those of upright people."""
 TALL, MAX_TALL = 1.3, 0.1
@@ -85,13 +85,13 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
         CalibrationError: The people cannot carry a calibration (E411); the message says why.
     """
     seen = sightings(people, size_px=size_px)
-    n_people = len(np.unique(seen.who)) if seen.has_tracks else None
-    least = MIN_ROWS if seen.has_tracks else MIN_ROWS_UNTRACKED
-    if len(seen.low) < least or (n_people is not None and n_people < MIN_PEOPLE):
-        many = f"{len(seen.low)} whole people in {len(people.frames):,} frames"
-        many += "" if n_people is None else f", of {n_people} persons"
-        fix = f"give at least {least}, of {MIN_PEOPLE} persons; boxes that the picture's edge cuts off do not count"
-        raise _refused(many, fix)
+    n_walks = len(np.unique(seen.who))
+    n_people = n_walks if seen.has_tracks else None
+    least, least_walks = (MIN_ROWS, MIN_PEOPLE) if seen.has_tracks else (MIN_ROWS_UNTRACKED, MIN_PARTS)
+    if len(seen.low) < least or n_walks < least_walks:
+        whose = f"{n_walks} persons" if seen.has_tracks else f"about {n_walks} persons (without track ids)"
+        many = f"{len(seen.low)} whole people in {len(people.frames):,} frames, of {whose}"
+        raise _refused(many, f"give at least {least}, of {least_walks} persons; {_whole(seen.has_lean)}")
     outside = np.mean((seen.low < 0).any(axis=1) | (seen.low > np.array(size_px)).any(axis=1))
     if outside > 0.2:
         raise _refused(f"{outside:.0%} of the feet lie outside {size_px[0]}x{size_px[1]} pixels", "check --size")
@@ -146,7 +146,8 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
 
 def _likely(fitted: Fitted) -> Array:
     """Return homographies of cameras drawn, with the sign of the fitted one so that floor stays floor."""
-    drawn = [camera_of(v, fitted.size_px) for v in likely_cameras(fitted.vector, fitted.covariance)]
+    cameras = likely_cameras(fitted.vector, fitted.covariance, uses_joints=fitted.seen.has_lean)
+    drawn = [camera_of(v, fitted.size_px) for v in cameras]
     return np.array([camera.homography() for camera in drawn])
 
 
@@ -157,6 +158,12 @@ def _typical_error(cells: Array, xy: NDArray[np.float64]) -> float:
     known = {(float(x), float(y)): float(sd) for x, y, _, sd in cells}
     at = np.floor(xy[np.isfinite(xy).all(axis=1)]) + 0.5
     return float(np.median([known.get((float(x), float(y)), np.inf) for x, y in at]) / PROBE_M)
+
+
+def _whole(uses_joints: bool) -> str:
+    if uses_joints:
+        return "only skeletons with a neck and both ankles count"
+    return "boxes that the picture's edge cuts off do not count"
 
 
 def _refused(why: str, fix: str) -> CalibrationError:

@@ -91,7 +91,9 @@ def standing(
     """
     uv = feet(people)
     if calibration is not None:  # only there are all planes' verticals known
-        uv = floor_points(people, homography=calibration.homography, picture_px=picture_px)
+        # knees and hips are at another height above each plane
+        by_feet = np.isfinite(uv).all(axis=1, keepdims=True)
+        uv = np.where(by_feet, floor_points(people, homography=calibration.homography, picture_px=picture_px), np.nan)
     plane = plane_numbers(planes, uv)
     homography, xy, height_m = np.full((len(uv), 3, 3), np.nan), np.full((len(uv), 2), np.nan), np.full(len(uv), np.nan)
     for i, each in enumerate(planes):
@@ -144,7 +146,7 @@ def locate_on_planes(
     no_foot = ~np.isfinite(on.uv).all(axis=1)
     outside = (on.plane == NO_PLANE) & ~no_foot
     reasons = {
-        "no foot": int(no_foot.sum()),
+        "no foot, or no body above it": int(no_foot.sum()),
         "outside all planes": int(outside.sum()),
         "at or above the horizon": int((~np.isfinite(on.xy).all(axis=1) & ~no_foot & ~outside).sum()),
     }

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vsd_analytics.engine.joint_files import read_joint_folder
+from vsd_analytics.engine.joint_files import frame_numbers, read_joint_folder
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.ratio_search import Labelled
 from vsd_analytics.errors import InputError, UsageError, Where
@@ -74,18 +74,16 @@ def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> 
     size = size_px or (None if seen is None else (round(seen[0]), round(seen[1])))
     if size is None:
         raise UsageError(f"the picture size of {name} is not known", fix="--size 640x480")
-    people = read_joint_folder(joints)
+    people = read_joint_folder(joints, keeps_empty=True)  # PersonList counts all persons of a file
     frames = _annotation(data_set / "Annotations" / f"{joints.name}_joints.json")
-    # annotations name a frame by the name of its image, or by its place in the order, with six digits
-    by_place = {f"{place:06}": int(frame) for place, frame in enumerate(people.frames)}
-    by_image = dict(zip((image.stem for image in images), people.frames.tolist(), strict=False))
-    number_of = max((by_place, by_image), key=lambda names: len(names.keys() & frames.keys()))
+    number_of = _frames_of(frame_numbers(joints), [image.stem for image in images], frames)
     rows: list[int] = []
     pairs: list[tuple[int, int, float]] = []
-    for key in sorted(frames.keys() & number_of.keys(), key=lambda k: number_of[k]):
+    for key in sorted(number_of, key=lambda k: number_of[k]):
         first = int(np.searchsorted(people.frame, number_of[key]))
         in_frame = int(np.searchsorted(people.frame, number_of[key], side="right")) - first
-        listed = [(i, int(person)) for i, person in enumerate(frames[key]["PersonList"]) if int(person) < in_frame]
+        listed = [(i, int(person)) for i, person in enumerate(frames[key]["PersonList"])]
+        listed = [(i, person) for i, person in listed if 0 <= person < in_frame]
         matrix = frames[key]["DistanceMatrix"]
         start = len(rows)
         rows += [first + person for _, person in listed]
@@ -93,6 +91,7 @@ def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> 
             (start + i, start + j, float(matrix[listed[i][0]][listed[j][0]]))
             for i in range(len(listed))
             for j in range(i + 1, len(listed))
+            if _is_distance(matrix[listed[i][0]][listed[j][0]])
         ]
     counted = people.rows(np.array(rows, dtype=np.intp))
     counted = People(counted.frame, counted.track, counted.box, counted.joints, np.unique(counted.frame))
@@ -100,6 +99,28 @@ def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> 
     return LabelledSequence(
         name, people, Labelled(counted, a.astype(np.intp), b.astype(np.intp), distance_m.astype(np.float64), size)
     )
+
+
+def _frames_of(numbers: dict[str, int], images: list[str], frames: dict[str, Any]) -> dict[str, int]:
+    """Return the frame number of each annotated frame that has a file of joints, by its key in the annotation.
+
+    Annotations name a frame by the name of its image, by that of its joints, or by its place in the order, with six
+    digits. Names count that match most.
+    """
+    in_order = list(numbers.values())
+    known = [
+        {f"{place:06}": number for place, number in enumerate(in_order)},
+        dict(zip(images, in_order, strict=False)) if len(images) == len(in_order) else {},
+        {Path(name).stem.removesuffix("_keypoints"): number for name, number in numbers.items()},
+        {str(number): number for number in in_order},
+    ]
+    best = max(known, key=lambda names: len(names.keys() & frames.keys()))
+    return {key: best[key] for key in frames if key in best}
+
+
+def _is_distance(value: object) -> bool:
+    """Return whether a distance is known: null, NaN and numbers below 0 are none."""
+    return isinstance(value, int | float) and value >= 0
 
 
 def _annotation(path: Path) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -17,6 +16,8 @@ PARTS_OF_TRACK: Final = 12
 MAX_ROWS: Final = 3000
 LINK_LENGTHS, LINK_CHANGE = 0.5, 0.2
 """Half a body length is what somebody walks in .6 s; a body's length in the picture changes by less than a fifth."""
+MAX_GAP, STAY_LENGTHS = 6, 0.15
+"""Somebody who was missed for some frames is linked if the feet have hardly moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,10 +130,12 @@ def _joint_marks(people: People) -> tuple[Body, Array, Array]:
 
 
 def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Return a number for each row that rows of the same person in successive frames share, shape (n,).
+    """Return a number for each row that rows of the same person in neighbouring frames share, shape (n,).
 
     Two rows are linked when each is the nearest to the other in the two frames, within `LINK_LENGTHS` body lengths and
-    of about the same length. Where somebody passes close by the link breaks, and a new number begins.
+    of about the same length. Where somebody passes close by the link breaks, and a new number begins. Then those who
+    stay within `STAY_LENGTHS` and were missed in up to `MAX_GAP` - 1 frames are linked: whoever stands or sits there
+    would else count as many persons.
 
     Args:
         uv: Feet in pixels, shape (n, 2).
@@ -141,16 +144,25 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
     """
     who = np.arange(len(uv))
     starts = np.flatnonzero(np.r_[True, frame[1:] != frame[:-1]]) if len(frame) else np.empty(0, dtype=np.intp)
-    spans = list(zip(starts, [*starts[1:], len(frame)], strict=False))  # none without rows
-    for before, after in pairwise(slice(*span) for span in spans):
-        apart = np.linalg.norm(uv[before][:, None] - uv[after][None], axis=2)
-        size = np.sqrt(length_px[before][:, None] * length_px[after][None])
-        alike = np.abs(np.log(length_px[before][:, None] / length_px[after][None])) < LINK_CHANGE
-        apart = np.where(alike & (apart < LINK_LENGTHS * size), apart / size, np.inf)
-        to, back = apart.argmin(axis=1), apart.argmin(axis=0)
-        rows = np.arange(len(to))
-        linked = (back[to] == rows) & np.isfinite(apart[rows, to])
-        who[after.start + to[linked]] = who[before.start + rows[linked]]
+    spans = [np.arange(*span) for span in zip(starts, [*starts[1:], len(frame)], strict=False)]  # none without rows
+    is_last, is_first = np.ones(len(uv), dtype=bool), np.ones(len(uv), dtype=bool)
+    for gap in range(1, MAX_GAP + 1):
+        within = LINK_LENGTHS if gap == 1 else STAY_LENGTHS
+        for before, after in zip(spans, spans[gap:], strict=False):
+            a, b = before[is_last[before]], after[is_first[after]]
+            if not (len(a) and len(b)):
+                continue
+            apart = np.linalg.norm(uv[a][:, None] - uv[b][None], axis=2)
+            size = np.sqrt(length_px[a][:, None] * length_px[b][None])
+            alike = np.abs(np.log(length_px[a][:, None] / length_px[b][None])) < LINK_CHANGE
+            apart = np.where(alike & (apart < within * size), apart / size, np.inf)
+            to, back = apart.argmin(axis=1), apart.argmin(axis=0)
+            rows = np.arange(len(to))
+            linked = (back[to] == rows) & np.isfinite(apart[rows, to])
+            is_last[a[linked]], is_first[b[to[linked]]] = False, False
+            who[b[to[linked]]] = a[linked]
+    for row in np.flatnonzero(~is_first).tolist():  # in order of frames, so the one before has its number already
+        who[row] = who[who[row]]
     return np.unique(who, return_inverse=True)[1].astype(np.intp)
 
 
