@@ -137,7 +137,10 @@ def test_no_sentence_of_the_catalogue_is_dead() -> None:
 
 
 def test_the_catalogue_says_no_forbidden_word() -> None:
+    """Units of the JSON file are for programs, on no page: they use the terms of the glossary."""
     for key, entry in sentences().items():
+        if key.startswith("reason.unit."):
+            continue
         for form in [entry] if isinstance(entry, str) else entry.values():
             assert terms.forbidden_in(form) == [], key
 
