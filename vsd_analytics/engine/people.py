@@ -188,7 +188,7 @@ class PeopleRows:
         self.joints.append(np.full((N_JOINTS, 2), np.nan) if joints is None else joints)
 
     def add_empty(self, frame: int) -> None:
-        """Add a row of a person of whom nothing is known."""
+        """Add a row for a person without box and joints."""
         self.frame.append(frame)
         self.track.append(None)
         self.box.append((np.nan,) * 4)
