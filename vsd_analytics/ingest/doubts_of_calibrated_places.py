@@ -38,7 +38,7 @@ def _on_the_floor(case: Case) -> Iterator[Doubt]:
     sky = float(rows.loc[is_seen, "x"].isna().mean())
     if sky > SKY_SHARE:
         what = f"{sky:.0%} of the positions are above the horizon of the calibration"
-        yield Doubt("W226", what, "nobody stands in the sky", fix, is_sure=sky > 0.5)
+        yield Doubt("W226", what, "nobody can be in the sky", fix, is_sure=sky > 0.5)
         return
     on_floor = replace(case, sample=replace(sample, rows=rows), head=None)
     for look in (*PLACE_LOOKS[:1], *AXIS_LOOKS):

@@ -46,7 +46,7 @@ def _ids(case: Case) -> Iterator[Doubt]:
 
 
 def _of_several(case: Case) -> Iterator[Doubt]:
-    """W225: ids in two places at once, such as one that stands for everybody whom no tracker follows."""
+    """W225: ids in two places at once, such as one id for everybody whom no tracker follows."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
         return
