@@ -9,7 +9,7 @@ from typing import Any
 
 import duckdb
 import pytest
-from warehouse.small_projects import T0, Frame, Person, at, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import T0, Pair, Person, at, beats, fact_files, make_site, open_days, put
 
 from vsd_analytics.errors import SqlError
 from vsd_analytics.warehouse import analyst_query, compute
@@ -30,8 +30,8 @@ def day_of_walkers(root: Path) -> Any:
         for s in range(120)
         for k, track in enumerate(("ann", "bob", "cid"))
     ]
-    # an engine that reports pairs itself: who is who in these is worked out by a query
-    put(site, [*people, *beats(T0, T0 + 120_000), Frame(T0 + 121_000, "cam", n_persons=0, n_pairs=0)])
+    # a pair without track ids: who is who in it is worked out by a query
+    put(site, [*people, *beats(T0, T0 + 120_000), Pair(T0 + 121_000, None, None, 900)])
     return site
 
 
@@ -78,7 +78,7 @@ def test_a_fact_that_fails_twice_is_reported_with_its_relation_hour_and_camera(
 ) -> None:
     site = make_site(tmp_path)
     put(site, [*crowd(3, T0), *crowd(7, at("2026-11-09 09:30:05")), *beats(T0, T0 + 10_000)])
-    put(site, [Frame(T0 + 11_000, "cam", n_persons=0, n_pairs=0)])
+    put(site, [Pair(T0 + 11_000, None, None, 900)])
     failing("pairs", times=2)
     with pytest.raises(SqlError) as caught:
         build(site)
