@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from figures.test_threshold_sensitivity import N_S, START, heartbeats, open_day, put, site_of
 
+from vsd_analytics.figures.catalogue.count_figures import sensitivity
+from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.sensitivity import threshold_sensitivity
+from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Calibration, Camera, Site
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -76,3 +81,16 @@ def test_camera_whose_calibration_states_nothing_leaves_no_range_and_m26_as_it_w
         assert threshold_sensitivity(warehouse).calibration is None
     assert plain.calibration is None
     assert replace(stated, calibration=None) == plain
+
+
+def test_row_of_the_legal_distance_has_the_range_in_the_json_file(pairs: Site) -> None:
+    with open_day(with_errors(pairs, calibrated(pairs.cameras[0], error_m=0.07))) as warehouse:
+        found = threshold_sensitivity(warehouse)
+    assert found.calibration is not None
+    inputs = SimpleNamespace(
+        found=SimpleNamespace(sensitivity=found), small=lambda *_: False, unit=Reason("unit.share")
+    )
+    rows = sensitivity(cast(FigureInputs, inputs)).rows
+    assert rows is not None
+    assert [row.get("calibration_lo") for row in rows] == [None, found.calibration.lo, None]
+    assert rows[1]["calibration_lo"] < rows[1]["share"] < rows[1]["calibration_hi"]

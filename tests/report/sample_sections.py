@@ -287,7 +287,13 @@ def complete() -> page_model.WeekReport:
                 unit=UNIT,
                 rows=({"least": 2, "most": 2, "share": 0.45}, {"least": 8, "most": None, "share": 0.047}),
             ),
-            "M26": m.Figure(unit=UNIT, rows=({"distance_m": 1.8, "share": 0.46, "state": "ok"},)),
+            "M26": m.Figure(
+                unit=UNIT,
+                rows=(
+                    {"distance_m": 1.8, "share": 0.46, "state": "ok"},
+                    {"distance_m": 2.0, "share": 0.43, "state": "ok", "calibration_lo": 0.38, "calibration_hi": 0.47},
+                ),
+            ),
             "M22": m.Figure(
                 unit=UNIT,
                 state="not_measurable",

@@ -492,5 +492,7 @@ def test_further_figures_are_reported_by_the_catalogue_and_refused_with_their_re
     assert rows["Of the time too close, nearest person at 0 m to 0.5 m"].value == "4%"
     assert rows["Of the time in company, 8+ people close together"].value == "5%"
     assert rows["Share of time too close if the limit were 1.8 m"].value == "46%"
+    by_error = "The same at 2 m if all distances were too long or too short by what the calibrations state"
+    assert (rows[by_error].value, rows[by_error].likely) == ("38% and 47%", "–")
     refused = rows["Gatherings: three or more people who stay together"]
     assert (refused.value, refused.reason) == ("", "The engine sends no track ids.")

@@ -145,5 +145,8 @@ def sensitivity(inputs: FigureInputs) -> Figure:
     note = None if found.engine is None else found.engine.note
     if found.engine is not None and inputs.small(found.engine.violation_records):
         note = None
-    rows = tuple(row(p, "distance_m", "share", "state", "reason") for p in found.points)
-    return Figure(unit=inputs.unit, value=legal.share, rows=rows, denominator=found.exposure_h, note=note)
+    rows = [row(p, "distance_m", "share", "state", "reason") for p in found.points]
+    if found.calibration is not None:
+        ends = {"calibration_lo": found.calibration.lo, "calibration_hi": found.calibration.hi}
+        rows = [{**each, **ends} if each["distance_m"] == legal.distance_m else each for each in rows]
+    return Figure(unit=inputs.unit, value=legal.share, rows=tuple(rows), denominator=found.exposure_h, note=note)

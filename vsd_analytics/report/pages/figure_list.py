@@ -47,6 +47,16 @@ def _lines(report: WeekReport, key: str) -> Iterator[FigureRow]:
     else:
         for row in figure.rows or ():
             yield from _line(key, say(f"more.{key}", plural=None, **_texts(row, unit)), row)
+            if row.get("calibration_lo") is not None:
+                yield _calibrated(row, unit)
+
+
+def _calibrated(row: Mapping[str, Any], unit: str) -> FigureRow:
+    """Return the ends of M26 at the legal distance if all distances are off by what the calibrations state."""
+    name = say("more.M26_calibrated", distance_m=fmt.distance(row["distance_m"], unit))
+    lo, hi = fmt.percent(row["calibration_lo"]), row["calibration_hi"]
+    value = say("more.M26_from", low=lo) if hi is None else say("format.and", first=lo, last=fmt.percent(hi))
+    return FigureRow(name=name, value=value, likely=fmt.MISSING, unit="")
 
 
 def _line(key: str, name: str, row: Mapping[str, Any]) -> Iterator[FigureRow]:
