@@ -122,6 +122,8 @@ def test_files_are_written(vsd: Run, project: Path) -> None:
         assert (project / f"spots.{kind}").read_text(encoding="utf-8")
     told = json.loads((project / "spots.geojson").read_text(encoding="utf-8"))
     assert told["type"] == "FeatureCollection"
+    assert "floor metres" in told["coordinate_system"]
+    assert all("floor metres" in feature["properties"]["coordinate_system"] for feature in told["features"])
 
 
 def test_a_floor_there_is_not_is_refused_by_name(vsd: Run) -> None:
@@ -130,12 +132,12 @@ def test_a_floor_there_is_not_is_refused_by_name(vsd: Run) -> None:
     assert "ground" in err
 
 
-def test_geojson_is_in_floor_metres_and_says_so(found: FloorHotspots) -> None:
+def test_geojson_has_valid_shapes_in_floor_metres(found: FloorHotspots) -> None:
     told = hotspot_export.as_geojson(found)
-    assert "floor metres" in told["coordinate_system"]
+    assert told["coordinate_system"] == hotspot_export.PLANE
     assert len(told["features"]) == len(found.spots) == 2
     for feature, spot in zip(told["features"], found.spots, strict=True):
-        assert "floor metres" in feature["properties"]["coordinate_system"]
+        assert feature["properties"]["coordinate_system"] == hotspot_export.PLANE
         shape = shapely.from_geojson(json.dumps(feature["geometry"]))
         assert shape.is_valid
         assert shape.area == spot.place.area_m2

@@ -36,8 +36,7 @@ def _distances(case: Case) -> Iterator[Doubt]:
             "W220",
             f"all {len(apart):,} distances are {shown} m",
             "a mark that two people are close, or a limit, is no distance between them",
-            "map the column that holds the measured distance: --map distance_m=...",
-            is_sure=True,
+            "map the column that holds the measured distance: --map distance_m=...; contacts of worn sensors have none",
         )
     elif beyond > 0.5:
         yield Doubt(

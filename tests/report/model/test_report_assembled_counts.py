@@ -18,13 +18,11 @@ from report.pages.test_report_numbers import strangers
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.figures.week import timetable as report_hours
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.warehouse import open_warehouse
 
 TWO = ("cam-1", "cam-2")
 
@@ -365,11 +363,3 @@ def test_a_patch_of_floor_with_few_violations_stays_blank_on_the_map(tmp_path: P
     xs = [x for band in drawn.bands for polygon in band.polygons for x, _ in polygon[0]]
     assert drawn.bands
     assert max(xs) < w.DOOR[0] - 1
-
-
-def test_states_of_hours_follow_the_house_plan(two_cameras: Site) -> None:
-    with open_warehouse(two_cameras, w.MONDAY, w.MONDAY) as warehouse:
-        data = report_hours.WeekData(warehouse, floor=two_cameras.floors[0], monday=w.MONDAY)
-        told = {s: report_hours.hour_state(s, data, is_open=True) for s in (0.0, 0.001, 0.499, 0.5, 0.919, 0.92, 1.0)}
-        assert report_hours.hour_state(1.0, data, is_open=False) == "closed"
-    assert list(told.values()) == ["no_data", "low_data", "low_data", "partial", "partial", "full", "full"]
