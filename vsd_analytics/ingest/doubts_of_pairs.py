@@ -37,6 +37,7 @@ def _distances(case: Case) -> Iterator[Doubt]:
             f"all {len(apart):,} distances are {shown} m",
             "a mark that two people are close, or a limit, is no distance between them",
             "map the column that holds the measured distance: --map distance_m=...; contacts of worn sensors have none",
+            is_sure=bool((apart == 0).any()),  # a mark; one value above 0 may be the limit of a contact
         )
     elif beyond > 0.5:
         yield Doubt(
