@@ -199,6 +199,16 @@ def test_messages_of_a_topic_are_read_by_its_source_beside_frame_messages() -> N
     assert [r.reason for r in swapped.rejected] == ["no-time"], "nobody reads it as a frame message there"
 
 
+def test_live_person_who_cannot_be_used_is_quarantined_and_the_next_message_is_not() -> None:
+    people = [{"id": "1", "x": "nobody knows", "y": 2}, {"id": "2", "x": 1, "y": 2}]
+    payload = json.dumps({"t": NOW.timestamp(), "p": people}).encode()
+    empty = json.dumps({"t": NOW.timestamp() - 1, "p": []}).encode()
+    sent = [ReceivedMessage("acme/1", each, len(each)) for each in (payload, empty)]
+    got = PREPARER.prepare(sent, now=NOW)
+    assert (got.tables["frames"].num_rows, got.tables["observations"].num_rows) == (2, 1)
+    assert [r.reason for r in got.rejected] == ["not-a-number"]
+
+
 @pytest.mark.parametrize(
     ("pattern", "topic", "fits"),
     [

@@ -297,7 +297,7 @@ def _confidences(case: Case) -> Iterator[Doubt]:
 def _nobody(case: Case) -> Iterator[Doubt]:
     """W222: objects in view, and none of them is a person."""
     n_other, n_unknown = (case.sample.n_dropped[reason] for reason in (NOT_A_PERSON, NO_CLASS))
-    if case.sample.n or n_other + n_unknown < ROWS_MIN:
+    if case.sample.n or case.sample.n_rejected or n_other + n_unknown < ROWS_MIN:
         return
     found = [f"{n_other:,} of another class"] * bool(n_other) + [f"{n_unknown:,} without a class"] * bool(n_unknown)
     yield Doubt(

@@ -13,7 +13,7 @@ from vsd_analytics.ingest.frame_rows import FrameRows
 from vsd_analytics.ingest.json_messages import JsonMessages
 from vsd_analytics.ingest.pipeline import options_of_profile
 from vsd_analytics.ingest.quarantine_writer import SourceReading
-from vsd_analytics.ingest.raw import BadRowError, without_zones
+from vsd_analytics.ingest.raw import without_zones
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.posts import FRAMES, TOPIC
 from vsd_analytics.site.model import Site, SourceProfile
@@ -58,12 +58,11 @@ class MappedReader:
             self._rows.reject(number, "bad-json", f"this is no JSON: {str(error)[:200]}", delivery.payload)
             return
         for message in found if isinstance(found, list) else [found]:
-            try:
-                if not isinstance(message, dict):
-                    raise BadRowError("bad-json", f"this is no JSON object: {str(message)[:40]!r}")
-                self._reader.take(message, self._rows, self._options, number)
-            except BadRowError as bad:
-                reason, detail = bad.args
+            if isinstance(message, dict):
+                wrong = self._reader.add(message, self._rows, self._options, number)
+            else:
+                wrong = [("bad-json", f"this is no JSON object: {str(message)[:40]!r}")]
+            for reason, detail in wrong:
                 record = json.dumps(message).encode() if isinstance(found, list) else delivery.payload
                 self._rows.reject(number, reason, detail, record)
 
