@@ -135,6 +135,17 @@ def test_init_asks_again_after_an_impossible_answer(vsd: Vsd, tmp_path: Path, mo
     assert (site.timezone, site.opening, len(site.cameras)) == ("Europe/Berlin", None, 2)
 
 
+def test_init_without_anybody_to_answer_names_the_option(
+    vsd: Vsd, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import io
+
+    monkeypatch.setattr("sys.stdin", io.StringIO("My shop\n"))
+    code, _, err = vsd("init")
+    assert (code, "--no-input" in err) == (2, True)
+    assert not (tmp_path / "vsd.toml").exists()
+
+
 @given(name=st.text(min_size=1, max_size=60), camera=st.text(max_size=30))
 def test_any_name_is_in_the_file_as_it_was_given(
     tmp_path_factory: pytest.TempPathFactory, name: str, camera: str
@@ -445,6 +456,28 @@ def test_settings_are_shown_with_their_source(vsd: Vsd, project: Path, monkeypat
     assert shown["mask_below"] == (7, "VSD_MASK_BELOW")
     assert shown["distance_m"] == (2.0, "vsd.toml line 8")
     assert shown["smoothing_m"] == (0.5, "default")
+
+
+@pytest.mark.parametrize(
+    ("absent", "state"),
+    [
+        ((), "ok"),
+        (("scipy", "opencv-python-headless", "matplotlib"), "note"),
+        (("matplotlib",), "needs you"),
+        (("duckdb", "scipy", "opencv-python-headless", "matplotlib"), "needs you"),
+    ],
+)
+def test_the_core_is_no_broken_installation(absent: tuple[str, ...], state: str) -> None:
+    from importlib.metadata import PackageNotFoundError
+
+    from vsd_analytics.doctor import checks
+
+    def version_of(name: str) -> str:
+        if name in absent:
+            raise PackageNotFoundError(name)
+        return "1.0"
+
+    assert checks._packages(version_of).state == state
 
 
 def test_network_file_systems_are_distinguished_from_local_ones(tmp_path: Path) -> None:

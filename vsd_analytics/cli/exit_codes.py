@@ -38,7 +38,11 @@ def run(command: click.Command, arguments: list[str], *, is_own_process: bool = 
         return 2
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
-    except (click.Abort, KeyboardInterrupt):
+    except (click.Abort, KeyboardInterrupt) as stop:
+        if isinstance(stop.__context__, EOFError):
+            click.echo(err=True)  # ends the line of the question
+            _print_error(_nobody_answers(), as_json=as_json)
+            return 2
         click.echo("interrupted", err=True)
         return 130
     except click.exceptions.NoArgsIsHelpError as error:
@@ -72,6 +76,13 @@ def run(command: click.Command, arguments: list[str], *, is_own_process: bool = 
         internal = VsdError(what, code="E900", fix="run it again with -v and report what it prints")
         _print_error(disk_error(error) or internal, as_json=as_json)
         return 2
+
+
+def _nobody_answers() -> VsdError:
+    return UsageError(
+        "the command asked a question, and its input ended without an answer",
+        fix="answer with options, as --help lists them, or add --no-input to vsd init",
+    )
 
 
 def _needs_the_rest(library: str) -> VsdError:

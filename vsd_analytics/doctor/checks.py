@@ -6,6 +6,7 @@ import platform
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
@@ -20,7 +21,8 @@ from vsd_analytics.settings import SETTINGS, Settings
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.version import VERSION
 
-PACKAGES = ("duckdb", "pyarrow", "numpy", "scipy", "pandas", "opencv-python-headless", "shapely", "matplotlib")
+CORE_PACKAGES = ("duckdb", "pyarrow", "numpy", "pandas", "shapely")
+FIGURE_PACKAGES = ("scipy", "opencv-python-headless", "matplotlib")
 NETWORK_FILE_SYSTEMS = ("nfs", "cifs", "smb", "afp", "9p", "sshfs", "fuse.sshfs", "glusterfs", "ceph")
 OLD_CALIBRATION_DAYS = 365
 FREE_MIN_MB = 10.0
@@ -64,17 +66,24 @@ def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
 def _machine(environ: Mapping[str, str]) -> Iterator[Finding]:
     yield Finding("vsd-analytics", "ok", f"{VERSION} on Python {platform.python_version()}")
     yield _platform(sys.platform)
-    found, missing = [], []
-    for name in PACKAGES:
-        try:
-            found.append(f"{name} {metadata.version(name)}")
-        except metadata.PackageNotFoundError:
-            missing.append(name)
-    if missing:
-        yield Finding("packages", "needs you", f"missing: {', '.join(missing)}", "install vsd-analytics again with pip")
-    else:
-        yield Finding("packages", "ok", ", ".join(found))
+    yield _packages(metadata.version)
     yield _browser(shutil.which, environ=environ)
+
+
+def _packages(version_of: Callable[[str], str]) -> Finding:
+    versions: dict[str, str] = {}
+    for name in (*CORE_PACKAGES, *FIGURE_PACKAGES):
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = version_of(name)
+    missing = [name for name in (*CORE_PACKAGES, *FIGURE_PACKAGES) if name not in versions]
+    found = ", ".join(f"{name} {version}" for name, version in versions.items())
+    if tuple(missing) == FIGURE_PACKAGES:
+        fix = "vsd-analytics with all its libraries where reports are made"
+        return Finding("packages", "note", f"{found}: the core, without figures, maps and pages", fix)
+    if missing:
+        fix = "install vsd-analytics again with pip"
+        return Finding("packages", "needs you", f"missing: {', '.join(missing)}", fix)
+    return Finding("packages", "ok", found)
 
 
 def _platform(name: str) -> Finding:
