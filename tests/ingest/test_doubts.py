@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -209,6 +209,23 @@ def test_whole_minutes_are_refused_and_a_stated_period_is_believed(tmp_path: Pat
     stated = take(tmp_path, "ts,track_id,x_m,y_m", rows, period_s=60.0)
     assert "W224" not in stated.codes
     assert stated.n_new == (18 if has_ids else 1080)
+
+
+@pytest.mark.parametrize("is_scattered", [False, True])
+def test_frames_that_show_parts_of_the_people_are_reported_with_their_period(
+    tmp_path: Path, is_scattered: bool
+) -> None:
+    """One person of each second is seen .3 s after the others, as range sensors write times; nobody is left out."""
+
+    def row(step: Step) -> str:
+        is_late = is_scattered and step.at.second % 6 + 1 == step.track
+        at = step.at + timedelta(seconds=0.3 if is_late else 0)
+        return f"{at:%Y-%m-%dT%H:%M:%S.%fZ},{step.track},{step.x_m},{step.y_m}"
+
+    taken = take(tmp_path, "ts,track_id,x_m,y_m", rows_of(row, seconds=120))
+    assert taken.codes == (["W224"] if is_scattered else [])
+    assert not is_scattered or "--period 1 " in taken.fix
+    assert taken.n_new == 720
 
 
 def test_a_missing_id_is_reported_with_the_column_that_looks_like_one(tmp_path: Path) -> None:

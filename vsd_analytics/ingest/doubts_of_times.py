@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from datetime import date, timedelta
 from itertools import islice
 from typing import Final
@@ -39,6 +40,8 @@ LIFE_STEPS: Final = 10
 """A track that is not seen for so many of its usual steps has ended."""
 TOGETHER: Final = 1.5
 """People in view at once, on average while anybody is, from which some of them must share a frame."""
+FRAMES_A_STEP: Final = 1.15
+"""Frames in the time from one record of a person to the next, beyond which frames show parts of the people."""
 
 
 def _zones(case: Case) -> Iterator[Doubt]:
@@ -344,18 +347,12 @@ def _scattered(case: Case) -> Iterator[Doubt]:
         return
     rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
     is_alone = ~rows.duplicated(["camera_no", "ts_ms"], keep=False)
-    rows = rows.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
-    steps_ms = rows.groupby(["camera_no", "track_no"], sort=False)["ts_ms"].diff()
-    if not (usual_ms := float(steps_ms.median())) >= FRAME_MIN_MS:
+    if (seen := _followed(rows)) is None:
         return
-    # an id that comes again after a long time is somebody else's, or the same person's next visit
-    life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
-    lives = rows.groupby(["camera_no", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
-    busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera_no"))
-    together = float((lives["max"] - lives["min"]).sum()) / max(busy_ms, 1.0)
+    together = seen.lives_ms / max(seen.busy_ms, 1.0)
     if is_alone.mean() < ALONE_SHARE or together < TOGETHER:
         return
-    period_s = float(f"{usual_ms / 1000:.1g}")
+    period_s = float(f"{seen.usual_ms / 1000:.1g}")
     yield Doubt(
         "W224",
         f"{is_alone.mean():.0%} of the records have a time of their own, though "
@@ -364,6 +361,49 @@ def _scattered(case: Case) -> Iterator[Doubt]:
         f"--period {period_s:g} makes one frame of each {period_s:g} s; or export the time of the frame",
         is_sure=True,
     )
+
+
+def _strays(case: Case) -> Iterator[Doubt]:
+    """W224: frames that show a part of the people each, where the times of one sampling period scatter."""
+    sample = case.sample
+    if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
+        return
+    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
+    if (seen := _followed(rows)) is None:
+        return
+    frames = rows.groupby(["camera_no", "ts_ms"]).size()
+    a_step = len(frames) * seen.usual_ms / max(seen.busy_ms, 1.0)
+    if a_step < FRAMES_A_STEP or seen.lives_ms < TOGETHER * seen.busy_ms:
+        return
+    period_s = float(f"{seen.usual_ms / 1000:.1g}")
+    yield Doubt(
+        "W224",
+        f"{a_step:.1f} frames come while a person is seen once: each shows a part of the people",
+        "person-time is counted by frame and would be too low, and people who were close may share no frame",
+        f"--period {period_s:g} makes one frame of each {period_s:g} s; or export the time of the frame",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Followed:
+    """Milliseconds between two records of a person, in view summed over people, and with anybody in view."""
+
+    usual_ms: float
+    lives_ms: float
+    busy_ms: float
+
+
+def _followed(rows: pd.DataFrame) -> _Followed | None:
+    """Return how people are seen, from camera_no, track_no and ts_ms of each record; None for nobody seen twice."""
+    rows = rows.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
+    steps_ms = rows.groupby(["camera_no", "track_no"], sort=False)["ts_ms"].diff()
+    if not (usual_ms := float(steps_ms.median())) >= FRAME_MIN_MS:
+        return None
+    # an id that comes again after a long time is somebody else's, or the same person's next visit
+    life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
+    lives = rows.groupby(["camera_no", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
+    busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera_no"))
+    return _Followed(usual_ms, float((lives["max"] - lives["min"]).sum()), busy_ms)
 
 
 def _busy_ms(lives: pd.DataFrame) -> float:
@@ -388,4 +428,5 @@ TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _merging,
     _several_frames,
     _scattered,
+    _strays,
 )
