@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 import subprocess
 import time
@@ -63,6 +64,8 @@ def test_a_listener_that_does_well_is_ok(site: Site) -> None:
         ({"state": "cannot store", "error": "no space left"}, "needs you"),
         ({"rejected": 5}, "needs you"),
         ({"at": "yesterday"}, "needs you"),
+        ({"state": "starting"}, "needs you"),
+        ({"state": "starting", "started": NOW.isoformat()}, "note"),
     ],
 )
 def test_a_listener_in_trouble_is_reported(site: Site, told: dict[str, Any] | None, expected: str) -> None:
@@ -214,6 +217,14 @@ def test_the_recommended_configuration_is_printed() -> None:
     done = CliRunner().invoke(cli, ["listen", "--broker-config"])
     assert done.output == recommended_config()
     assert done.exit_code == 0
+
+
+def test_the_printed_configuration_has_the_port_of_the_project(site: Site) -> None:
+    file = site.root / "vsd.toml"
+    file.write_text(re.sub(r"(\[mqtt\]\n)", r"\1port = 18831\n", re.sub(r"\nport = .*", "", file.read_text())))
+    done = CliRunner().invoke(cli, ["-C", str(site.root), "listen", "--broker-config"])
+    assert "\nlistener 18831 127.0.0.1\n" in done.output
+    assert "listener 1883 " not in done.output
 
 
 def test_a_site_without_a_broker_cannot_listen_and_its_doctor_says_nothing_of_it(site: Site) -> None:

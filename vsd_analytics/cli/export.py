@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--table",
     type=click.Choice(["all", "frames", "observations", "pairs"]),
-    help="RecordScope records (default: all for .jsonl, else observations).",
+    help="Which records (default: all for .jsonl, else observations).",
 )
 @click.option("--out", metavar="FILE", help="FILE.parquet, FILE.csv, or FILE.jsonl (frame messages).")
 @click.option(

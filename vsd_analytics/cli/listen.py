@@ -89,7 +89,7 @@ def listen(
     from vsd_analytics.live.mqtt import password_of, recommended_config
 
     if broker_config:
-        click.echo(recommended_config(), nl=False)
+        click.echo(recommended_config(_own_port(project)), nl=False)
         return 0
     broker = _broker(project, is_needed=http is None or once)
     with alone(project.root), _Signals() as signals, live_alarms(project, clock=_clock(project)) as alarms:
@@ -150,6 +150,18 @@ def _broker(project: Project, *, is_needed: bool) -> Broker | None:
             fix='add [mqtt] with host = "localhost", or take messages by HTTP: vsd listen --http',
         )
     return project.site.broker
+
+
+def _own_port(project: Project) -> int:
+    """Return the port that vsd.toml names for a broker without TLS, else the usual one; there may be no project."""
+    from vsd_analytics.errors import VsdError
+    from vsd_analytics.live.mqtt import PORT
+
+    try:
+        broker = project.site.broker
+    except VsdError:
+        return PORT
+    return PORT if broker is None or broker.is_tls else broker.port
 
 
 def _clock(project: Project) -> Callable[[], datetime]:

@@ -21,6 +21,8 @@ from vsd_analytics.site.model import Broker, Site
 USUAL_CONFIG = Path("/etc/mosquitto/mosquitto.conf")
 LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 OLD_STATUS_S = 60.0
+START_S = 30.0
+"""A listener that is starting for less has not written its state yet."""
 AUTOSAVE_MAX_S = 10
 _ANSWER_S = 2.0
 _UNITS = {"h": 1 / 24, "d": 1.0, "w": 7.0, "m": 30.0, "y": 365.0}
@@ -82,7 +84,10 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
     if (now - at).total_seconds() > OLD_STATUS_S:
         yield Finding(name, "needs you", f"process {pid} wrote no status since {status['at']}", "look at its log")
         return
-    if error or state != "listening":
+    for_s = (now - datetime.fromisoformat(status["started"])).total_seconds()
+    if state == "starting" and not error and for_s < START_S:
+        yield Finding(name, "note", f"starting since {status['started']}", "ask again in half a minute")
+    elif error or state != "listening":
         fix = f"vsd explain {_EXPLAINED.get(state, 'E701')}"
         yield Finding(name, "needs you", f"{state}: {error or 'no reason given'} ({counts})", fix)
     else:

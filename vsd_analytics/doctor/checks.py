@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from importlib import metadata
 from pathlib import Path
 
@@ -131,6 +131,7 @@ def _project(
     yield from examine_exchange(site, now=now)
     yield _disk(site)
     yield _pseudonyms(site)
+    yield from _retention(site, now=now)
     yield from _watch(site)
     yield from _live(site, now=now, environ=environ, broker_config=broker_config)
     yield _plans(site)
@@ -249,6 +250,20 @@ def _pseudonyms(site: Site) -> Finding:
     return Finding(
         "privacy", "needs you", detail, "take pseudonyms = false out of [privacy] for a site with real visitors"
     )
+
+
+def _retention(site: Site, *, now: datetime) -> Iterator[Finding]:
+    """Yield a finding where raw records are older than the site's `retention_days`."""
+    from vsd_analytics.store import Store
+    from vsd_analytics.store.layout import date_of_hour
+
+    limit_days = int(site.settings.retention_days)
+    oldest = now.date() - timedelta(days=limit_days)
+    days = [date_of_hour(day * 24) for day in sorted(Store(site.root / "store", site_id=site.site_id).days())]
+    if n := sum(day < oldest for day in days):
+        detail = f"records of {n} UTC day(s), since {days[0]}, are older than the {limit_days} days of retention_days"
+        fix = "vsd purge --older-than retention --dry-run; or set retention_days in [privacy]"
+        yield Finding("retention", "needs you", detail, fix)
 
 
 def _plans(site: Site) -> Finding:

@@ -23,6 +23,8 @@ from vsd_analytics.site.model import Broker
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, MQTTMessage
 
+PORT = 1883
+"""Of MQTT without TLS."""
 PASSWORD_VARIABLE = "VSD_MQTT_PASSWORD"
 WINDOW = 1000
 SESSION_MIN_S = 86_400
@@ -36,9 +38,10 @@ _EXCERPT_BYTES = 4 * EXCERPT_CHARS
 _READS_MAX = 2000
 
 
-def recommended_config() -> str:
-    """Return the text of a mosquitto.conf with which the broker loses no message."""
-    return Path(__file__).with_name("mosquitto.conf").read_text(encoding="utf-8")
+def recommended_config(port: int = PORT) -> str:
+    """Return the text of a mosquitto.conf with which the broker loses no message, for listeners on this machine."""
+    text = Path(__file__).with_name("mosquitto.conf").read_text(encoding="utf-8")
+    return text.replace(f"\nlistener {PORT} ", f"\nlistener {port} ")
 
 
 def password_of(broker: Broker, *, environ: Mapping[str, str]) -> str | None:

@@ -675,6 +675,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "planner.log.all_hours": "says what is shown",
     **{f"planner.log.{n}": "a table's words" for n in ("title", "site", "what", "span", "table", "figure", "likely")},
     "lead.missing": "a list of outages, made from what was recorded",
+    "lead.missing_more": "a list of outages, made from what was recorded",
     "lead.outage*": "a list of outages, made from what was recorded",
     "things.too_incomplete": _ASKS,
     "things.none_fell": "says that no verdict is clear",

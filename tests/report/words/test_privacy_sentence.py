@@ -19,13 +19,13 @@ SINCE = date(2026, 10, 26)
     [
         (
             StoredRecords(first_day=SINCE),
-            ["where people were", "change daily", "start on Monday 26 October 2026", "None is older than the 14 days"],
+            ["where people were", "change daily", "start on Monday 26 October 2026", "none was older than the 14 days"],
             ["deleted"],
         ),
         (
             StoredRecords(first_day=SINCE, n_overdue_days=6, has_pseudonyms=False),
             ["numbers that the cameras gave them", "Those of 6 days are past the 14 days", "have them deleted"],
-            ["None is older", "change daily"],
+            ["none was older", "change daily"],
         ),
         (
             StoredRecords(first_day=SINCE, purged_before=SINCE, purged_on=date(2026, 11, 16)),
@@ -35,7 +35,7 @@ SINCE = date(2026, 10, 26)
         (
             StoredRecords(purged_before=SINCE, purged_on=date(2026, 11, 16)),
             ["were deleted"],
-            ["start on", "None is older"],
+            ["start on", "none was older"],
         ),
         (None, ["where people were"], ["deleted", "older than"]),
     ],

@@ -103,6 +103,14 @@ def _messages(data: WeekData) -> tuple[int | None, int]:
 
 def _outages(data: WeekData) -> tuple[Outage, ...]:
     first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + data.span))
+    [opening] = data.warehouse.rows(
+        "select min(quarter) * 900000 as first, (max(quarter) + 1) * 900000 as last from calendar "
+        "where is_open and quarter * 900000 >= $first and quarter * 900000 < $last",
+        {"first": first, "last": last},
+    )
+    if opening["first"] is None:
+        return ()
+    first, last = opening["first"], opening["last"]  # what came before the week's opening is no missed time of it
     rows = data.warehouse.rows(
         "select camera_id, started_ms, ended_ms, open_s, is_inferred from outages "
         "where camera_id in (select unnest($ids)) and ended_ms > $first and started_ms < $last "

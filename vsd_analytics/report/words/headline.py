@@ -386,7 +386,8 @@ def _settings_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
 
 
 def _missing_notes(report: WeekReport) -> list[str]:
-    longest = sorted(report.coverage.outages, key=lambda o: -o.open_h * len(o.camera_ids))[:2]
+    outages = report.coverage.outages
+    longest = sorted(outages, key=lambda o: -o.open_h * len(o.camera_ids))[:2]
     names = {c.camera_id: c.name for c in report.coverage.cameras}
     lines = []
     for outage in sorted(longest, key=lambda o: o.start):
@@ -395,4 +396,7 @@ def _missing_notes(report: WeekReport) -> list[str]:
         if len(outage.camera_ids) == len(names):
             who = say("lead.all_cameras") if len(names) > 1 else ""
         lines.append(say("lead.outage_who" if who else "lead.outage", start=start, end=end, who=who))
+    n_more = len(outages) - len(longest)
+    if n_more:
+        return [say("lead.missing_more", plural=n_more, outages="; ".join(lines), n=n_more)]
     return [say("lead.missing", outages="; ".join(lines))] if lines else []

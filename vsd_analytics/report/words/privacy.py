@@ -22,8 +22,10 @@ def privacy(report: WeekReport) -> str:
     if stored is not None and stored.first_day is not None:
         said.append(say("about.privacy_since", first=fmt.date_long(stored.first_day)))
         n, days = stored.n_overdue_days, rules.retention_days
-        overdue = say("about.privacy_overdue", plural=n, n=n, days=days)
-        said.append(overdue if n else say("about.privacy_in_time", days=days))
+        if n:
+            said.append(say("about.privacy_overdue", plural=n, n=n, days=days))
+        else:
+            said.append(say("about.privacy_in_time", on=fmt.date_long(report.generated_at.date()), days=days))
     if stored is not None and stored.purged_before is not None and stored.purged_on is not None:
         before, on = fmt.date_long(stored.purged_before), fmt.date_long(stored.purged_on)
         said.append(say("about.privacy_purged", before=before, on=on))
