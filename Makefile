@@ -93,6 +93,8 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/engine/prove_tracks.py
 	$(BIN)/python tests/engine/prove_tracks_of_walks.py
 	$(BIN)/python tests/engine/prove_monoloco.py
+	$(BIN)/python tests/engine/prove_subsets.py
+	$(BIN)/python tests/engine/prove_walking_skeletons.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python docs/generate_reference.py docs

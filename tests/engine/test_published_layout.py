@@ -126,9 +126,85 @@ def test_one_command_scores_every_part_and_the_calibration_from_people(
     assert ours["pairs"]["f1"]["value"] > 0.9
     assert torso["persons"]["f1"]["lo"] <= torso["persons"]["f1"]["value"] <= torso["persons"]["f1"]["hi"]
     assert torso["f1_published"] <= torso["persons"]["f1"]["value"]
+    assert torso["f1_torso_ratios"] == torso["persons"]["f1"]["value"]
+    box = rows["Sim/seq-1", "box"]
+    assert box["f1_torso_ratios"] < box["persons"]["f1"]["value"]
+    assert ours["f1_torso_ratios"] is None
     code, printed, _ = vsd("evaluate", str(tmp_path / "sets"))
     assert "Sim/seq-1" in printed
     assert "inset 0." in printed
+
+
+def test_data_sets_are_found_where_their_archive_unpacked_them(tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "archive" / "dataset" / "Sim", scene)
+    (folder / "Images" / SEQUENCE / ".listing").write_text("not a picture")
+    (folder / "HumanJoints" / SEQUENCE / "._view_00000_keypoints.json").write_bytes(b"\0\5\x16\7")  # macOS
+    (sequence,) = read_sequences(tmp_path)
+    assert sequence.name == "Sim/seq-1"
+    assert not sequence.people.bad
+    assert sequence.n_unknown == 0
+
+
+def test_places_are_no_names_of_images_that_begin_with_one(tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    for kind, end in (("Images", ".png"), ("HumanJoints", "_keypoints.json")):
+        for path in sorted((folder / kind / SEQUENCE).iterdir()):
+            number = int(path.name.removeprefix("view_")[:5]) + 1
+            path.rename(path.with_name(f"{number:06}{end}"))
+    annotation = folder / "Annotations" / f"{SEQUENCE}_joints.json"
+    by_place = json.loads(annotation.read_text())
+    del by_place["000000"]  # as if nobody were in the first frame: then both namings have all keys but one
+    annotation.write_text(json.dumps(by_place))
+    (sequence,) = read_sequences(folder)
+    first = int(sequence.labelled.people.frames[0])
+    assert first == 2  # the file 000002
+    by_name = {f"{int(key) + 1:06}": frame for key, frame in by_place.items()}
+    last = max(by_name)
+    del by_name[last]  # nobody in the last frame
+    annotation.write_text(json.dumps(by_name))
+    (named,) = read_sequences(folder)
+    assert int(named.labelled.people.frames[0]) == first
+    assert named.labelled.distance_m[0] == sequence.labelled.distance_m[0]
+    assert named.n_unknown == 0
+
+
+def test_annotated_persons_without_joints_are_counted_and_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], scene: Scene
+) -> None:
+    vsd = shop(tmp_path, capsys)
+    folder = write_data_set(tmp_path / "Sim", scene)
+    sorted((folder / "HumanJoints" / SEQUENCE).iterdir())[0].write_text('{"people": []}')
+    (sequence,) = read_sequences(folder)
+    n_gone = int(np.sum(scene.people.frame == scene.people.frames[0]))
+    assert sequence.n_unknown == n_gone
+    code, _, err = vsd("evaluate", str(folder), "--json")
+    assert code == 0
+    assert f"{n_gone} annotated persons not in the files of joints" in err
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        '{"PersonList": [[0], [1]], "DistanceMatrix": [[0, 1], [1, 0]]}',
+        '{"PersonList": [0, 1], "DistanceMatrix": [[0, 1]]}',
+        '{"PersonList": [0, 1], "DistanceMatrix": {"0": 1}}',
+        '{"PersonList": [0, 0], "DistanceMatrix": [[0, 1], [1, 0]]}',
+        '{"PersonList": null, "DistanceMatrix": null}',
+    ],
+)
+def test_annotated_frame_that_cannot_be_used_is_refused_in_words(frame: str, tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    (folder / "Annotations" / f"{SEQUENCE}_joints.json").write_text(f'{{"000000": {frame}}}')
+    with pytest.raises(InputError, match="cannot read the annotation"):
+        read_sequences(folder)
+
+
+def test_annotation_of_other_frames_is_refused(tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    frame = '{"PersonList": [0], "DistanceMatrix": [[0]]}'
+    (folder / "Annotations" / f"{SEQUENCE}_joints.json").write_text(f'{{"other": {frame}, "000001": null}}')
+    with pytest.raises(InputError, match=r"no frame of seq-1_joints\.json has a file of joints"):
+        read_sequences(folder)
 
 
 def test_folder_of_another_layout_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.options import json_option, path_option
-from vsd_analytics.cli.output import emit_json, rounded
+from vsd_analytics.cli.output import count, emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def evaluate(
     from vsd_analytics.errors import UsageError
 
     if messages.is_dir():
-        _data_set(messages, distance_m=distance_m, size=size, as_json=as_json)
+        _data_set(project, messages, distance_m=distance_m, size=size, as_json=as_json)
         return
     if truth is None:
         raise UsageError("nothing to compare the messages with", fix=f"vsd evaluate {messages} --truth positions.csv")
@@ -67,22 +68,30 @@ def evaluate(
         click.echo(line)
 
 
-def _data_set(folder: Path, *, distance_m: float, size: str | None, as_json: bool) -> None:
+def _data_set(project: Project, folder: Path, *, distance_m: float, size: str | None, as_json: bool) -> None:
     """Print the paper's tables for a folder of its layout."""
     from vsd_analytics.cli.picture_sizes import parse_size
     from vsd_analytics.engine.published_layout import read_sequences
     from vsd_analytics.engine.reproduction import reproduce
 
-    rows = reproduce(read_sequences(folder, size_px=parse_size(size) if size else None), distance_m=distance_m)
+    sequences = read_sequences(folder, size_px=parse_size(size) if size else None)
+    for sequence in sequences:
+        if sequence.n_unknown:
+            project.say(
+                f"warning: {sequence.name}: {count(sequence.n_unknown, 'annotated person')} not in the files of joints"
+            )
+        for why, n in sequence.people.bad.items():
+            project.say(f"warning: {sequence.name}: {n:,}: {why}")
+    rows = reproduce(sequences, distance_m=distance_m)
     if as_json:
         emit_json(rounded({"distance_m": distance_m, "rows": [asdict(row) for row in rows]}))
         return
     click.echo(f"persons closer than {distance_m:g} m to somebody, mean over frames; pairs pooled over frames")
-    click.echo(f"{'sequence':<28}{'method':<8}{'F1 persons':<20}{'0/0 as 0':<10}{'F1 pairs':<20}setting")
+    heads = f"{'F1 persons':<20}{'0/0 as 0':<10}{'torso ratios':<14}{'F1 pairs':<20}setting"
+    click.echo(f"{'sequence':<28}{'method':<8}{heads}")
     for row in rows:
-        published = "–" if row.f1_published != row.f1_published else f"{row.f1_published:.3f}"
-        scores = f"{_text(row.persons.f1):<20}{published:<10}{_text(row.pairs.f1):<20}"
-        click.echo(f"{row.sequence:<28}{row.method:<8}{scores}{row.setting}".rstrip())
+        scores = f"{_text(row.persons.f1):<20}{_number(row.f1_published):<10}{_number(row.f1_torso_ratios):<14}"
+        click.echo(f"{row.sequence:<28}{row.method:<8}{scores}{_text(row.pairs.f1):<20}{row.setting}".rstrip())
 
 
 def _as_dict(done: Evaluation) -> dict[str, Any]:
@@ -117,6 +126,10 @@ def _lines(done: Evaluation) -> list[str]:
 
 def _row(name: str, scores: Scores) -> str:
     return f"{name:<20}" + "".join(f"{_text(s):<20}" for s in (scores.precision, scores.recall, scores.f1)).rstrip()
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.3f}"
 
 
 def _text(score: Score) -> str:

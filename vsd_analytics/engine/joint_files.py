@@ -36,7 +36,7 @@ def read_joint_folder(folder: Path, *, keeps_empty: bool = False) -> People:
     """
     rows = PeopleRows(keeps_empty=keeps_empty)
     numbers = frame_numbers(folder)
-    for path in sorted(folder.glob("*.json")):
+    for path in _json_files(folder):
         if path.name not in numbers:
             rows.bad["file without a frame number in its name"] += 1
             continue
@@ -60,7 +60,7 @@ def frame_numbers(folder: Path) -> dict[str, int]:
     Raises:
         InputError: Two files have one number (E202).
     """
-    paths = sorted(folder.glob("*.json"))
+    paths = _json_files(folder)
     found = [_last_number(path.stem.removesuffix("_keypoints")) for path in paths]
     if all(number is None for number in found):
         return {path.name: index for index, path in enumerate(paths)}
@@ -78,6 +78,11 @@ def frame_numbers(folder: Path) -> dict[str, int]:
             )
         names[number] = path.name
     return {name: number for number, name in names.items()}
+
+
+def _json_files(folder: Path) -> list[Path]:
+    """Return the JSON files of a folder in order of names, without the hidden ones that macOS puts beside others."""
+    return sorted(folder.glob("[!.]*.json"))
 
 
 def read_joint_file(path: Path) -> People:

@@ -11,7 +11,7 @@ from vsd_analytics.engine.body import PART_M
 from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people_calibration import calibrate_from_people
 from vsd_analytics.engine.published_layout import LabelledSequence
-from vsd_analytics.engine.ratio_search import joined, search
+from vsd_analytics.engine.ratio_search import Labelled, joined, paper_distances, search
 from vsd_analytics.engine.scores import Hits, Scores, f1_of_frames, frame_mean, pooled
 from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.homography import to_floor
@@ -29,6 +29,8 @@ class MethodScores:
         setting: Ratios, or what became of the calibration.
         persons: Mean over frames; a frame without violations and alarms has none.
         f1_published: F1 as mean over frames where such a frame counts 0, as the published evaluation has it.
+        f1_torso_ratios: Mean F1 of persons over frames with the ratios that are best for the torso: the paper compares
+            the parts of the body with ratios that people chose while the torso measured. NaN for `people`.
         pairs: Pooled.
     """
 
@@ -37,7 +39,18 @@ class MethodScores:
     setting: str
     persons: Scores
     f1_published: float
+    f1_torso_ratios: float
     pairs: Scores
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Hits of one method: of pairs, of persons, and of persons by the torso's ratios (None for `people`)."""
+
+    setting: str
+    pairs: Hits
+    persons: Hits
+    by_torso: Hits | None
 
 
 def reproduce(sequences: list[LabelledSequence], *, distance_m: float) -> list[MethodScores]:
@@ -47,38 +60,57 @@ def reproduce(sequences: list[LabelledSequence], *, distance_m: float) -> list[M
     from people uses no truth.
     """
     rows: list[MethodScores] = []
-    gathered: dict[tuple[str, str], list[tuple[Hits, Hits]]] = {}
+    gathered: dict[tuple[str, str], list[_Found]] = {}
     for sequence in sequences:
-        for method in (*PARTS, "people"):
-            setting, pairs, persons = _scored(sequence, method, distance_m)
-            rows.append(_row(sequence.name, method, setting, pairs, persons))
-            gathered.setdefault((sequence.name.split("/")[0], method), []).append((pairs, persons))
-    for (data_set, method), parts in gathered.items():
-        pairs, persons = joined(p for p, _ in parts), joined(p for _, p in parts)
-        rows.append(_row(f"{data_set}/all", method, "", pairs, persons))
-    return rows
+        by_method = {**_by_parts(sequence.labelled, distance_m), "people": _by_people(sequence, distance_m)}
+        for method, found in by_method.items():
+            rows.append(_row(sequence.name, method, found))
+            gathered.setdefault((sequence.name.split("/")[0], method), []).append(found)
+    return rows + [_row(f"{data_set}/all", method, _together(found)) for (data_set, method), found in gathered.items()]
 
 
-def _scored(sequence: LabelledSequence, method: str, distance_m: float) -> tuple[str, Hits, Hits]:
+def _by_parts(labelled: Labelled, distance_m: float) -> dict[str, _Found]:
+    """Return what each part of the body finds with its best ratios."""
+    best = {part: search([labelled], part=part, distance_m=distance_m, by="persons") for part in PARTS}
+    found: dict[str, _Found] = {}
+    for part, its in best.items():
+        apart = paper_distances(labelled, ratios=best["torso"].ratios, part=part, distance_m=distance_m)
+        by_torso = labelled.hits(apart, distance_m=distance_m)[1]
+        found[part] = _Found(str(its.ratios), its.pairs, its.persons, by_torso)
+    return found
+
+
+def _by_people(sequence: LabelledSequence, distance_m: float) -> _Found:
+    """Return what the calibration from people finds; nothing where it is refused."""
     labelled = sequence.labelled
-    for part in PARTS:
-        if part == method:
-            best = search([labelled], part=part, distance_m=distance_m, by="persons")
-            return str(best.ratios), best.pairs, best.persons
+    apart = np.full(len(labelled.a), np.nan)
     try:
         found = calibrate_from_people(sequence.people, size_px=labelled.size_px)
     except CalibrationError as error:
-        return f"refused: {error.why}", *labelled.hits(np.full(len(labelled.a), np.nan), distance_m=distance_m)
-    xy = to_floor(
-        found.homography,
-        floor_points(labelled.people, homography=found.homography, picture_px=labelled.size_px),
-        picture_px=labelled.size_px,
-    )
+        return _Found(f"refused: {error.why}", *labelled.hits(apart, distance_m=distance_m), None)
+    uv = floor_points(labelled.people, homography=found.homography, picture_px=labelled.size_px)
+    xy = to_floor(found.homography, uv, picture_px=labelled.size_px)
     apart = np.linalg.norm(xy[labelled.a] - xy[labelled.b], axis=1)
-    return f"error {found.error:.0%}", *labelled.hits(apart, distance_m=distance_m)
+    return _Found(f"error {found.error:.0%}", *labelled.hits(apart, distance_m=distance_m), None)
 
 
-def _row(sequence: str, method: str, setting: str, pairs: Hits, persons: Hits) -> MethodScores:
+def _together(found: list[_Found]) -> _Found:
+    by_torso = [one.by_torso for one in found if one.by_torso is not None]
+    return _Found(
+        "",
+        joined(one.pairs for one in found),
+        joined(one.persons for one in found),
+        joined(by_torso) if by_torso else None,
+    )
+
+
+def _row(sequence: str, method: str, found: _Found) -> MethodScores:
     return MethodScores(
-        sequence, method, setting, frame_mean(persons), f1_of_frames(persons, counts_empty=True), pooled(pairs)
+        sequence=sequence,
+        method=method,
+        setting=found.setting,
+        persons=frame_mean(found.persons),
+        f1_published=f1_of_frames(found.persons, counts_empty=True),
+        f1_torso_ratios=np.nan if found.by_torso is None else f1_of_frames(found.by_torso),
+        pairs=pooled(found.pairs),
     )
