@@ -8,12 +8,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.warehouse.arrays import floor_cells, pairs
 from vsd_analytics.warehouse.arrays.columns import counted, order_by, summed
 from vsd_analytics.warehouse.arrays.stored import NotedColumns
 from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.graphs import least_connected
 
 
 @pytest.mark.parametrize("n_values", [1, 3, 50])
@@ -102,3 +105,16 @@ def test_a_footer_says_which_columns_need_not_be_read(tmp_path: Path) -> None:
     silent = noted(rows, write_statistics=False)
     assert silent.day is None
     assert not any(silent.are_alike(c) or silent.is_empty(c) for c in ("all", "some", "none"))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_nodes_get_the_least_node_they_are_connected_to(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 200))
+    node_a, node_b = rng.integers(0, n, (2, int(rng.integers(0, 2 * n))))
+    chain = rng.permutation(n)  # the longest way between two nodes, numbered at random
+    for a, b in ((node_a, node_b), (chain[1:], chain[:-1]), (chain[1:], np.full(n - 1, chain[0]))):
+        matrix = coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n))
+        label = connected_components(matrix, directed=False)[1]
+        expected = [int(np.flatnonzero(label == own)[0]) for own in label]
+        assert least_connected(a, b, n).tolist() == expected

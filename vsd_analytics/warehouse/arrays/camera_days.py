@@ -8,12 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store.layout import Part
 from vsd_analytics.warehouse.arrays.columns import Bools, Ints, distinct, rounded
-from vsd_analytics.warehouse.arrays.stored import NotedColumns, read_columns
+from vsd_analytics.warehouse.arrays.stored import NotedColumns, opened, read_columns
 
 DAY_MS = 86_400_000
 _READ: Mapping[TableName, tuple[str, ...]] = {
@@ -38,15 +37,17 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     instants: dict[tuple[int, str], list[Ints]] = defaultdict(list)
     for table in TABLES:
         for part in parts[table]:
-            with pq.ParquetFile(part.path) as file:
+            with opened(part, table) as file:
                 noted = NotedColumns(file.metadata)
-            if not noted.n_rows:
-                continue
-            of_day = None if None in intervals.values() else noted.day
-            needed = [
-                c for c in _READ[table] if not (c in _KNOWN and noted.are_alike(c)) and (c != "ts" or of_day is None)
-            ]
-            rows = read_columns(part, table, needed).combine_chunks()
+                if not noted.n_rows:
+                    continue
+                of_day = None if None in intervals.values() else noted.day
+                needed = [
+                    c
+                    for c in _READ[table]
+                    if not (c in _KNOWN and noted.are_alike(c)) and (c != "ts" or of_day is None)
+                ]
+                rows = read_columns(file, noted, table, needed).combine_chunks()
             cameras = rows["camera_id"].chunk(0)
             names = cameras.dictionary.to_pylist()
             group = cameras.indices.to_numpy()

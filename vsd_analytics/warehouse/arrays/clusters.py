@@ -17,24 +17,13 @@ from vsd_analytics.warehouse.arrays.columns import (
 )
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of, gap_ms
+from vsd_analytics.warehouse.graphs import least_connected
 
 _CROWD = 40
 _DIRECTIONS = (
     (1000, 0), (981, 195), (924, 383), (831, 556), (707, 707), (556, 831), (383, 924), (195, 981),
     (0, 1000), (-195, 981), (-383, 924), (-556, 831), (-707, 707), (-831, 556), (-924, 383), (-981, 195),
 )  # fmt: skip
-
-
-def components(node_a: Ints, node_b: Ints, n: int) -> Ints:
-    """Return the least node that each of `n` nodes is connected to."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    matrix = coo_matrix((np.ones(len(node_a), dtype=np.int8), (node_a, node_b)), shape=(n, n))
-    label = connected_components(matrix, directed=False)[1]
-    least = np.full(n, n, dtype=np.int64)
-    np.minimum.at(least, label, np.arange(n))
-    return least[label]
 
 
 def frame_clusters(held: Held, site: SiteTables) -> Columns:
@@ -50,7 +39,7 @@ def frame_clusters(held: Held, site: SiteTables) -> Columns:
     people = np.flatnonzero(pair_of >= 0)
     row_of = np.zeros(n, dtype=np.int64)
     row_of[people] = np.arange(len(people))
-    first, pair = components(row_of[a], row_of[b], len(people)), pair_of[people]
+    first, pair = least_connected(row_of[a], row_of[b], len(people)), pair_of[people]
     member = np.where(is_first[people], pairs["member_a"][pair], pairs["member_b"][pair])
     return {
         **{c: pairs[c][pair] for c in ("camera_id", "ts_ms")},
@@ -84,15 +73,16 @@ def clusters(held: Held, site: SiteTables) -> Columns:
         np.bincount(cluster[placed], people[c][placed], minlength=len(rows)).astype(np.int64) for c in ("x_mm", "y_mm")
     )
     camera, ts = people["camera_id"][rows], people["ts_ms"][rows]
-    is_owned = site.floors.is_owned(camera, ts, x, y, n_located)
+    x, y = (np.where(n_located > 0, of, NULL) for of in (x, y))
+    is_owned = site.floors.is_owned(camera, ts, x, y, np.maximum(n_located, 1))
     return {
         "camera_id": camera,
         "ts_ms": ts,
         "cluster": people["cluster"][rows],
         "n_people": n_people[rows],
         "n_located": n_located,
-        "sum_x_mm": np.where(n_located > 0, x, NULL),
-        "sum_y_mm": np.where(n_located > 0, y, NULL),
+        "sum_x_mm": x,
+        "sum_y_mm": y,
         "weight_ms": people["weight_ms"][rows],
         "is_owned": is_owned,
         "_row": rows,

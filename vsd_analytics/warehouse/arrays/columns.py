@@ -26,9 +26,9 @@ NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
 
 
-def take(columns: Columns, rows: NDArray[Any]) -> Columns:
-    """Return some rows of all columns, by number or by mask."""
-    return {name: values[rows] for name, values in columns.items()}
+def take(columns: Columns, rows: NDArray[Any], *names: str) -> Columns:
+    """Return some rows, by number or by mask, of the columns with these names; of all columns without names."""
+    return {name: columns[name][rows] for name in names or columns}
 
 
 def order_by(*keys: NDArray[Any]) -> Ints:

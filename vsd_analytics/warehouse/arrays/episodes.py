@@ -65,8 +65,9 @@ def episode_segments(held: Held, site: SiteTables) -> Columns:
 def _crossings(held: Held, records: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tuple[Ints, Ints]:
     """Return how long before its first record each run crossed the distance, and how long after its last."""
     before, after = np.full(len(starts), NULL, dtype=np.int64), np.full(len(starts), NULL, dtype=np.int64)
-    begins = np.flatnonzero(~records["follows"][starts])
-    stops = np.flatnonzero(~records["is_followed"][ends])
+    begins, stops = np.flatnonzero(~records["follows"][starts]), np.flatnonzero(~records["is_followed"][ends])
+    # in order of frames, because the rows that are searched then lie beside each other
+    begins, stops = (of[order_by(records["_frame"][at[of]])] for of, at in ((begins, starts), (stops, ends)))
     before[begins] = _crossing_ms(held, records, starts[begins], -1, site)
     after[stops] = _crossing_ms(held, records, ends[stops], 1, site)
     return before, after

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.clusters import components
 from vsd_analytics.warehouse.arrays.columns import (
     NULL,
     Columns,
@@ -19,6 +18,7 @@ from vsd_analytics.warehouse.arrays.columns import (
 )
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.graphs import least_connected
 
 _HOUR_MS, _CROWD, _STEPS = 3_600_000, 40, 8
 
@@ -70,7 +70,7 @@ def gathering_links(held: Held, site: SiteTables) -> Columns:
     del site
     shared, number = held["shared_tracks"], held["gathering_clusters"]["cluster_no"]
     is_own = (shared["before_no"] != NULL) & (shared["before_ms"] // _HOUR_MS == shared["hour"])
-    first = components(shared["before_no"][is_own] - 1, shared["cluster_no"][is_own] - 1, len(number))
+    first = least_connected(shared["before_no"][is_own] - 1, shared["cluster_no"][is_own] - 1, len(number))
     return {"node": number, "component": first + 1}
 
 

@@ -20,8 +20,6 @@ from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of, frames_in_
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
 _CROWD = 40
-_NEAR_BITS = 6
-"""Bits that number the person after another one in a frame without a crowd."""
 _ROWS = 32_768
 """Persons that are compared at once: their numbers fit into the cache of a core."""
 
@@ -185,27 +183,26 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
 
     Persons of a block are compared with those k rows on, k = 1, 2, ... while any two are of one frame.
     """
-    found = [np.zeros(0, dtype=np.int64)]
+    most = int(np.bincount(frame, minlength=1).max()) + 1
+    one, other = [frame[:0]], [frame[:0]]
     for first in range(0, len(frame), _ROWS):
-        after = min(first + _ROWS + _CROWD, len(frame))
+        after = min(first + _ROWS + most, len(frame))
         of, at_x, at_y = frame[first:after], x[first:after], y[first:after]
-        both: list[Ints] = []
-        for k in range(1, _CROWD):
+        is_near = np.zeros((min(_ROWS, len(of)), most), dtype=np.bool_)  # by person, and number of rows on
+        for k in range(1, most):
             n = min(_ROWS, len(of) - k)
-            is_same = of[:n] == of[k : n + k] if n > 0 else np.zeros(0, dtype=np.bool_)
+            is_same = of[:n] == of[k : n + k] if n > 0 else of[:0] > 0
             if not is_same.any():
                 break
             dx, dy = at_x[:n] - at_x[k : n + k], at_y[:n] - at_y[k : n + k]
             dx *= dx
             dy *= dy
             dx += dy
-            is_same &= dx <= reach * reach
-            both.append((np.flatnonzero(is_same) + first << _NEAR_BITS) + k)
-        if both:
-            found.append(np.sort(np.concatenate(both)))
-    every = np.concatenate(found)
-    a = every >> _NEAR_BITS
-    b = a + (every & (1 << _NEAR_BITS) - 1)
+            np.logical_and(is_same, dx <= reach * reach, out=is_near[:n, k])
+        row, n_on = np.divmod(np.flatnonzero(is_near), most)
+        one.append(row + first)
+        other.append(row + first + n_on)
+    a, b = np.concatenate(one), np.concatenate(other)
     return a, b, (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
 
 

@@ -175,7 +175,8 @@ def violation_time(held: Held, site: SiteTables) -> Columns:
 def company_times(held: Held, site: SiteTables) -> Columns:
     """Return `facts/company_times`."""
     pairs, persons = held["pairs"], held["in_violation"]
-    persons = take(persons, persons["is_owned"])
+    named = ("camera_id", "ts_ms", "track_id", "weight_ms", "n_others", "n_named", "_person")
+    persons = take(persons, persons["is_owned"], *named)
     is_known = persons["n_named"] == persons["n_others"]
     n = int(persons["_person"].max()) + 1 if len(persons["_person"]) else 0
     row_of = np.full(n, -1, dtype=np.int64)

@@ -29,7 +29,8 @@ def close_records(held: Held, site: SiteTables) -> Columns:
     rows = np.flatnonzero(is_close)
     a, b, camera = pairs["track_a"][rows], pairs["track_b"][rows], pairs["camera_id"][rows]
     order = order_by(camera, np.minimum(a, b), np.maximum(a, b), pairs["_frame"][rows])
-    pairs = take(pairs, rows[order])
+    named = ("hour", "camera_id", "ts_ms", "track_a", "track_b", "distance_mm", "weight_ms", "is_owned", "_frame")
+    pairs = take(pairs, rows[order], *named, "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
     camera, ts, hour = pairs["camera_id"], pairs["ts_ms"], pairs["hour"]
     is_turned = pairs["track_a"] > pairs["track_b"]
     a, b = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +16,10 @@ from vsd_analytics.warehouse.arrays.columns import (
     grouped_by,
     least,
     order_by,
+    packed_keys,
     run_of,
     starts_of,
+    take,
 )
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import SiteTables
@@ -57,44 +61,42 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     """
     x2, y2 = (records[f"{c}_a_mm"] + records[f"{c}_b_mm"] for c in ("x", "y"))
     is_shared = site.floors.owner(records["camera_id"], records["ts_ms"], x2, y2, 2) >= 0
-    wanted = "hour camera_id ts_ms x_a_mm y_a_mm x_b_mm y_b_mm interval_ms is_followed next_ms _run"
+    wanted = "hour camera_id ts_ms interval_ms is_followed next_ms _run"
     places = ("x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
-    names = (*wanted.split(), *(f"next_{p}" for p in places))
-    rows = np.flatnonzero(is_shared)
-    r = {name: records[name][rows] for name in names}
+    r = take(records, np.flatnonzero(is_shared), *wanted.split(), *places, *(f"next_{p}" for p in places))
     ts = r["ts_ms"]
     is_walking = r["is_followed"] & (r["next_ms"] - ts <= _FARTHEST_MS)
     to_ms = np.where(is_walking, r["next_ms"], ts + np.minimum(r["interval_ms"], _STAY_MS))
-    second = -(-ts // 1000)
-    n_seconds = np.maximum(0, -(-to_ms // 1000) - second)
-    row = np.repeat(np.arange(len(ts)), n_seconds)
-    second = second[row] + (np.arange(len(row)) - np.repeat(np.cumsum(n_seconds) - n_seconds, n_seconds))
+    first = -(-ts // 1000)
+    n_seconds = np.maximum(0, -(-to_ms // 1000) - first)
+    ends = np.cumsum(n_seconds)
+    step = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - n_seconds, n_seconds)
+
+    def each(of_record: NDArray[Any]) -> NDArray[Any]:
+        return np.repeat(of_record, n_seconds)
+
+    second = each(first) + step
+    share = (1000 * second - each(ts)) / each(to_ms - ts)
     here = {p: r[p] for p in places}
     there = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"], r[p]) for p in places}
-
-    def middle(c: str, share: Floats, row: Ints) -> Floats:
-        start = here[f"{c}_a_mm"] + here[f"{c}_b_mm"]
-        end = there[f"{c}_a_mm"] + there[f"{c}_b_mm"] - here[f"{c}_a_mm"] - here[f"{c}_b_mm"]
-        found: Floats = start[row] + share * end[row]
-        return found
-
-    share = (1000 * second - ts[row]) / (to_ms - ts)[row]
-    x = np.floor(middle("x", share, row)).astype(np.int64)
+    found = {p: each(here[p]) + share * each(there[p] - here[p]) for p in places}
+    for c in "xy":
+        start, end = here[f"{c}_a_mm"] + here[f"{c}_b_mm"], there[f"{c}_a_mm"] + there[f"{c}_b_mm"]
+        found[f"{c}2_mm"] = each(start) + share * each(end - start)
+    x = np.floor(found["x2_mm"]).astype(np.int64)
     # records reach at most four seconds beyond their hour, so that seconds of an hour are small numbers
-    of_hour = (site.floors.of_camera[r["camera_id"]][row], r["hour"][row], second - 3600 * r["hour"][row])
-    order = order_by(*of_hour, x)
-    group = run_of(starts_of(*(key[order] for key in of_hour)), len(row))
+    floor, of_hour = site.floors.of_camera[r["camera_id"]], first - 3600 * r["hour"]
+    group, _ = packed_keys(each(floor), each(r["hour"]), each(of_hour) + step)
+    assert group is not None
+    order = order_by(group, x)
     # records of a run are in order of time, and no second lies in two of them
-    run_seconds = r["_run"][row] * _SPAN_S + (second - int(second.min(initial=2**62)))
-    row, share = row[order], share[order]
-    moves = {p: there[p] - here[p] for p in places}
+    run_seconds = each(r["_run"]) * _SPAN_S + (second - int(second.min(initial=2**62)))
     return {
-        **{name: r[name][row] for name in ("camera_id", "_run")},
+        **{name: each(r[name])[order] for name in ("camera_id", "_run")},
         "_run_seconds": run_seconds,
-        **{p: here[p][row] + share * moves[p][row] for p in places},
-        **{f"{c}2_mm": middle(c, share, row) for c in "xy"},
+        **take(found, order),
         "_x": x[order],
-        "_group": group,
+        "_group": group[order],
     }
 
 
@@ -103,28 +105,32 @@ def _near(seen: Columns) -> Columns:
     found = []
     # a little farther than the reach, because halving and adding round: the squares below decide
     for one, other in beside(seen["_group"], seen["_x"], 2 * _REACH_MM + 2):
+        is_beside = np.abs(seen["y2_mm"][one] - seen["y2_mm"][other]) <= 2 * _REACH_MM + 1
         camera, other_camera = seen["camera_id"][one], seen["camera_id"][other]
-        is_other = (camera != other_camera) & (np.abs(seen["y2_mm"][one] - seen["y2_mm"][other]) <= 2 * _REACH_MM + 1)
-        is_turned = (camera > other_camera)[is_other]
-        p, q = one[is_other], other[is_other]
+        rows = np.flatnonzero(is_beside & (camera != other_camera))
+        p, q, is_turned = one[rows], other[rows], camera[rows] > other_camera[rows]
         p, q = np.where(is_turned, q, p), np.where(is_turned, p, q)
-        square = np.minimum(
-            np.maximum(_square(seen, p, q, "a", "a"), _square(seen, p, q, "b", "b")),
-            np.maximum(_square(seen, p, q, "a", "b"), _square(seen, p, q, "b", "a")),
-        )
-        is_near = square <= _REACH_MM**2
-        p, q, square = p[is_near], q[is_near], square[is_near]
-        is_in = _is_in_reach(seen, p, q)
-        found.append((p[is_in], q[is_in], square[is_in]))
+        a, b, c, d = (_places(seen, row, side) for row in (p, q) for side in "ab")
+        square = np.minimum(np.maximum(_square(a, c), _square(b, d)), np.maximum(_square(a, d), _square(b, c)))
+        rows = np.flatnonzero(square <= _REACH_MM**2)
+        p, q, square = p[rows], q[rows], square[rows]
+        rows = np.flatnonzero(_is_in_reach(seen, p, q))
+        found.append((p[rows], q[rows], square[rows]))
     none = np.zeros(0, dtype=np.int64)
     p, q, square = (np.concatenate([none, *(f[i] for f in found)]) for i in range(3))
     return {"p": p, "q": q, "square_mm2": square}
 
 
-def _square(seen: Columns, p: Ints, q: Ints, one: str, other: str) -> Floats:
-    x: Floats = seen[f"x_{one}_mm"][p] - seen[f"x_{other}_mm"][q]
-    y: Floats = seen[f"y_{one}_mm"][p] - seen[f"y_{other}_mm"][q]
-    return x * x + y * y
+def _places(seen: Columns, rows: Ints, side: str) -> tuple[Floats, Floats]:
+    return seen[f"x_{side}_mm"][rows], seen[f"y_{side}_mm"][rows]
+
+
+def _square(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> Floats:
+    x, y = one[0] - other[0], one[1] - other[1]
+    x *= x
+    y *= y
+    x += y
+    return x
 
 
 def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> Bools:
@@ -162,12 +168,20 @@ def _is_best(square: Floats, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) 
 
 
 def _both(seen: Columns, run: Ints, other_run: Ints) -> Ints:
-    """Return the number of seconds in which both runs are seen."""
+    """Return the number of seconds in which both runs are seen; most runs have no gap, so their ends say it."""
     keys = seen["_run_seconds"]
-    first = np.searchsorted(keys, run * _SPAN_S)
-    n = np.searchsorted(keys, (run + 1) * _SPAN_S) - first
-    of = np.repeat(np.arange(len(run)), n)
-    at = np.arange(len(of)) - np.repeat(np.cumsum(n) - n, n) + np.repeat(first, n)
+    if not len(keys):
+        return np.zeros(len(run), dtype=np.int64)
+    first = np.searchsorted(keys, np.arange(keys[-1] // _SPAN_S + 2) * _SPAN_S)
+    n = np.diff(first)
+    low, high = keys[first[:-1]] % _SPAN_S, keys[first[1:] - 1] % _SPAN_S
+    found: Ints = np.minimum(high[run], high[other_run]) - np.maximum(low[run], low[other_run]) + 1
+    has_gap = high - low >= n
+    rows = np.flatnonzero(has_gap[run] | has_gap[other_run])
+    n = n[run[rows]]
+    of = np.repeat(rows, n)
+    at = np.arange(len(of)) - np.repeat(np.cumsum(n) - n - first[run[rows]], n)
     wanted = keys[at] + (other_run - run)[of] * _SPAN_S
-    found = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted if len(keys) else wanted < 0
-    return np.bincount(of[found], minlength=len(run))
+    is_seen = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
+    found[rows] = np.bincount(of[is_seen], minlength=len(run))[rows]
+    return np.maximum(found, 0)

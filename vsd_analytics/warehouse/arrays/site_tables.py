@@ -34,7 +34,8 @@ class Floors:
         number = {span: i for i, span in enumerate(dict.fromkeys(spans))}
         spans = zip(cell_floor.tolist(), owner_cells["from_ms"].tolist(), owner_cells["to_ms"].tolist(), strict=True)
         of_cell = np.array([number[span] for span in spans], dtype=np.int64)
-        self._spans = [(*span, _grid(owner_cells, of_cell == i)) for span, i in number.items()]
+        self._spans = [(*span, _grid(owner_cells, of_cell == i)) for span, i in number.items() if span[0] >= 0]
+        self._is_one = not self.of_camera.any()  # all cameras are on floor 0
 
     def owner(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Ints:
         """Return the camera that counts at each place, -1 where the place is unknown or no other camera sees it.
@@ -42,29 +43,28 @@ class Floors:
         Args:
             camera: Camera that reports it; the place is on its floor.
             ts_ms: Instant, UTC milliseconds.
-            sum_x_mm: Sum of the x of `n` people: the place is their mean.
+            sum_x_mm: Sum of the x of `n` people: the place is their mean. An unknown one lies far outside of all grids.
             sum_y_mm: Sum of their y.
-            n: Number of people, 0 = unknown place.
+            n: Number of people.
         """
         found = np.full(len(camera), -1, dtype=np.int64)
         if not len(camera):
             return found
         first_ms, last_ms = ts_ms.min(), ts_ms.max()
-        if not any(from_ms <= last_ms and to_ms > first_ms for _, from_ms, to_ms, _ in self._spans):
+        spans = [span for span in self._spans if span[1] <= last_ms and span[2] > first_ms]
+        if not spans:
             return found
-        floor = self.of_camera[camera]
-        is_known = (sum_x_mm > NULL // 2) & (sum_y_mm > NULL // 2) & (n > 0)
-        side = np.maximum(n, 1) * self._cell_mm
+        side = n * self._cell_mm
         cx, cy = sum_x_mm // side, sum_y_mm // side
-        for of_floor, from_ms, to_ms, (grid, x0, y0) in self._spans:
-            if from_ms > last_ms or to_ms <= first_ms:
-                continue
-            is_here = is_known & (floor == of_floor)
-            if from_ms > first_ms or to_ms <= last_ms:
-                is_here &= (ts_ms >= from_ms) & (ts_ms < to_ms)
-            is_here &= (cx >= x0) & (cx < x0 + grid.shape[0]) & (cy >= y0) & (cy < y0 + grid.shape[1])
-            rows = np.flatnonzero(is_here)
-            found[rows] = grid.ravel()[(cx[rows] - x0) * grid.shape[1] + cy[rows] - y0]
+        for of_floor, from_ms, to_ms, (grid, x0, y0) in spans:
+            at = np.clip(cx - x0, 0, grid.shape[0] - 1)
+            at *= grid.shape[1]
+            at += np.clip(cy - y0, 0, grid.shape[1] - 1)
+            owner: Ints = grid.ravel()[at]
+            if self._is_one and from_ms <= first_ms and to_ms > last_ms:
+                return owner
+            is_here = (self.of_camera[camera] == of_floor) & (ts_ms >= from_ms) & (ts_ms < to_ms)
+            found = np.where(is_here, owner, found)
         return found
 
     def is_owned(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Bools:
@@ -76,9 +76,10 @@ class Floors:
 
 
 def _grid(cells: Columns, rows: Bools) -> tuple[Ints, int, int]:
+    """Return the owner of each cell, -1 for none as along its edge, and the cell of its first corner."""
     cx, cy = cells["cx"][rows], cells["cy"][rows]
-    x0, y0 = int(cx.min()), int(cy.min())
-    grid = np.full((int(cx.max()) - x0 + 1, int(cy.max()) - y0 + 1), -1, dtype=np.int64)
+    x0, y0 = int(cx.min()) - 1, int(cy.min()) - 1
+    grid = np.full((int(cx.max()) - x0 + 2, int(cy.max()) - y0 + 2), -1, dtype=np.int64)
     grid[cx - x0, cy - y0] = cells["camera_id"][rows]
     return grid, x0, y0
 

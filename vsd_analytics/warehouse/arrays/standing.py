@@ -64,10 +64,11 @@ def crowding(held: Held, site: SiteTables) -> Columns:
 
 def track_lives(held: Held, site: SiteTables) -> Columns:
     """Return `facts/track_lives`."""
-    located = take(held["located"], held["located"]["track_id"] >= 0)
+    located = held["located"]
+    rows = np.flatnonzero(located["track_id"] >= 0)
+    rows = rows[order_by(*(located[c][rows] for c in ("camera_id", "track_id")), located["ts_ms"][rows] // _HOUR_MS)]
+    located = take(located, rows, "camera_id", "track_id", "ts_ms", "x_mm", "y_mm", "weight_ms")
     hour = located["ts_ms"] // _HOUR_MS
-    order = order_by(located["camera_id"], located["track_id"], hour)
-    located, hour = take(located, order), hour[order]
     camera, track, ts = located["camera_id"], located["track_id"], located["ts_ms"]
     starts = starts_of(camera, track, hour)
     ends = ends_of(starts, len(ts)) - 1

@@ -29,17 +29,23 @@ def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_m
         after_ms: The instant after the last one.
     """
     wanted = [f.name for f in SCHEMAS[table] if f.name not in UNUSED]
-    read = [_within(read_columns(part, table, wanted), first_ms, after_ms) for part in parts]
+    read = []
+    for part in parts:
+        with opened(part, table) as file:
+            rows = read_columns(file, NotedColumns(file.metadata), table, wanted)
+        read.append(_within(rows, first_ms, after_ms))
     return pa.concat_tables([_schema(table, wanted).empty_table(), *read]).unify_dictionaries().combine_chunks()
 
 
-def read_columns(part: Part, table: TableName, columns: Collection[str]) -> pa.Table:
-    """Return some columns of a part, ids as dictionaries; columns that an older part lacks are unknown."""
+def opened(part: Part, table: TableName) -> pq.ParquetFile:
+    """Return a part of a table, to read ids as dictionaries."""
+    return pq.ParquetFile(part.path, read_dictionary=[f.name for f in SCHEMAS[table] if f.name in ENUMS])
+
+
+def read_columns(file: pq.ParquetFile, noted: NotedColumns, table: TableName, columns: Collection[str]) -> pa.Table:
+    """Return some columns of an opened part; columns that an older part lacks are unknown."""
+    rows = file.read(columns=[c for c in columns if not noted.is_empty(c)], use_threads=False)
     schema = _schema(table, columns)
-    ids = [name for name in columns if name in ENUMS]
-    with pq.ParquetFile(part.path, read_dictionary=ids) as file:
-        noted = NotedColumns(file.metadata)
-        rows = file.read(columns=[c for c in columns if not noted.is_empty(c)], use_threads=False)
     return pa.table({f.name: _column(rows, f) for f in schema}, schema=schema)
 
 
@@ -111,13 +117,13 @@ def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
 
 def id_names(records: Mapping[TableName, pa.Table], cameras: Iterable[str]) -> dict[str, pa.Array]:
     """Return the names of each enum type in order: cameras of site and records, and tracks of the records."""
-    found: dict[str, set[str]] = {"camera_name": set(cameras), "track_name": set()}
+    found = {"camera_name": [pa.array(cameras, pa.string())], "track_name": [pa.array([], pa.string())]}
     for rows in records.values():
         for column in (c for c in rows.column_names if c in ENUMS):
-            for chunk in rows[column].chunks:
-                found[ENUMS[column]].update(chunk.dictionary.to_pylist())
+            found[ENUMS[column]] += [chunk.dictionary for chunk in rows[column].chunks]
+    every = {enum: pa.concat_arrays(names).unique() for enum, names in found.items()}
     # texts of Arrow are compared by their bytes, as those of DuckDB
-    return {enum: pa.array(sorted(n, key=str.encode), pa.string()) for enum, n in found.items()}
+    return {enum: names.take(pc.sort_indices(names)) for enum, names in every.items()}
 
 
 def columns_of(rows: pa.Table, names: Mapping[str, pa.Array]) -> Columns:
