@@ -22,6 +22,7 @@ settings.load_profile("steady")
 REPOSITORY = Path(__file__).resolve().parent.parent
 IN_MEMORY = Path("/dev/shm")
 FREE_BYTES_MIN = 8_000_000_000
+WCAG = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
 LONG = tomllib.loads((Path(__file__).parent / "long_proofs.toml").read_text(encoding="utf-8"))
 
 
@@ -163,7 +164,63 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def axe() -> str:
-    """Return the script that looks for accessibility violations."""
+def idle_tabs() -> dict[tuple[tuple[str, Any], ...], list[Any]]:
+    """Return the browser's tabs that no test uses, by the options of their context."""
+    return {}
+
+
+@pytest.fixture
+def tab(browser: Any, idle_tabs: dict[tuple[tuple[str, Any], ...], list[Any]]) -> Iterator[Callable[..., Any]]:
+    """Return a function that shows an address in a tab, and notes what it requests (`seen`) and its `errors`.
+
+    Later tests use the tabs again: a new one takes a process, half a second of processor time.
+    """
+    used = []
+
+    def show(
+        address: str, *, color_scheme: str = "light", viewport: dict[str, int] | None = None, **options: Any
+    ) -> Any:
+        key = tuple(sorted(options.items()))
+        idle = idle_tabs.setdefault(key, [])
+        page = idle.pop() if idle else browser.new_context(**options).new_page()
+        page.emulate_media(media="screen", color_scheme=color_scheme, reduced_motion="reduce")
+        page.set_viewport_size(viewport or {"width": 1280, "height": 720})
+        page.seen, page.errors = [], []
+        heard = {
+            "request": lambda r: page.seen.append(r.url),
+            "console": lambda m: page.errors.append(m.text),
+            "pageerror": lambda e: page.errors.append(str(e)),
+        }
+        for event, note in heard.items():
+            page.on(event, note)
+        used.append((key, page, heard))
+        page.goto(address)
+        return page
+
+    yield show
+    for key, page, heard in used:
+        for event, note in heard.items():
+            page.remove_listener(event, note)
+        page.mouse.move(0, 0)
+        page.goto("about:blank")
+        idle_tabs[key].append(page)
+
+
+@pytest.fixture(scope="session")
+def axe() -> Callable[..., list[tuple[str, Any, str]]]:
+    """Return a function from a page to its accessibility violations: rule, element, what to do.
+
+    Of rules that pass, axe names one element each: to name all takes it as long as to test them.
+    """
     package = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python is not installed")
-    return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+    script = (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+
+    def violations(page: Any, tags: tuple[str, ...] = WCAG) -> list[tuple[str, Any, str]]:
+        if not page.evaluate("'axe' in window"):
+            page.evaluate(script)
+        options = {"resultTypes": ["violations"], **({"runOnly": tags} if tags else {})}
+        found = page.evaluate("options => axe.run(document, options)", options)
+        assert found["passes"]
+        return [(v["id"], n["target"], n["failureSummary"]) for v in found["violations"] for n in v["nodes"]]
+
+    return violations

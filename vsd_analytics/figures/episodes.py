@@ -219,6 +219,7 @@ where camera_id in (select unnest($cameras)) and local_date between $first and $
 group by distance_mm
 order by distance_mm
 """
+# Two joins with the lives of tracks would let DuckDB multiply all lives with each other where it expects few episodes.
 _EPISODES: Final = """
 with mine as (
     select camera_id, track_a, track_b, started_ms, ended_ms, duration_s
@@ -232,20 +233,20 @@ sides as (
     select camera_id, track_b as track_id, started_ms, ended_ms from mine
 ),
 
-lives as (
-    select camera_id, track_id, (max(ended_ms) - min(started_ms)) / 1000 >= $contact_s as is_long
+long_lives as (
+    select camera_id, track_id
     from sides
     group by camera_id, track_id
+    having (max(ended_ms) - min(started_ms)) / 1000 >= $contact_s
 )
 
 select
     dense_rank() over (order by m.camera_id, m.track_a, m.track_b)::bigint as pair,
     m.started_ms / 1000.0::double as started_s,
     m.duration_s::double as duration_s,
-    a.is_long and b.is_long as is_long_lived
+    (m.camera_id, m.track_a) in (select (camera_id, track_id) from long_lives)
+    and (m.camera_id, m.track_b) in (select (camera_id, track_id) from long_lives) as is_long_lived
 from mine as m
-inner join lives as a on m.camera_id = a.camera_id and m.track_a = a.track_id
-inner join lives as b on m.camera_id = b.camera_id and m.track_b = b.track_id
 order by m.started_ms, m.camera_id, m.track_a, m.track_b
 """
 _TRACKS: Final = """
