@@ -183,7 +183,7 @@ def tab(browser: Any, idle_tabs: dict[tuple[tuple[str, Any], ...], list[Any]]) -
         key = tuple(sorted(options.items()))
         idle = idle_tabs.setdefault(key, [])
         page = idle.pop() if idle else browser.new_context(**options).new_page()
-        page.emulate_media(media="screen", color_scheme=color_scheme, reduced_motion="reduce")
+        page.emulate_media(media="null", color_scheme=color_scheme, reduced_motion="reduce")
         page.set_viewport_size(viewport or {"width": 1280, "height": 720})
         page.seen, page.errors = [], []
         heard = {
