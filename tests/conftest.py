@@ -46,6 +46,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         node = item.nodeid.removeprefix("tests/")
         if node in LONG or node.split("[", maxsplit=1)[0] in LONG:
             item.add_marker("long")
+    _let_one_worker_make_the_demo(items)
+
+
+def _let_one_worker_make_the_demo(items: list[pytest.Item]) -> None:
+    """Put one file that needs the demo project first and the others last, so that no worker waits until it is made."""
+    of_demo = {item.path for item in items if "demo_project" in getattr(item, "fixturenames", ())}
+    first = next((item.path for item in items if item.path in of_demo), None)
+    items.sort(key=lambda item: 0 if item.path == first else 2 if item.path in of_demo else 1)
 
 
 def pytest_collection_finish() -> None:

@@ -139,7 +139,7 @@ def world(folder: Path, config: str, *streams: Iterable[Mapping[str, Any]], log:
         paths.append(folder / f"engine-{k}.jsonl")
         paths[-1].write_bytes(msgspec.json.Encoder().encode_lines(stream))
     options = IngestOptions(format="frames", is_sure=True)
-    with mock.patch.object(pipeline._Ingest, "understand", lambda self, result, reader, head: None):
+    with mock.patch.object(pipeline._Ingest, "understand", return_value=None):
         result = pipeline.ingest(site, paths, options, now=datetime(2027, 1, 1, tzinfo=UTC))
     assert [s.error for s in result.sources] == [None] * len(paths)
     assert result.n_rejected == 0
